@@ -14,36 +14,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-__all__ = [
-    "BusError",
-    "Cause",
-    "ConfigurationError",
-    "DamagedFile",
-    "DictionaryError",
-    "EurobotError",
-    "FieldError",
-    "FileError",
-    "FrameLengthError",
-    "HeartbeatLost",
-    "ListenerError",
-    "LocalError",
-    "MappingError",
-    "NamedObject",
-    "NoAnswer",
-    "NodeFailed",
-    "NodeRefused",
-    "ProgramError",
-    "ProgramFailed",
-    "Refused",
-    "RemoteError",
-    "StateError",
-    "UnknownIdentifier",
-    "UnknownName",
-    "WorldError",
-    "WrongAnswer",
-    "YamlError",
-]
-
 LONGEST_NAME = 100
 """Most characters of a name that are compared with others: the time for it grows with their square."""
 
@@ -292,3 +262,6 @@ class BusError(EurobotError):
 
 class RobotWarning(UserWarning):
     """A robot is left out: it cannot be loaded, or only a file names it and it is not an installed one."""
+
+
+__all__ = [name for name, each in globals().items() if isinstance(each, type) and each.__module__ == __name__]

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from eurobot_od.device.node import Node
     from eurobot_od.export.description import Drawings
     from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.pdo.catalogue import Catalogue
+    from eurobot_od.pdo.kinds import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.reports import SeasonReport
     from eurobot_od.traffic.diagnosis.observed import Watcher
@@ -113,7 +113,7 @@ class Stage(Protocol):
 
 
 def _no_catalogue() -> Catalogue:
-    from eurobot_od.pdo.catalogue import NOTHING
+    from eurobot_od.pdo.kinds import NOTHING
 
     return NOTHING
 

@@ -23,7 +23,7 @@ import pytest
 if TYPE_CHECKING:
     import can
 
-    from eurobot_od.check.reader import SuiteReader
+    from eurobot_od.check.format import SuiteReader
     from eurobot_od.check.report import StepResult, SuitePart, SuiteResult
     from eurobot_od.check.suite import Step, Suite
     from eurobot_od.client.network import Network
@@ -174,7 +174,7 @@ READER: pytest.StashKey[SuiteReader] = pytest.StashKey()
 
 def _read(config: pytest.Config, file: Path) -> list[Suite]:
     """Read the suites of a file; raises LocalError, FileError."""
-    from eurobot_od.check.reader import SuiteReader
+    from eurobot_od.check.format import SuiteReader
 
     known, (path, names_devices) = _robot(config).networks(), _network(config)
     # A warning, which pytest shows at the end: suites that do not need that PDO are run all the same.

@@ -12,7 +12,7 @@ import can
 import pytest
 
 # What a run inside this process imports, pytester forgets; imported again, there would be two of each class.
-USED = ("check.on_bus", "check.reader", "check.report", "od.objects", "client.master", "device.simulated")
+USED = ("check.on_bus", "check.format", "check.report", "od.objects", "client.master", "device.simulated")
 for module in (*USED, "robot.check", "robot.plugin", "bus.simulated.network"):
     import_module(f"eurobot_od.{module}")
 

@@ -19,8 +19,8 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the kit is the tests'
 
 from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import run_simulated
-from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.report import Status
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Suite

@@ -44,8 +44,7 @@ from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Node
 from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.instruments import equip
-from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline
+from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline, equip
 from eurobot_od.season.campaign import run as in_blocks
 
 FINE, WRONG = 0, 1

@@ -20,7 +20,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.scene.files import seen_match
-from eurobot_od.robot.scene.sheet import sheet
+from eurobot_od.robot.scene.scene import sheet
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import Controls, Size, Traffic, screen
 

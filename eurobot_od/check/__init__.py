@@ -2,9 +2,9 @@
 
 From file to report:
 
-    reader    takes a file apart and finds the network it is for; all problems of all files become one error
-    format    the tables of keys (and `shapes`); what stands in a suite becomes the values of `suite`, checked against
-              the EDS files (`vocabulary`): after that nothing knows of YAML, and no step can be wrong in itself
+    format    takes a file apart and finds the network it is for; all problems of all files become one error. By its
+              tables of keys (and `shapes`) what stands in a suite becomes the values of `suite`, checked against the
+              EDS files (`vocabulary`): after that nothing knows of YAML, and no step can be wrong in itself
     runner    does setup, steps and teardown on a `bench`, and gives a result for each step
     steps     what each action does: it sends on the bench and looks at the `trace`
     report    results as text; it knows nothing of running

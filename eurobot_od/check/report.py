@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from eurobot_od.check.patterns import Mismatch
-from eurobot_od.check.suite import Suite
+from eurobot_od.check.suite import Mismatch, Suite
 from eurobot_od.frame import Frame
 from eurobot_od.support.texts import Level, amount, annotation, one_line
 from eurobot_od.support.yaml_places import Place

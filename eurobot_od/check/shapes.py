@@ -15,33 +15,7 @@ from typing import Any, TypeVar
 import yaml
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.check.patterns import (
-    ANY,
-    EmergencyPattern,
-    FramePattern,
-    HeartbeatPattern,
-    MessagePattern,
-    Pattern,
-    Sent,
-    SentFrame,
-    SentMessage,
-)
-from eurobot_od.check.suite import (
-    AbortCodes,
-    Action,
-    Blocks,
-    BootUp,
-    Dump,
-    FieldOf,
-    Nmt,
-    NodeServices,
-    Order,
-    Patterns,
-    SdoRead,
-    SdoRestore,
-    SdoWrite,
-    SelfReported,
-)
+from eurobot_od.check import suite
 from eurobot_od.check.values import FieldValues, ObjectValues, Operand, Scale, ValueProblem, expectation
 from eurobot_od.check.vocabulary import NAME, Vocabulary
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand
@@ -60,8 +34,7 @@ from eurobot_od.od.values import (
     parse_number,
 )
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import field_name, plain_name
-from eurobot_od.pdo.kinds import KeyedForm, Kind
+from eurobot_od.pdo.kinds import KeyedForm, Kind, field_name, plain_name
 from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, read_all, refuse, refusing, taken
@@ -72,21 +45,21 @@ from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Sh
 T = TypeVar("T")
 
 NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
-STATES = {name: state for state, name in STATE_NAMES.items()} | {ANY: None}
+STATES = {name: state for state, name in STATE_NAMES.items()} | {suite.ANY: None}
 
 
 def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
     """Make a shape that also takes the word `any`, read as `instead`."""
     return Shape(
         # the value of a list's node is a list, which equals no word
-        lambda node, problems: instead if node.value == ANY else shape.read(node, problems),
-        {"anyOf": [{"const": ANY}, shape.schema]},
+        lambda node, problems: instead if node.value == suite.ANY else shape.read(node, problems),
+        {"anyOf": [{"const": suite.ANY}, shape.schema]},
     )
 
 
-TRANSFERS = {each.value: each for each in (Blocks.PLAIN, Blocks.WITHOUT_CRC)}
+TRANSFERS = {each.value: each for each in (suite.Blocks.PLAIN, suite.Blocks.WITHOUT_CRC)}
 
-ABORTS = _or_any(converted(shapes.one_or_more(NUMBER), AbortCodes), AbortCodes(()))
+ABORTS = _or_any(converted(shapes.one_or_more(NUMBER), suite.AbortCodes), suite.AbortCodes(()))
 
 
 class ServiceShapes:
@@ -99,23 +72,23 @@ class ServiceShapes:
         number: Shape[Any] = shapes.within(NUMBER, Within(0, 0xFFFF), "error code")  # of 16 bits (CiA 301, 7.2.7)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
-        self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
+        self.heartbeat: Shape[suite.Pattern] = self._service("state", state, self._heartbeat)
         register = {"save": Key(NAME, "variable that gets the error register in it")}
-        self.emcy: Shape[Pattern] = self._service("code", code, self._emergency, register)
-        self.nmt: Shape[Action] = self._service("command", command, self._nmt)
+        self.emcy: Shape[suite.Pattern] = self._service("code", code, self._emergency, register)
+        self.nmt: Shape[suite.Action] = self._service("command", command, self._nmt)
         when = Key(
             shapes.named({"before": False, "equal": True}, "dump"),
             "`before`: keep them; `equal`: compare with what was kept",
             needed=True,
         )
-        self.dump: Shape[Action] = self._service("when", when, self._dump)
+        self.dump: Shape[suite.Action] = self._service("when", when, self._dump)
         none = Key(shapes.named({"none": True}, "errors"), "none are there", needed=True)
-        self.errors: Shape[Action] = self._service(
-            "wanted", none, lambda _, given: SelfReported(NodeServices.of(self._dictionary(given)))
+        self.errors: Shape[suite.Action] = self._service(
+            "wanted", none, lambda _, given: suite.SelfReported(suite.NodeServices.of(self._dictionary(given)))
         )
         awaited = Key(shapes.named({"awaited": True}, "boot-up"), "the boot-up is waited for", needed=True)
-        self.boot_up: Shape[BootUp] = self._service(
-            "when", awaited, lambda _, given: BootUp(NodeServices.of(self._dictionary(given)))
+        self.boot_up: Shape[suite.BootUp] = self._service(
+            "when", awaited, lambda _, given: suite.BootUp(suite.NodeServices.of(self._dictionary(given)))
         )
         sdo = {
             "restore": Key(SCALAR, "object that gets back what `saved` has, unless it has it"),
@@ -132,7 +105,7 @@ class ServiceShapes:
             "node": Key(self._node, "whose object; default: the node under test"),
         }
         self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, sdo)
-        self.sdo: Shape[Action] = Shape(self._read_sdo, self._sdo_parts.schema)
+        self.sdo: Shape[suite.Action] = Shape(self._read_sdo, self._sdo_parts.schema)
 
     def _dictionary(self, given: Dictionary | None) -> Dictionary:
         """Return the EDS of the node that is meant; raises LocalError."""
@@ -157,24 +130,24 @@ class ServiceShapes:
 
         return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
 
-    def _heartbeat(self, state: Any, given: Dictionary | None) -> Pattern:
+    def _heartbeat(self, state: Any, given: Dictionary | None) -> suite.Pattern:
         node = self._dictionary(given)
-        return HeartbeatPattern(node.name, ERROR_CONTROL_BASE + node.node_id, state)
+        return suite.HeartbeatPattern(node.name, ERROR_CONTROL_BASE + node.node_id, state)
 
-    def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> Pattern:
+    def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> suite.Pattern:
         node = self._dictionary(given)
         entry = node.default(EMCY)
         # Bit 31 set: the EMCY does not exist (CiA 301, 7.5.2.17), so a step that waits for one could only be red.
         if not isinstance(entry, int) or entry & NOT_VALID:
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
-        return EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code, save)
+        return suite.EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code, save)
 
-    def _nmt(self, command: NmtCommand, given: Dictionary | None) -> Action:
+    def _nmt(self, command: NmtCommand, given: Dictionary | None) -> suite.Action:
         # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).
         to_all = given is None and len(self._words.nodes) != 1
-        return Nmt(command, ALL_NODES if to_all else self._dictionary(given).node_id)
+        return suite.Nmt(command, ALL_NODES if to_all else self._dictionary(given).node_id)
 
-    def _dump(self, equal: bool, given: Dictionary | None) -> Action:
+    def _dump(self, equal: bool, given: Dictionary | None) -> suite.Action:
         node = self._dictionary(given)
         # What keeps its value while nobody writes it: `ro` is measured, a DOMAIN a file of any size. Of the history it
         # is the number: what is left there is to be cleared by who left it.
@@ -182,11 +155,11 @@ class ServiceShapes:
         kept = (each for each in steady if each.index not in COMMANDS or objects.address_of(each) == ERRORS)
         seen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
         chosen = (each for each in seen if objects.data_type(each) is not DOMAIN)
-        return Dump(NodeServices.of(node), tuple(chosen), equal)
+        return suite.Dump(suite.NodeServices.of(node), tuple(chosen), equal)
 
     # SDO
 
-    def _read_sdo(self, node: yaml.Node, problems: Problems) -> Action:
+    def _read_sdo(self, node: yaml.Node, problems: Problems) -> suite.Action:
         given = self._sdo_parts.read(node, problems)
         with refusing(node, problems):
             verb = _verb(given)
@@ -197,16 +170,16 @@ class ServiceShapes:
         value = next((given[key] for key in ("data", "expect", "value") if key in given), None)
         where = given[verb] if value is None else value
         variable = taken(where, problems, lambda _: _looked_at(named, given, dictionary))
-        scale, service = self._words.scale(ObjectValues(variable)), NodeServices.of(dictionary)
+        scale, service = self._words.scale(ObjectValues(variable)), suite.NodeServices.of(dictionary)
         refusals = {"abort": given.get("abort"), "optional": given.get("optional")}
-        blocks: Blocks = given.get("transfer", Blocks.NONE)
+        blocks: suite.Blocks = given.get("transfer", suite.Blocks.NONE)
         if verb == "restore":
-            return SdoRestore(service, objects.unlimited(named), str(given["saved"]))
+            return suite.SdoRestore(service, objects.unlimited(named), str(given["saved"]))
         if verb == "read":
             expected = None if value is None else taken(value, problems, lambda text: expectation(text, scale))
-            return SdoRead(service, variable, expected, **refusals, blocks=blocks, save=given.get("save"))
+            return suite.SdoRead(service, variable, expected, **refusals, blocks=blocks, save=given.get("save"))
         operand = taken(where, problems, scale.operand)
-        return SdoWrite(service, variable, operand, **refusals, blocks=blocks)
+        return suite.SdoWrite(service, variable, operand, **refusals, blocks=blocks)
 
 
 def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dictionary) -> ODVariable:
@@ -257,7 +230,7 @@ RAW_PATTERN = re.compile(rf"(?P<id>[0-7]?[0-9A-Fa-f]{{1,2}})#(?P<data>(?:{_DIGIT
 NO_ANSWER = "nothing"
 """What ends the answers to a message."""
 
-ORDERS = {"any": Order.ANY, "all": Order.ALL}
+ORDERS = {"any": suite.Order.ANY, "all": suite.Order.ALL}
 
 
 class FrameShapes:
@@ -265,33 +238,33 @@ class FrameShapes:
 
     def __init__(self, words: Vocabulary, services: ServiceShapes) -> None:
         self._words = words
-        self._others: dict[str, Shape[Pattern]] = {
+        self._others: dict[str, Shape[suite.Pattern]] = {
             "raw": Shape(_read_raw_pattern, _pattern_schema(RAW_PATTERN)),
             "heartbeat": services.heartbeat,
             "emcy": services.emcy,
         }
-        self.sent: Shape[Sent] = Shape(self._read_sent, {"$ref": "#/$defs/sent"})
-        self.answers: Shape[dict[int, Sent | None]] = Shape(self._read_answers, {"$ref": "#/$defs/answers"})
-        self.pattern: Shape[Pattern] = Shape(self._read_pattern, {"$ref": "#/$defs/pattern"})
-        self.patterns: Shape[Patterns] = Shape(self._read_patterns, {"$ref": "#/$defs/patterns"})
-        self.field: Shape[FieldOf] = converted(SCALAR, self._field_of, {"type": "string"})
+        self.sent: Shape[suite.Sent] = Shape(self._read_sent, {"$ref": "#/$defs/sent"})
+        self.answers: Shape[dict[int, suite.Sent | None]] = Shape(self._read_answers, {"$ref": "#/$defs/answers"})
+        self.pattern: Shape[suite.Pattern] = Shape(self._read_pattern, {"$ref": "#/$defs/pattern"})
+        self.patterns: Shape[suite.Patterns] = Shape(self._read_patterns, {"$ref": "#/$defs/patterns"})
+        self.field: Shape[suite.FieldOf] = converted(SCALAR, self._field_of, {"type": "string"})
 
     # What is sent
 
-    def _read_sent(self, node: yaml.Node, problems: Problems) -> Sent:
+    def _read_sent(self, node: yaml.Node, problems: Problems) -> suite.Sent:
         name, value = _named(node, problems)
         if name == "raw" and value is not None:
             match = _match(RAW, value, problems, "a frame such as 008#D27423")
             cob_id, remote, data = int(match["id"], 16), match["remote"], match["data"]
             # `R4` asks for 4 bytes: a remote frame has a length, and no data.
             frame = RemoteFrame(cob_id, bytes(int(remote[1:] or 0))) if remote else Frame(cob_id, bytes.fromhex(data))
-            return SentFrame(frame)
+            return suite.SentFrame(frame)
         binding = taken(name, problems, self._words.protocol.binding)
         fields = self._fields(binding, value, problems, partial(_operand, binding))
         missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
         if missing:
             refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
-        sent = SentMessage(self._words.protocol, binding, fields)
+        sent = suite.SentMessage(self._words.protocol, binding, fields)
         # Some values are wrong only together (half of an unknown position), which encoding once shows. What a step is
         # to save has no value yet.
         if all(operand.variable is None for operand in fields.values()):
@@ -299,11 +272,11 @@ class FrameShapes:
                 sent.frame({})
         return sent
 
-    def _read_answers(self, node: yaml.Node, problems: Problems) -> dict[int, Sent | None]:
+    def _read_answers(self, node: yaml.Node, problems: Problems) -> dict[int, suite.Sent | None]:
         """Read what each message is answered by, or that it is not any more."""
         pairs = pairs_of(node, problems)
         # The value of a list's or a mapping's node is a list, so only a plain text can be this word.
-        parts: Iterator[tuple[NodeReader[Sent | None], yaml.Node]] = (
+        parts: Iterator[tuple[NodeReader[suite.Sent | None], yaml.Node]] = (
             (self._read_sent if value.value != NO_ANSWER else lambda *_: None, value) for value in pairs.values()
         )
         answers = read_all(parts, problems)
@@ -312,23 +285,23 @@ class FrameShapes:
 
     # What is expected
 
-    def _read_pattern(self, node: yaml.Node, problems: Problems) -> Pattern:
+    def _read_pattern(self, node: yaml.Node, problems: Problems) -> suite.Pattern:
         name, value = _named(node, problems)
         # Without a value it can still be a message: a network may have a PDO called `heartbeat`.
         if value is not None and name in self._others:
             return self._others[name].read(value, problems)
         binding = taken(name, problems, self._words.protocol.binding)
-        return MessagePattern(self._words.protocol, binding, self._fields(binding, value, problems, expectation))
+        return suite.MessagePattern(self._words.protocol, binding, self._fields(binding, value, problems, expectation))
 
-    def _read_patterns(self, node: yaml.Node, problems: Problems) -> Patterns:
+    def _read_patterns(self, node: yaml.Node, problems: Problems) -> suite.Patterns:
         several = shapes.listing(self.pattern).read
         if isinstance(node, yaml.SequenceNode):
-            return Patterns(Order.IN_ORDER, several(node, problems))
+            return suite.Patterns(suite.Order.IN_ORDER, several(node, problems))
         if isinstance(node, yaml.MappingNode):
             name, value = _named(node, problems)
             if value is not None and name in ORDERS:
-                return Patterns(ORDERS[name], several(value, problems))
-        return Patterns(Order.IN_ORDER, (self.pattern.read(node, problems),))
+                return suite.Patterns(ORDERS[name], several(value, problems))
+        return suite.Patterns(suite.Order.IN_ORDER, (self.pattern.read(node, problems),))
 
     # Fields
 
@@ -349,12 +322,12 @@ class FrameShapes:
             read_all(((partial(read_at, key), each) for key, each in pairs_of(node, problems).items()), problems)
         )
 
-    def _field_of(self, text: PlacedText) -> FieldOf:
+    def _field_of(self, text: PlacedText) -> suite.FieldOf:
         # From the right, as a message's name may have a dot itself: `my motor.TPDO1.Speed`.
         message, _, field = text.rpartition(".")
         # Without any dot the whole is looked up, so that the error names what stands there, not an empty name.
         binding = self._words.protocol.binding(message or str(text))
-        return FieldOf(binding, _field(binding, field))
+        return suite.FieldOf(binding, _field(binding, field))
 
     # Schema
 
@@ -386,11 +359,11 @@ def _named(node: yaml.Node, problems: Problems) -> tuple[PlacedText, yaml.Node |
     return next(iter(pairs.items()))
 
 
-def _read_raw_pattern(node: yaml.Node, problems: Problems) -> Pattern:
+def _read_raw_pattern(node: yaml.Node, problems: Problems) -> suite.Pattern:
     match = _match(
         RAW_PATTERN, node, problems, "a frame such as 008#D274?? with ? for any digit, [23] for one of these"
     )
-    return FramePattern(int(match["id"], 16), match["data"].upper())
+    return suite.FramePattern(int(match["id"], 16), match["data"].upper())
 
 
 def _match(form: re.Pattern[str], node: yaml.Node, problems: Problems, what: str) -> re.Match[str]:

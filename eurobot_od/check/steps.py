@@ -19,8 +19,8 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench, SeenFrame
-from eurobot_od.check.patterns import EmergencyPattern, Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.report import StepReason
+from eurobot_od.check.suite import EmergencyPattern, Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
 from eurobot_od.device.nmt import NmtCommand, NmtState
@@ -42,18 +42,7 @@ from eurobot_od.od.values import (
     label,
 )
 from eurobot_od.od.words import error_words
-from eurobot_od.sdo.client import (
-    LONGEST_TEXT,
-    Aborted,
-    OddAnswer,
-    Room,
-    Silence,
-    Transfer,
-    block_download,
-    block_upload,
-    download,
-    upload,
-)
+from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
 from eurobot_od.support import texts
 from eurobot_od.support.texts import amount
@@ -375,7 +364,7 @@ class Doer:
         content = action.content(self._variables)
         await self._transfer(action, begin(objects.address_of(action.variable), content, self._longest(action.within)))
 
-    async def _transfer(self, action: suite.SdoRead | suite.SdoWrite, transfer: Transfer) -> bytes | None:
+    async def _transfer(self, action: suite.SdoRead | suite.SdoWrite, transfer: sdo.Transfer) -> bytes | None:
         """Do a transfer that may have to be refused; None if it was refused as it had to be.
 
         Raises Failed, Skipped, NoAnswer, OddAnswer.
@@ -385,7 +374,7 @@ class Doer:
             self._follow(action.variable)
         try:
             data = await self._run(transfer, action.node)
-        except Aborted as error:
+        except sdo.Aborted as error:
             if action.abort is not None and action.abort.fits(error.code):
                 return None
             came = f"abort {code_and_reason(error.code)}"
@@ -425,8 +414,8 @@ class Doer:
             after += [(other, old)] * (new != old and other != address)
         for at, data in (*before, (address, content), *reversed(after)):
             try:
-                await self._run(download(at, data, self._longest(action.within)), action.node)
-            except Aborted as error:
+                await self._run(sdo.download(at, data, self._longest(action.within)), action.node)
+            except sdo.Aborted as error:
                 refused = f" ({label(at)}: {error})"
         now = await self._read(action, address)
         if refused and address[0] in MAPPINGS and address[1] and not any(content):
@@ -438,8 +427,8 @@ class Doer:
 
     async def _read(self, action: suite.SdoRestore, address: Address) -> bytes:
         """Read an object; one that cannot be read now is empty."""
-        with suppress(Aborted):
-            return await self._run(upload(address, self._longest(action.within)), action.node)
+        with suppress(sdo.Aborted):
+            return await self._run(sdo.upload(address, self._longest(action.within)), action.node)
         return b""
 
     @_do.register
@@ -483,8 +472,8 @@ class Doer:
 
     async def _probe(self, node: suite.NodeServices) -> None:
         """Ask for the error register, which every device has; raises NoAnswer."""
-        with suppress(Aborted, OddAnswer):
-            await self._run(upload(ERROR_REGISTER, POLLED), node)
+        with suppress(sdo.Aborted, sdo.OddAnswer):
+            await self._run(sdo.upload(ERROR_REGISTER, POLLED), node)
 
     @_do.register
     async def _dump(self, action: suite.Dump) -> None:
@@ -497,9 +486,9 @@ class Doer:
                 read = _UPLOADS[suite.Blocks.NONE](objects.address_of(variable), self._timeout)
                 data = await self._run(read, action.node)
                 dump[objects.label(variable)] = data.hex(" ").upper()
-            except Aborted as error:  # a dump is red only if something has changed, a refusal too
+            except sdo.Aborted as error:  # a dump is red only if something has changed, a refusal too
                 dump[objects.label(variable)] = code_and_reason(error.code)
-            except OddAnswer as error:
+            except sdo.OddAnswer as error:
                 dump[objects.label(variable)] = str(error)
         if not action.equal:
             self._dumped = dump
@@ -518,16 +507,16 @@ class Doer:
         """Read what errors the node has; raises NoAnswer, Failed with all of them in words, Skipped without 0x1001."""
         self._ask()
         try:
-            register = await self._run(upload(ERROR_REGISTER, self._timeout), action.node)
-        except Aborted:
+            register = await self._run(sdo.upload(ERROR_REGISTER, self._timeout), action.node)
+        except sdo.Aborted:
             raise Skipped(StepReason("the node has no error register (0x1001)")) from None
         bits = int.from_bytes(register, "little")
         if bits:
             words = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
-            with suppress(Aborted):  # no device has to remember its errors: 0x1003 is optional (CiA 301, 7.5.2.4)
-                count = await self._run(upload(ERRORS, self._timeout), action.node)
+            with suppress(sdo.Aborted):  # no device has to remember its errors: 0x1003 is optional (CiA 301, 7.5.2.4)
+                count = await self._run(sdo.upload(ERRORS, self._timeout), action.node)
                 for sub in range(1, min(int.from_bytes(count, "little"), HISTORY) + 1):
-                    remembered = await self._run(upload((ERROR_FIELD, sub), self._timeout), action.node)
+                    remembered = await self._run(sdo.upload((ERROR_FIELD, sub), self._timeout), action.node)
                     # Its lower half is the error code, the upper half the maker's.
                     code = int.from_bytes(remembered[:2], "little")
                     words.append(f"0x{code:04X} {error_words(code, {})}")
@@ -545,11 +534,11 @@ class Doer:
         if node is None or not is_known or not isinstance(action, (suite.Expect, suite.Period)):
             return False
         try:
-            return any(await self._run(upload(ERROR_REGISTER, self._timeout), node))
-        except (Aborted, NoAnswer) as error:
+            return any(await self._run(sdo.upload(ERROR_REGISTER, self._timeout), node))
+        except (sdo.Aborted, NoAnswer) as error:
             return isinstance(error, NoAnswer)  # it has stayed in STOPPED
 
-    async def _run(self, transfer: Transfer, node: suite.NodeServices) -> bytes:
+    async def _run(self, transfer: sdo.Transfer, node: suite.NodeServices) -> bytes:
         """Do a transfer and return what it brought; raises NoAnswer, Aborted.
 
         An answer that has not the length of an SDO frame raises OddAnswer.
@@ -571,11 +560,11 @@ class Doer:
             start = number + 1  # not the end of the trace: a block's segments come several at a time
             answer = self._trace.frames[number].frame.data
             if len(answer) != LENGTH:
-                raise OddAnswer(answer, f"of {LENGTH} bytes")
+                raise sdo.OddAnswer(answer, f"of {LENGTH} bytes")
             requests = transfer.receive(answer, self._trace.now)
         try:
             return transfer.result()
-        except Silence:
+        except sdo.Silence:
             # A late answer is to this question, and must not be taken for one to the next.
             late = await self._trace.first(frozenset([node.sdo_answer]), start, self._trace.now + transfer.wait)
             if late is not None:
@@ -595,15 +584,15 @@ class Doer:
             self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)
 
 
-_UPLOADS: Mapping[suite.Blocks, Callable[[Address, float], Transfer]] = {
-    suite.Blocks.NONE: partial(upload, room=Room(unannounced=LONGEST_TEXT)),
-    suite.Blocks.PLAIN: block_upload,
-    suite.Blocks.WITHOUT_CRC: partial(block_upload, crc=0),
+_UPLOADS: Mapping[suite.Blocks, Callable[[Address, float], sdo.Transfer]] = {
+    suite.Blocks.NONE: partial(sdo.upload, room=sdo.Room(unannounced=sdo.LONGEST_TEXT)),
+    suite.Blocks.PLAIN: sdo.block_upload,
+    suite.Blocks.WITHOUT_CRC: partial(sdo.block_upload, crc=0),
 }
-_DOWNLOADS: Mapping[suite.Blocks, Callable[[Address, bytes, float], Transfer]] = {
-    suite.Blocks.NONE: download,
-    suite.Blocks.PLAIN: block_download,
-    suite.Blocks.WITHOUT_CRC: partial(block_download, crc=0),
+_DOWNLOADS: Mapping[suite.Blocks, Callable[[Address, bytes, float], sdo.Transfer]] = {
+    suite.Blocks.NONE: sdo.download,
+    suite.Blocks.PLAIN: sdo.block_download,
+    suite.Blocks.WITHOUT_CRC: partial(sdo.block_download, crc=0),
 }
 
 

@@ -16,7 +16,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue
+from eurobot_od.pdo.kinds import NOTHING, Catalogue
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support import texts
 from eurobot_od.support.yaml_shapes import DURATION as ANY_DURATION

@@ -23,19 +23,8 @@ from io import TextIOWrapper
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
 
+from eurobot_od import errors
 from eurobot_od.cli.signature import Command, Option, Parser, describe, summary
-from eurobot_od.errors import (
-    BusError,
-    EurobotError,
-    LocalError,
-    NodeFailed,
-    ProgramFailed,
-    RemoteError,
-    RobotWarning,
-    UnknownName,
-    WorldError,
-    YamlError,
-)
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
@@ -85,7 +74,7 @@ COMMANDS = {
 
 MODULES = {
     **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time", "lss"), "bus"),
-    **dict.fromkeys(("read", "write", "dump", "pdo", "emcy"), "objects"),
+    **dict.fromkeys(("read", "write", "dump", "pdo", "emcy", "drive"), "objects"),
     **dict.fromkeys(("configure", "store", "restore", "export-dcf", "program"), "objects"),
     **dict.fromkeys(("archive", "query"), "season"),
     **dict.fromkeys(("export", "make-eds"), "files"),
@@ -121,12 +110,12 @@ class ExitStatus(IntEnum):
 
 
 STATUS_OF = {
-    WorldError: ExitStatus.TROUBLE,
-    ProgramFailed: ExitStatus.FOUND,
-    RemoteError: ExitStatus.FOUND,
-    BusError: ExitStatus.TROUBLE,
-    NodeFailed: ExitStatus.TROUBLE,
-    EurobotError: ExitStatus.WRONG_INPUT,
+    errors.WorldError: ExitStatus.TROUBLE,
+    errors.ProgramFailed: ExitStatus.FOUND,
+    errors.RemoteError: ExitStatus.FOUND,
+    errors.BusError: ExitStatus.TROUBLE,
+    errors.NodeFailed: ExitStatus.TROUBLE,
+    errors.EurobotError: ExitStatus.WRONG_INPUT,
     OSError: ExitStatus.TROUBLE,
 }
 """The exit status of an error is that of the first class that it belongs to."""
@@ -141,11 +130,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
-    except (EurobotError, OSError) as error:
+    except (errors.EurobotError, OSError) as error:
         if is_closed_pipe(error):  # `| head` has seen enough: no error of ours
             fall_silent()
             return ExitStatus.FINE
-        if isinstance(error, YamlError):  # a line for each of its problems, which begins with the place, for editors
+        if isinstance(
+            error, errors.YamlError
+        ):  # a line for each of its problems, which begins with the place, for editors
             print(error, file=sys.stderr)
             return ExitStatus.WRONG_INPUT
         what = str(error)
@@ -202,12 +193,12 @@ def _robots_left_out_told() -> Iterator[None]:
         show = warnings.showwarning
 
         def tell(what: Warning | str, kind: type[Warning], file: str, line: int, *others: Any) -> None:
-            if issubclass(kind, RobotWarning):
+            if issubclass(kind, errors.RobotWarning):
                 complain(str(what))
             else:
                 show(what, kind, file, line, *others)
 
-        warnings.simplefilter("default", RobotWarning)
+        warnings.simplefilter("default", errors.RobotWarning)
         warnings.showwarning = tell  # type: ignore[assignment]  # Python passes all of it by position
         yield
 
@@ -287,7 +278,7 @@ def robot_of_help(robot: str | None) -> Plugin:
     """Return the robot that is meant; without a name none if it is not clear which: the help needs no robot."""
     try:
         return _find(robot)
-    except LocalError as error:
+    except errors.LocalError as error:
         if robot is not None:
             raise
         complain(str(error))
@@ -314,8 +305,8 @@ def _module(command: str, robot: str | None) -> ModuleType:
         return import_module(f"eurobot_od.cli.{MODULES.get(command, command)}")
     own = _find(robot).commands
     if command not in own:
-        unknown = UnknownName("command", command, [*COMMANDS, *own])
-        raise unknown if own else LocalError(f"{unknown} (a robot's commands need --robot)")
+        unknown = errors.UnknownName("command", command, [*COMMANDS, *own])
+        raise unknown if own else errors.LocalError(f"{unknown} (a robot's commands need --robot)")
     from eurobot_od.plugin import blaming
 
     name = own[command].module

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from eurobot_od.check import report
-from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.report import CheckedSeed, StepResult, SuiteResult
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, version

@@ -311,10 +311,7 @@ def replay(
     $ replay run.log -i socketcan -c can0
     $ replay run.log --speed 10 -i socketcan -c can0
     """
-    from eurobot_od.client.master import (
-        LATE,
-        Master,  # a log is decoded without
-    )
+    from eurobot_od.client.master import LATE, Master  # a log is decoded without
     from eurobot_od.client.master import replay as replay_frames
     from eurobot_od.traffic.filters import by_sender
 

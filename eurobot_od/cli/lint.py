@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -63,16 +64,52 @@ def _rules(_: Plugin | None = None) -> Mapping[str, Rule]:
 Codes: TypeAlias = Annotated[tuple[str, ...], Option(metavar="CODES", read=_codes)]
 
 
+@dataclass(frozen=True, kw_only=True)
+class LintReport:
+    """Which findings count, and what is said of them.
+
+    as_json: write one JSON object instead of lines
+    format: write annotations for GitHub Actions, or a SARIF log for code scanning
+    select: only rules whose codes start like this, such as E6,W447
+    ignore: no rules whose codes start like this, such as I
+    verbose: print every finding: infos and repeated ones, too
+    strict: warnings count as errors
+    """
+
+    as_json: Annotated[Json, Option(either="form")] = False
+    format: Annotated[Callable[[Sequence[Finding]], None] | None, Option(choices=FORMATS, either="form")] = None
+    select: Codes = ()
+    ignore: Codes = ()
+    verbose: Annotated[bool, Option("-v")] = False
+    strict: bool = False
+
+    def check(self) -> None:
+        """Raise UnknownName for a beginning that no rule's code has: it would select nothing, or ignore nothing."""
+        prefixes = (*self.select, *self.ignore)
+        rules = _rules() if prefixes else {}
+        for prefix in prefixes:
+            if not any(code.startswith(prefix) for code in rules):
+                raise UnknownName("rule", prefix, rules)
+
+    def give(self, findings: Sequence[Finding], number: int, identifiers: Sequence[tuple[str, ...]]) -> ExitStatus:
+        """Print the findings in so many files, with a network's identifiers; return what follows from them."""
+        wanted = chosen(findings, self.select, self.ignore)
+        if self.as_json:
+            _print_json(wanted, identifiers)
+        elif number and self.format:
+            # GitHub shows ten annotations of a step, and refuses a SARIF log of more than 25 000 results.
+            self.format(wanted if self.verbose else summed_up(wanted))
+        elif number:
+            _print_lines(wanted, number, identifiers, self.verbose, bool(self.verbose or self.select))
+        counted = (Severity.ERROR, Severity.WARNING) if self.strict else (Severity.ERROR,)
+        return ExitStatus.FOUND if any(count(wanted, each) for each in counted) else ExitStatus.FINE
+
+
 def lint(
     files: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = (),
     *,
     network: bool = False,
-    as_json: Annotated[Json, Option(either="form")] = False,
-    format: Annotated[Callable[[Sequence[Finding]], None] | None, Option(choices=FORMATS, either="form")] = None,
-    select: Codes = (),
-    ignore: Codes = (),
-    verbose: Annotated[bool, Option("-v")] = False,
-    strict: bool = False,
+    report: LintReport,
     fix: bool = False,
     output: Annotated[str | None, Option("-o", metavar="FILE", is_file=True)] = None,
     explain: Annotated[str | None, Option(metavar="CODE", suggest=_rules)] = None,
@@ -83,12 +120,6 @@ def lint(
 
     files: EDS, DCF, XDD, XDC or a folder; with --network also a network file
     network: check the files as the nodes of one network
-    as_json: write one JSON object instead of lines
-    format: write annotations for GitHub Actions, or a SARIF log for code scanning
-    select: only rules whose codes start like this, such as E6,W447
-    ignore: no rules whose codes start like this, such as I
-    verbose: print every finding: infos and repeated ones, too
-    strict: warnings count as errors
     fix: rewrite the files in the normal form that every tool reads, and list the changes
     output: with --fix: the file to write (default: the same file)
     explain: print what a rule demands, and its source
@@ -96,11 +127,7 @@ def lint(
     $ lint motor.eds
     $ lint --fix motor.eds -o better.eds
     """
-    prefixes = (*select, *ignore)
-    rules = _rules() if prefixes else {}
-    for prefix in prefixes:
-        if not any(code.startswith(prefix) for code in rules):  # it would select nothing, or ignore nothing
-            raise UnknownName("rule", prefix, rules)
+    report.check()
     if explain:
         print(explanation(explain.upper()))
         return ExitStatus.FINE
@@ -109,21 +136,10 @@ def lint(
     if fix:  # one by one: a whole folder is not rewritten by mistake
         return _fix(files, output)
     unreadable: list[DictionaryError] = []
-    findings, number, identifiers = _found(files if network else _in_folders(files), network, unreadable)
-    wanted = chosen(findings, select, ignore)
-    if as_json:
-        _print_json(wanted, identifiers)
-    elif number and format:
-        # GitHub shows ten annotations of a step, and refuses a SARIF log of more than 25 000 results.
-        format(wanted if verbose else summed_up(wanted))
-    elif number:
-        _print_lines(wanted, number, identifiers, verbose, bool(verbose or select))
+    status = report.give(*_found(files if network else _in_folders(files), network, unreadable))
     for each in unreadable:
         complain(str(each))
-    if unreadable:
-        return ExitStatus.WRONG_INPUT
-    errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
-    return ExitStatus.FOUND if errors or (strict and warnings) else ExitStatus.FINE
+    return ExitStatus.WRONG_INPUT if unreadable else status
 
 
 def _in_folders(paths: Sequence[str]) -> list[str]:

@@ -27,7 +27,7 @@ from eurobot_od.errors import LocalError, RemoteError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary, moved_server
 from eurobot_od.od.objects import address_of, find_one, given
-from eurobot_od.pdo.catalogue import describe
+from eurobot_od.pdo.kinds import describe
 from eurobot_od.plugin import NodeRun, Plugin, Scene, Stage
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.texts import one_line
@@ -114,6 +114,22 @@ class NodeBus(BusOptions):
         return BusOptions(interface="virtual", channel=channel, bitrate=self.bitrate)
 
 
+@dataclass(frozen=True, kw_only=True)
+class OneNode:
+    """What a single device is given.
+
+    node_id: node-ID 1..127 (default: the file's)
+    store: DCF in which the device stores its parameters
+    verbose: print every message that the node receives
+    fault: give the node a fault; `faults` lists them
+    """
+
+    node_id: Annotated[int | None, Option(metavar="N")] = None
+    store: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None
+    verbose: Annotated[bool, Option("-v")] = False
+    fault: Annotated[str | None, Option(metavar="NAME", suggest=lambda robot: robot.fault_names())] = None
+
+
 def _stage(parser: Parser) -> Hint:
     robot = robot_meant(parser)
     return Hint(robot.stage(), group=HelpGroup(f"nodes of {robot.name}")) if robot.stage else NOTHING
@@ -122,11 +138,8 @@ def _stage(parser: Parser) -> Hint:
 def node(
     name: Annotated[str | None, Option(metavar="node", suggest=lambda robot: robot.nodes)] = None,
     *,
-    node_id: Annotated[int | None, Option(metavar="N")] = None,
-    store: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
+    one: OneNode,
     duration: Seconds | None = None,
-    verbose: Annotated[bool, Option("-v")] = False,
-    fault: Annotated[str | None, Option(metavar="NAME", suggest=lambda robot: robot.fault_names())] = None,
     device: DeviceOptions,
     stage: Annotated[Stage | None, Chosen(_stage)] = None,
     devices: Devices,
@@ -139,11 +152,7 @@ def node(
     It ends when its time is over, by an interrupt, or by the bus's failure; raises BusError, WorldError.
 
     name: which of the devices (default: all of them, in one process)
-    node_id: node-ID 1..127 (default: the file's)
-    store: DCF in which the device stores its parameters
     duration: end after this time, such as 10 s
-    verbose: print every message that the node receives
-    fault: give the node a fault; `faults` lists them
     on_error: what happens to a node that fails, after it was stopped (default: restart)
 
     $ node --eds 5=motor.eds --share 54701
@@ -152,37 +161,23 @@ def node(
     from eurobot_od.bus.live import Live  # faults are listed without
 
     if name is None and len(devices.files()) > 1:
-        about_one = {
-            "--node-id": node_id,
-            "--store": store,
-            "--fault": fault,
-            "--set": device.given,
-            "--values": device.values,
-            "--verbose": verbose,
-        }
-        made_all = _all(devices, device, [option for option, value in about_one.items() if value])
+        about_one = {**vars(one), "set": device.given, "values": device.values}
+        made_all = _all(devices, device, [option.replace("_", "-") for option, value in about_one.items() if value])
         bus = node_bus.made()
         _run_all(made_all, bus, duration, bus.reopener(no_reconnect))
         return None
-    dictionary, robot = _dictionary(devices, name, node_id), devices.robot
-    made = _one(robot, dictionary, device, stage, fault, FileStore(store, dictionary) if store else None)
+    dictionary, robot = _dictionary(devices, name, one.node_id), devices.robot
+    made = _made(robot, dictionary, device, stage, one)
     bus, is_staged = node_bus.made(), stage and robot.role_of(dictionary)
     scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and is_staged else None
     report = partial(print, flush=True)
     live = Live.node(bus.open(), made, opener=bus.reopener(no_reconnect), on_error=on_error, report=report)
-    if verbose:
+    if one.verbose:
         live.gatekeeper.add_frames(lambda: made.device.identifiers, partial(_show, made), "print")
     return _run(live, made, scene, duration)
 
 
-def _one(
-    robot: Plugin,
-    dictionary: Dictionary,
-    options: DeviceOptions,
-    stage: Stage | None,
-    fault: str | None,
-    store: FileStore | None,
-) -> Node:
+def _made(robot: Plugin, dictionary: Dictionary, options: DeviceOptions, stage: Stage | None, one: OneNode) -> Node:
     """Make the robot's node or the device that a dictionary is of; raises LocalError, FieldError, UnknownName."""
     role = robot.role_of(dictionary)
     if role and (wrong := "values" if options.values else "set" if options.given and not stage else ""):
@@ -191,7 +186,8 @@ def _one(
         stage.check(role)
     # The fault goes in front of the class that the node would have without it.
     kind = robot.kind(role, device=options.kind(dictionary))
-    kind = robot.faulty(kind, fault) if fault else kind
+    kind = robot.faulty(kind, one.fault) if one.fault else kind
+    store = FileStore(one.store, dictionary) if one.store else None
     of_role = stage.values(kind, dictionary, options.given) if stage and role else {}
     return kind(dictionary, store=store, **(of_role if role else options.values_of(dictionary)))
 
@@ -262,7 +258,7 @@ def _all(devices: Devices, options: DeviceOptions, about_one: Iterable[str]) -> 
     loaded, robot = devices.load_and_complain(), devices.robot
     names = ", ".join(each.name for each in loaded)
     for option in about_one:
-        raise LocalError(f"{option} is for one device: which node? Name one of {names}")
+        raise LocalError(f"--{option} is for one device: which node? Name one of {names}")
     for each in loaded:
         if robot.role_of(each):
             raise LocalError(f"{each.name} is one of the robot's nodes, which run alone: name one of {names}")

@@ -18,7 +18,7 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import parse
-from eurobot_od.pdo.catalogue import Message, describe
+from eurobot_od.pdo.kinds import Message, describe
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import one_line
 

@@ -48,13 +48,7 @@ from eurobot_od.od.objects import (
     value_text,
 )
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
-from eurobot_od.od.standard import (
-    ALL_PARAMETERS,
-    RESTORE,
-    SIGNATURES,
-    STORE,
-    VERIFY_CONFIGURATION,
-)
+from eurobot_od.od.standard import ALL_PARAMETERS, RESTORE, SIGNATURES, STORE, VERIFY_CONFIGURATION
 from eurobot_od.od.values import (
     COB_ID,
     COMMUNICATION_RECORDS,

@@ -13,7 +13,7 @@ from contextlib import asynccontextmanager, suppress
 from functools import partial
 from typing import NamedTuple
 
-from eurobot_od.client.master import RemoteNode, finished
+from eurobot_od.client.master import RemoteNode, blocking, finished
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import METHODS, DriveCommand, Mode, State
@@ -180,35 +180,41 @@ class DriveAtNode:
     async def _command(self, command: DriveCommand, bits: int = 0) -> None:
         await self._write(cia402.CONTROLWORD, command.bits | bits)
 
-    async def _enable(self, within: float) -> None:
+    async def _enable(self, within: float = ENABLE_WAIT) -> None:
+        """Bring it to Operation enabled; each state on the way may take `within` seconds."""
         await self._bring_to(State.ENABLED, within)
 
-    async def _bring_to(self, target: State, within: float) -> None:
-        what = ENABLE if target is State.ENABLED else target.words.lower()
-        while (state := await self._state()) is not target:
-            if state is State.FAULT:
+    async def _bring_to(self, state: State, within: float = ENABLE_WAIT) -> None:
+        """Bring it to a state that commands lead to, each arrow within `within` seconds; raises LocalError."""
+        what = ENABLE if state is State.ENABLED else state.words.lower()
+        while (present := await self._state()) is not state:
+            if present is State.FAULT:
                 raise await self._fault(what)
             # If there is nothing to command, the drive leaves this state by itself, or the wait below ends with an
             # error.
-            command = commands_to(target).get(state) if state else None
+            command = commands_to(state).get(present) if present else None
             if command is not None:
                 await self._command(command)
-            await self._until(what, within, partial(_has_left, state))
+            await self._until(what, within, partial(_has_left, present))
 
-    async def _disable(self, within: float) -> None:
+    async def _disable(self, within: float = ENABLE_WAIT) -> None:
+        """Take its torque away."""
         if await self._state() in FAULTY:
             return
         await self._command(DriveCommand.DISABLE_VOLTAGE)
         await self._until("disable", within, lambda word: cia402.state_of(word) is State.DISABLED)
 
     async def _quick_stop(self) -> None:
+        """Stop it as its quick stop option code says."""
         await self._command(DriveCommand.QUICK_STOP)
 
     async def _halt(self) -> None:
+        """Stop it and keep its torque, as its halt option code says."""
         if await self._state() is State.ENABLED:
             await self._command(DriveCommand.ENABLE, cia402.HALT)
 
-    async def _fault_reset(self, within: float) -> None:
+    async def _fault_reset(self, within: float = ENABLE_WAIT) -> None:
+        """Reset its fault, if there is one."""
         if await self._state() not in FAULTY:
             return
         # Until the motor stands, the drive is in Fault reaction active, where a reset does nothing.
@@ -240,6 +246,7 @@ class DriveAtNode:
         await self._command(DriveCommand.ENABLE)
 
     async def _choose(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
+        """Choose a mode of operation, and wait until the drive shows it."""
         if await self._read(cia402.MODE_DISPLAY) != mode:
             await self._write(cia402.MODE, mode)
             clock = self._node.master.clock
@@ -251,7 +258,8 @@ class DriveAtNode:
                     raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
                 await self._node.master.pump.steps(POLL)
 
-    async def _begin_home(self, method: int | None) -> None:
+    async def _begin_home(self, method: int | None = None) -> None:
+        """Enable it and begin to home it, as `home` does, without waiting for the end."""
         if method is not None and method > 0 and method not in METHODS:
             raise LocalError(f"{method} is not a homing method of CiA 402")
         if method is not None:
@@ -259,7 +267,8 @@ class DriveAtNode:
         await self._enter(Mode.HOMING)
         await self._command(DriveCommand.ENABLE, cia402.HOMING_START)
 
-    async def _home(self, method: int | None, within: float) -> None:
+    async def _home(self, method: int | None = None, within: float = MOTION_WAIT) -> None:
+        """Enable and home it, by a method of CiA 402 or a maker's negative one (default: the one that is set)."""
         async with self._watched():
             await self._begin_home(method)
             # Both bits: bit 12 alone means that home was found and the axis is still coming to rest (CiA 402-2, clause
@@ -270,7 +279,10 @@ class DriveAtNode:
             raise DriveError(f"{self._name}: home: homing error (statusword 0x{word:04X})")
         await self._command(DriveCommand.ENABLE)
 
-    async def _begin_move(self, position: int, velocity: int | None, relative: bool, within: float) -> None:
+    async def _begin_move(
+        self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = ENABLE_WAIT
+    ) -> None:
+        """Enable it and have it begin a move; it has `within` seconds to take the set-point."""
         await self._enter(Mode.PROFILE_POSITION)
         if velocity is not None:
             await self._write(cia402.PROFILE_VELOCITY, velocity)
@@ -281,15 +293,23 @@ class DriveAtNode:
         await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
         await self._command(DriveCommand.ENABLE)
 
-    async def _move(self, position: int, velocity: int | None, relative: bool, within: float) -> None:
+    async def _move(
+        self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
+    ) -> None:
+        """Enable it, move it to a position, or by a distance if it is `relative`, and wait until it is there."""
         async with self._watched():
-            await self._begin_move(position, velocity, relative, within)
+            await self._begin_move(position, velocity, relative=relative, within=within)
             reached = cia402.TARGET_REACHED
             # While bit 12 is set, "target reached" may still be about the set-point before.
             await self._until("move", within, lambda word: word & (reached | cia402.BIT_12) == reached)
 
     async def _turn(self, velocity: int) -> None:
+        """Enable it, and let it turn at a velocity, in profile velocity mode."""
         await self._begin(cia402.TARGET_VELOCITY, velocity, Mode.PROFILE_VELOCITY)
+
+    async def _begin_torque(self, torque: int) -> None:
+        """Enable it with a target torque, thousandths of the rated one (profile torque mode, CiA 402-2, clause 15)."""
+        await self._begin(cia402.TARGET_TORQUE, torque, Mode.PROFILE_TORQUE)
 
     async def _begin(self, target: int, value: int, mode: Mode) -> None:
         async with self._watched():
@@ -339,57 +359,13 @@ class Drive402(DriveAtNode):
     def velocity(self, velocity: int) -> None:
         finished(self._turn(velocity))
 
-    def enable(self, within: float = ENABLE_WAIT) -> None:
-        """Bring it to Operation enabled; each state on the way may take `within` seconds."""
-        finished(self._enable(within))
-
-    def bring_to(self, state: State, within: float = ENABLE_WAIT) -> None:
-        """Bring it to a state that commands lead to, each arrow within `within` seconds; raises LocalError."""
-        finished(self._bring_to(state, within))
-
-    def choose(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
-        """Choose a mode of operation, and wait until the drive shows it."""
-        finished(self._choose(mode, within))
-
-    def disable(self, within: float = ENABLE_WAIT) -> None:
-        """Take its torque away."""
-        finished(self._disable(within))
-
-    def quick_stop(self) -> None:
-        """Stop it as its quick stop option code says."""
-        finished(self._quick_stop())
-
-    def halt(self) -> None:
-        """Stop it and keep its torque, as its halt option code says."""
-        finished(self._halt())
-
-    def fault_reset(self, within: float = ENABLE_WAIT) -> None:
-        """Reset its fault, if there is one."""
-        finished(self._fault_reset(within))
-
-    def home(self, method: int | None = None, within: float = MOTION_WAIT) -> None:
-        """Enable and home it, by a method of CiA 402 or a maker's negative one (default: the one that is set)."""
-        finished(self._home(method, within))
-
-    def move_to(
-        self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
-    ) -> None:
-        """Enable it, move it to a position, or by a distance if it is `relative`, and wait until it is there."""
-        finished(self._move(position, velocity, relative, within))
-
-    def begin_home(self, method: int | None = None) -> None:
-        """Enable it and begin to home it, as `home` does, without waiting for the end."""
-        finished(self._begin_home(method))
-
-    def begin_move(
-        self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = ENABLE_WAIT
-    ) -> None:
-        """Enable it and have it begin a move; it has `within` seconds to take the set-point."""
-        finished(self._begin_move(position, velocity, relative, within))
-
-    def begin_torque(self, torque: int) -> None:
-        """Enable it with a target torque, thousandths of the rated one (profile torque mode, CiA 402-2, clause 15)."""
-        finished(self._begin(cia402.TARGET_TORQUE, torque, Mode.PROFILE_TORQUE))
+    enable, disable = blocking(DriveAtNode._enable), blocking(DriveAtNode._disable)
+    bring_to, choose = blocking(DriveAtNode._bring_to), blocking(DriveAtNode._choose)
+    quick_stop, halt = blocking(DriveAtNode._quick_stop), blocking(DriveAtNode._halt)
+    fault_reset = blocking(DriveAtNode._fault_reset)
+    home, move_to = blocking(DriveAtNode._home), blocking(DriveAtNode._move)
+    begin_home, begin_move = blocking(DriveAtNode._begin_home), blocking(DriveAtNode._begin_move)
+    begin_torque = blocking(DriveAtNode._begin_torque)
 
 
 class AsyncDrive402(DriveAtNode):
@@ -415,44 +391,8 @@ class AsyncDrive402(DriveAtNode):
         """The velocity of the drive (0x606C)."""
         return await self._read(cia402.VELOCITY)
 
-    async def turn(self, velocity: int) -> None:
-        """Enable it, and let it turn at a velocity, in profile velocity mode."""
-        await self._turn(velocity)
-
-    async def enable(self, within: float = ENABLE_WAIT) -> None:
-        """Bring it to Operation enabled; each state on the way may take `within` seconds."""
-        await self._enable(within)
-
-    async def bring_to(self, state: State, within: float = ENABLE_WAIT) -> None:
-        """Bring it to a state, as Drive402.bring_to does."""
-        await self._bring_to(state, within)
-
-    async def choose(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
-        """Choose a mode of operation, and wait until the drive shows it."""
-        await self._choose(mode, within)
-
-    async def disable(self, within: float = ENABLE_WAIT) -> None:
-        """Take its torque away."""
-        await self._disable(within)
-
-    async def quick_stop(self) -> None:
-        """Stop it as its quick stop option code says."""
-        await self._quick_stop()
-
-    async def halt(self) -> None:
-        """Stop it and keep its torque, as its halt option code says."""
-        await self._halt()
-
-    async def fault_reset(self, within: float = ENABLE_WAIT) -> None:
-        """Reset its fault, if there is one."""
-        await self._fault_reset(within)
-
-    async def home(self, method: int | None = None, within: float = MOTION_WAIT) -> None:
-        """Enable and home it, as Drive402.home does."""
-        await self._home(method, within)
-
-    async def move_to(
-        self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
-    ) -> None:
-        """Enable and move it, as Drive402.move_to does; cancelled, it is halted."""
-        await self._move(position, velocity, relative, within)
+    enable, disable = DriveAtNode._enable, DriveAtNode._disable
+    bring_to, choose = DriveAtNode._bring_to, DriveAtNode._choose
+    quick_stop, halt = DriveAtNode._quick_stop, DriveAtNode._halt
+    fault_reset, turn = DriveAtNode._fault_reset, DriveAtNode._turn
+    home, move_to = DriveAtNode._home, DriveAtNode._move

@@ -17,17 +17,7 @@ from typing import NamedTuple, TypeAlias, TypeVar
 from eurobot_od.client.description import Identity
 from eurobot_od.client.master import STORE_WAIT, Master, Procedure
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
-from eurobot_od.od.standard import (
-    ANSWERS,
-    ANY_BIT,
-    BIT_RATES,
-    LENGTH,
-    REQUESTS,
-    UNCONFIGURED,
-    Lss,
-    LssState,
-    refusal_words,
-)
+from eurobot_od.od import standard
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support.progress import Progress, unwatched
 
@@ -43,14 +33,14 @@ FIRST_BIT = 31
 class LssRequest(NamedTuple):
     """A request: its command, the bytes after it, and the command of the answer (None: there is no answer)."""
 
-    command: Lss | int
+    command: standard.Lss | int
     rest: bytes = b""
-    answer: Lss | None = None
+    answer: standard.Lss | None = None
 
     @property
     def data(self) -> bytes:
         """The bytes of the frame; unused ones are 0."""
-        return bytes([self.command, *self.rest]).ljust(LENGTH, b"\0")
+        return bytes([self.command, *self.rest]).ljust(standard.LENGTH, b"\0")
 
 
 Result = TypeVar("Result")
@@ -60,19 +50,19 @@ LssSteps: TypeAlias = "Generator[LssRequest, bytes | None, Result]"
 # Services
 
 
-def switch(state: LssState) -> LssSteps[None]:
+def switch(state: standard.LssState) -> LssSteps[None]:
     """Put all devices into a state; they do not answer."""
-    return _sent(LssRequest(Lss.SWITCH_GLOBAL, bytes([state])))
+    return _sent(LssRequest(standard.Lss.SWITCH_GLOBAL, bytes([state])))
 
 
 def select(identity: Identity) -> LssSteps[bool]:
     """Put the device with an identity into configuration state; return whether there is one."""
-    yield from switch(LssState.WAITING)
+    yield from switch(standard.LssState.WAITING)
     # Four frames with one part of the identity in each; only the last one is answered, by the device that agrees with
     # all of them (CiA 305).
-    *first, last = [LssRequest(Lss.SELECT + part, _number(value)) for part, value in enumerate(identity)]
+    *first, last = [LssRequest(standard.Lss.SELECT + part, _number(value)) for part, value in enumerate(identity)]
     yield from first
-    return (yield last._replace(answer=Lss.SELECTED)) is not None
+    return (yield last._replace(answer=standard.Lss.SELECTED)) is not None
 
 
 def fastscan() -> LssSteps[Identity | None]:
@@ -81,7 +71,7 @@ def fastscan() -> LssSteps[Identity | None]:
     Of several devices, it finds the one that has 0 in the first bit in which they differ. Raises RemoteError if it goes
     away.
     """
-    if not (yield from _scanned(0, ANY_BIT, 0, 0)):
+    if not (yield from _scanned(0, standard.ANY_BIT, 0, 0)):
         return None
     found: list[int] = []
     for part in range(len(Identity._fields)):
@@ -105,7 +95,7 @@ def find_all() -> LssSteps[list[Identity]]:
     in waiting state: in configuration state they must not answer (CiA 305), but CANopenNode's then say yes to
     everything.
     """
-    yield from switch(LssState.WAITING)
+    yield from switch(standard.LssState.WAITING)
     seen: list[Identity] = []
     if (yield from _positioned(())):
         yield from _explore((), 0, FIRST_BIT + 1, seen)
@@ -113,7 +103,7 @@ def find_all() -> LssSteps[list[Identity]]:
     for each in seen:  # where slaves keep no position, one may be made of parts of two devices
         if (yield from select(each)):
             found.append(each)
-    yield from switch(LssState.WAITING)
+    yield from switch(standard.LssState.WAITING)
     return found
 
 
@@ -145,7 +135,7 @@ def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity])
 
 def _positioned(head: tuple[int, ...]) -> LssSteps[bool]:
     """Have devices whose identities start with `head` expect its next part; return whether any device is there."""
-    is_there = yield from _scanned(0, ANY_BIT, 0, 0)
+    is_there = yield from _scanned(0, standard.ANY_BIT, 0, 0)
     for part, number in enumerate(head):
         yield from _scanned(number, 0, part, part + 1)
     return is_there
@@ -153,21 +143,21 @@ def _positioned(head: tuple[int, ...]) -> LssSteps[bool]:
 
 def inquire_node_id() -> LssSteps[int]:
     """Return the node-ID of the device that is being configured, 255 if it has none; raises NoAnswer."""
-    return (yield from _asked(LssRequest(Lss.INQUIRE_NODE_ID, answer=Lss.INQUIRE_NODE_ID)))[1]
+    return (yield from _asked(LssRequest(standard.Lss.INQUIRE_NODE_ID, answer=standard.Lss.INQUIRE_NODE_ID)))[1]
 
 
 def configure_node_id(node_id: int) -> LssSteps[None]:
     """Give the device a node-ID, 255 for none. Raises LocalError, RemoteError if it refuses, NoAnswer."""
-    if node_id not in (*NODE_IDS, UNCONFIGURED):
+    if node_id not in (*NODE_IDS, standard.UNCONFIGURED):
         raise LocalError(f"node-ID {node_id} is not in 1..127 (255 for none)")
-    return _configured(Lss.CONFIGURE_NODE_ID, bytes([node_id]))
+    return _configured(standard.Lss.CONFIGURE_NODE_ID, bytes([node_id]))
 
 
 def configure_bit_rate(kbit: int) -> LssSteps[None]:
     """Give the device a bit rate in kbit/s; raises as `configure_node_id`."""
-    if kbit not in BIT_RATES:
-        raise LocalError(f"{kbit} kbit/s is not in CiA 305's table: {', '.join(map(str, BIT_RATES))}")
-    return _configured(Lss.CONFIGURE_BIT_TIMING, bytes([0, BIT_RATES[kbit]]))
+    if kbit not in standard.BIT_RATES:
+        raise LocalError(f"{kbit} kbit/s is not in CiA 305's table: {', '.join(map(str, standard.BIT_RATES))}")
+    return _configured(standard.Lss.CONFIGURE_BIT_TIMING, bytes([0, standard.BIT_RATES[kbit]]))
 
 
 def activate_bit_rate(delay: float) -> LssSteps[None]:
@@ -178,12 +168,12 @@ def activate_bit_rate(delay: float) -> LssSteps[None]:
     milliseconds = round(delay * 1000)
     if not 0 <= milliseconds <= 0xFFFF:
         raise LocalError(f"the delay {delay} s is not in 0..65.535 s")
-    return _sent(LssRequest(Lss.ACTIVATE_BIT_TIMING, milliseconds.to_bytes(2, "little")))
+    return _sent(LssRequest(standard.Lss.ACTIVATE_BIT_TIMING, milliseconds.to_bytes(2, "little")))
 
 
 def store() -> LssSteps[None]:
     """Have the device store node-ID and bit rate; raises RemoteError if it refuses, NoAnswer."""
-    return _configured(Lss.STORE, b"")
+    return _configured(standard.Lss.STORE, b"")
 
 
 def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity | None]:
@@ -193,13 +183,13 @@ def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity 
     there is none.
     """
     if alone:
-        yield from switch(LssState.CONFIGURATION)
+        yield from switch(standard.LssState.CONFIGURATION)
         return None
     if identity:
         found = identity if (yield from select(identity)) else None
         missing = f"no device has the identity {identity}"
     else:
-        yield from switch(LssState.WAITING)  # fastscan is only for devices in waiting state (CiA 305)
+        yield from switch(standard.LssState.WAITING)  # fastscan is only for devices in waiting state (CiA 305)
         found, missing = (yield from fastscan()), "no device without a node-ID answers"
     if found is None:
         raise RemoteError(missing)
@@ -225,14 +215,14 @@ def _sent(request: LssRequest) -> LssSteps[None]:
 def _scanned(number: int, bit: int, part: int, then: int) -> LssSteps[bool]:
     """Ask who agrees in bits 31 to `bit` of a part of the identity; those expect the part `then` next."""
     rest = _number(number) + bytes([bit, part, then])
-    return (yield LssRequest(Lss.FASTSCAN, rest, Lss.IDENTIFY_SLAVE)) is not None
+    return (yield LssRequest(standard.Lss.FASTSCAN, rest, standard.Lss.IDENTIFY_SLAVE)) is not None
 
 
-def _configured(command: Lss, rest: bytes) -> LssSteps[None]:
+def _configured(command: standard.Lss, rest: bytes) -> LssSteps[None]:
     answer = yield from _asked(LssRequest(command, rest, command))
     error, own = answer[1], answer[2]
     if error:
-        raise RemoteError(f"the device refuses to {_words(command)}: {refusal_words(command, error, own)}")
+        raise RemoteError(f"the device refuses to {_words(command)}: {standard.refusal_words(command, error, own)}")
 
 
 def _asked(request: LssRequest) -> LssSteps[bytes]:
@@ -243,8 +233,8 @@ def _asked(request: LssRequest) -> LssSteps[bytes]:
 
 
 def _words(command: int) -> str:
-    known = command in set(Lss)
-    return Lss(command).name.lower().replace("_", " ") if known else f"0x{command:02X}"
+    known = command in set(standard.Lss)
+    return standard.Lss(command).name.lower().replace("_", " ") if known else f"0x{command:02X}"
 
 
 def _number(value: int) -> bytes:
@@ -263,7 +253,7 @@ async def perform(
     `progress` is called with the number of requests so far.
     """
     answers: list[bytes] = []
-    master.listeners[ANSWERS] = answers.append
+    master.listeners[standard.ANSWERS] = answers.append
     answer = None
     try:
         for number in count(1):
@@ -275,14 +265,14 @@ async def perform(
         result: Result = end.value
         return result
     finally:
-        del master.listeners[ANSWERS]
+        del master.listeners[standard.ANSWERS]
 
 
 async def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
     master.drain()  # a late answer to the request before is not an answer to this one
     answers.clear()
     LSS_LOG.debug("%s: %s", _words(request.command), request.data.hex(" "))
-    master.send(REQUESTS, request.data)
+    master.send(standard.REQUESTS, request.data)
     if request.answer is None:
         return None
     await master.pump.steps(_wait(request, wait), lambda: any(_fitting(answers, request)))
@@ -292,8 +282,8 @@ async def _exchange(master: Master, request: LssRequest, answers: list[bytes], w
 
 
 def _fitting(answers: list[bytes], request: LssRequest) -> Iterator[bytes]:
-    return (each for each in answers if len(each) == LENGTH and each[0] == request.answer)
+    return (each for each in answers if len(each) == standard.LENGTH and each[0] == request.answer)
 
 
 def _wait(request: LssRequest, wait: float) -> float:
-    return STORE_WAIT if request.command is Lss.STORE else wait
+    return STORE_WAIT if request.command is standard.Lss.STORE else wait

@@ -21,47 +21,18 @@ import time
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from datetime import datetime
-from functools import partial, update_wrapper
+from functools import partial, update_wrapper, wraps
 from itertools import count
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, NamedTuple, ParamSpec, Protocol, TypeAlias, TypeVar
 
+from eurobot_od import errors
 from eurobot_od.bus.live import Driver, Opener
 from eurobot_od.bus.live.buses import Connection, failure
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import (
-    BusError,
-    LocalError,
-    NamedObject,
-    NoAnswer,
-    NodeRefused,
-    RemoteError,
-    StateError,
-    WrongAnswer,
-)
 from eurobot_od.frame import Frame
+from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
-from eurobot_od.od.values import (
-    ERROR_CONTROL_BASE,
-    NMT_COB_ID,
-    NODE_IDS,
-    SYNC_COB_ID,
-    TIME_COB_ID,
-    Address,
-    TimeOfDay,
-    label,
-)
-from eurobot_od.sdo.client import (
-    UNANNOUNCED,
-    Aborted,
-    Room,
-    Silence,
-    Transfer,
-    TransferError,
-    block_download,
-    block_upload,
-    download,
-    upload,
-)
+from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import LARGEST, reason
 from eurobot_od.support.progress import Progress, unwatched
 
@@ -111,7 +82,19 @@ def finished(steps: Coroutine[Any, Any, Result]) -> Result:
         result: Result = end.value
         return result
     steps.close()
-    raise StateError("this network belongs to an event loop: await its calls")
+    raise errors.StateError("this network belongs to an event loop: await its calls")
+
+
+def blocking(
+    steps: Callable[Concatenate[Owner, Rest], Coroutine[Any, Any, Result]],
+) -> Callable[Concatenate[Owner, Rest], Result]:
+    """Make a method of a blocking program's face of one that an event loop's face has as it is."""
+
+    @wraps(steps)
+    def run(self: Owner, /, *arguments: Rest.args, **names: Rest.kwargs) -> Result:
+        return finished(steps(self, *arguments, **names))
+
+    return run
 
 
 # The master
@@ -164,7 +147,7 @@ class Master:
         bus: can.BusABC,
         answer_wait: float = ANSWER_WAIT,
         clock: Callable[[], float] = time.monotonic,
-        unannounced: int = UNANNOUNCED,
+        unannounced: int = sdo.UNANNOUNCED,
     ) -> None:
         import can
 
@@ -282,8 +265,8 @@ class Master:
 
     def heard(self, cob_id: int, data: bytes, now: float) -> None:
         """Take in a classic data frame with an 11-bit identifier."""
-        node_id = cob_id - ERROR_CONTROL_BASE
-        if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
+        node_id = cob_id - values.ERROR_CONTROL_BASE
+        if node_id in values.NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
             # With bit 7 set it is an answer to node guarding with its toggle bit, which `NodeWatch` has asked for.
             state = NmtState(data[0])
             level = logging.DEBUG if state is self.states.get(node_id) else logging.INFO
@@ -314,7 +297,7 @@ class RemoteNode:
     @Procedure
     async def upload(
         self,
-        address: Address,
+        address: values.Address,
         name: str = "",
         progress: Progress = unwatched,
         most: int = LARGEST,
@@ -324,24 +307,24 @@ class RemoteNode:
 
         Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError.
         """
-        master, room = self.master, Room(most, min(most, unannounced, self.master.unannounced))
-        return await self._transfer("read", address, name, upload(address, master.answer_wait, progress, room))
+        master, room = self.master, sdo.Room(most, min(most, unannounced, self.master.unannounced))
+        return await self._transfer("read", address, name, sdo.upload(address, master.answer_wait, progress, room))
 
     @Procedure
-    async def upload_block(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
+    async def upload_block(self, address: values.Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read a long object by block transfer; by segments if the node has no block transfer, however it says so."""
         master = self.master
-        room = Room(unannounced=master.unannounced)
-        by_blocks = block_upload(address, master.answer_wait, progress=progress, room=room)
+        room = sdo.Room(unannounced=master.unannounced)
+        by_blocks = sdo.block_upload(address, master.answer_wait, progress=progress, room=room)
         try:
             return await self._transfer("read", address, name, by_blocks)
-        except RemoteError:
+        except errors.RemoteError:
             return await self.upload.steps(address, name, progress)
 
     @Procedure
     async def download(
         self,
-        address: Address,
+        address: values.Address,
         data: bytes,
         name: str = "",
         wait: float | None = None,
@@ -360,15 +343,17 @@ class RemoteNode:
                 progress(done, size)
 
             try:
-                await self._transfer("write", address, name, block_download(address, data, answer_wait, noted), data)
-            except RemoteError:
+                await self._transfer(
+                    "write", address, name, sdo.block_download(address, data, answer_wait, noted), data
+                )
+            except errors.RemoteError:
                 # It does have block transfer: a failure in the middle is an error, not a reason to start over by
                 # segments.
                 if taken[-1]:
                     raise
             else:
                 return
-        await self._transfer("write", address, name, download(address, data, answer_wait, progress), data)
+        await self._transfer("write", address, name, sdo.download(address, data, answer_wait, progress), data)
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node; it is not confirmed, and earlier heartbeats no longer count."""
@@ -377,7 +362,7 @@ class RemoteNode:
         self.master.states.pop(self.node_id, None)
         self.master.booted.discard(self.node_id)
         NMT_LOG.info("node %d: command %s", self.node_id, COMMAND_NAMES[command])
-        self.master.send(NMT_COB_ID, bytes([command, self.node_id]))
+        self.master.send(values.NMT_COB_ID, bytes([command, self.node_id]))
 
     @Procedure
     async def state(self, wait: float) -> NmtState | None:
@@ -407,7 +392,7 @@ class RemoteNode:
         heard: list[NmtState | None] = []
 
         def hear(cob_id: int, *_: object) -> None:
-            if cob_id == ERROR_CONTROL_BASE + self.node_id:
+            if cob_id == values.ERROR_CONTROL_BASE + self.node_id:
                 heard.append(self.last_state)
 
         with self.master.observed(hear):
@@ -425,31 +410,35 @@ class RemoteNode:
         self.master.booted.discard(booting.node_id)
         self.command(command)
         if not await booting.wait_for_bootup.steps(BOOT_WAIT):
-            raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {booting.node_id}", 1, BOOT_WAIT, self.node_id)
+            raise errors.NoAnswer(
+                COMMAND_NAMES[command], f"boot-up of node {booting.node_id}", 1, BOOT_WAIT, self.node_id
+            )
 
-    async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer, sent: bytes = b"") -> bytes:
+    async def _transfer(
+        self, verb: str, address: values.Address, name: str, transfer: sdo.Transfer, sent: bytes = b""
+    ) -> bytes:
         """Carry out a transfer; a failure becomes an error that names this node and the object."""
         await self.run.steps(transfer)
         try:
             data = transfer.result()
             SDO_LOG.debug(
-                "node %d: %s %s: %d bytes, %s", self.node_id, verb, label(address, name), *logged(sent or data)
+                "node %d: %s %s: %d bytes, %s", self.node_id, verb, values.label(address, name), *logged(sent or data)
             )
             return data
-        except TransferError as error:
-            SDO_LOG.info("node %d: %s %s: %s", self.node_id, verb, label(address, name), error)
-            request, where = f"{verb} {label(address, name)}", NamedObject(self.node_id, address, name)
-            if isinstance(error, Aborted):
-                raise NodeRefused(self.node_id, request, error.code, reason(error.code), where) from error
-            if isinstance(error, Silence):
+        except sdo.TransferError as error:
+            SDO_LOG.info("node %d: %s %s: %s", self.node_id, verb, values.label(address, name), error)
+            request, where = f"{verb} {values.label(address, name)}", errors.NamedObject(self.node_id, address, name)
+            if isinstance(error, sdo.Aborted):
+                raise errors.NodeRefused(self.node_id, request, error.code, reason(error.code), where) from error
+            if isinstance(error, sdo.Silence):
                 answer = f"answer from node {self.node_id}"
-                silent = NoAnswer(request, answer, 1, transfer.wait, self.node_id, where)
+                silent = errors.NoAnswer(request, answer, 1, transfer.wait, self.node_id, where)
                 silent.add_note(HINTS.get(self.last_state, "its heartbeats come: is its SDO server at other COB-IDs?"))
                 raise silent from error
-            raise WrongAnswer(request, str(error), where) from error
+            raise errors.WrongAnswer(request, str(error), where) from error
 
     @Procedure
-    async def run(self, transfer: Transfer) -> None:
+    async def run(self, transfer: sdo.Transfer) -> None:
         """Carry out a transfer to its end, whether it succeeds or not. Raises BusError."""
         master, clock = self.master, self.master.clock
         requested_at, cob_id = master.sdo_server(self.node_id)
@@ -495,7 +484,7 @@ class Reconnecting:
     """
 
     def __init__(self, master: Master, opener: Opener, tell: Callable[[str], object]) -> None:
-        def lost(why: BusError, _: bool) -> None:
+        def lost(why: errors.BusError, _: bool) -> None:
             tell(f"{why}; it is opened again")
 
         def back(gap: float) -> None:
@@ -508,7 +497,7 @@ class Reconnecting:
         """Take a step."""
         try:
             step()
-        except BusError as error:
+        except errors.BusError as error:
             if not self._has_worked:
                 raise
             self._connection.fail(error)
@@ -526,18 +515,18 @@ COUNTERS = range(2, 241)
 """Values at which the synchronous counter may overflow (CiA 301, 7.5.2.22, object 0x1019)."""
 
 
-def syncs(overflow: int | None = None, cob_id: int = SYNC_COB_ID) -> Iterator[Frame]:
+def syncs(overflow: int | None = None, cob_id: int = values.SYNC_COB_ID) -> Iterator[Frame]:
     """Yield SYNC messages without end, counted from 1 to `overflow` if there is one; raises LocalError."""
     if overflow is None:
         return (Frame(cob_id) for _ in count())
     if overflow not in COUNTERS:
-        raise LocalError(f"a counter of SYNC ends at {COUNTERS[0]} to {COUNTERS[-1]}, not at {overflow}")
+        raise errors.LocalError(f"a counter of SYNC ends at {COUNTERS[0]} to {COUNTERS[-1]}, not at {overflow}")
     return (Frame(cob_id, bytes([1 + number % overflow])) for number in count())
 
 
-def times(now: Callable[[], datetime], cob_id: int = TIME_COB_ID) -> Iterator[Frame]:
+def times(now: Callable[[], datetime], cob_id: int = values.TIME_COB_ID) -> Iterator[Frame]:
     """Yield TIME messages without end, each with the time at which it is taken."""
-    return (Frame(cob_id, TimeOfDay.of(now()).data) for _ in count())
+    return (Frame(cob_id, values.TimeOfDay.of(now()).data) for _ in count())
 
 
 def produce(master: Master, frames: Iterable[Frame], period: float, guard: Guard = unguarded) -> None:

@@ -7,8 +7,9 @@ when a program looks. In simulated time (`simulated`) there is no thread, and ti
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -24,9 +25,10 @@ from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
 from eurobot_od.client.description import LISTEN, Found, Identity, scan, uploaded
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, finished, syncs
+from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, blocking, syncs
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
 from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
+from eurobot_od.client.streams import EndlessIterator
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, command_to
 from eurobot_od.device.simulated import SimulatedDevice
@@ -66,14 +68,8 @@ def _feed(bus: BusName, channel: Channel, bitrate: int | None) -> Feed:
     return feed_of(bus)
 
 
-def _described(file: str | Path) -> tuple[Sequence[Dictionary], int | None]:
-    """Return the devices of a network file or folder, and its bit rate in kbit/s; raises FileError."""
-    network = read_network(file)
-    return load(network.nodes), network.bit_rate
-
-
-class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
-    """An endless iterator over what happens to nodes, for programs that block and for event loops."""
+class NodeWatcher(EndlessIterator[NodeEvent]):
+    """An endless iterator over what happens to nodes."""
 
     def __init__(self, master: Master, node_ids: Sequence[int], within: float, guard: float | None) -> None:
         self._master, self._events = master, deque[NodeEvent]()
@@ -101,18 +97,6 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
             await self._master.pump.steps(pause, lambda: bool(self._events))
         return self._events.popleft()
 
-    def __iter__(self) -> NodeWatcher:
-        return self
-
-    def __next__(self) -> NodeEvent:
-        return finished(self._next())
-
-    def __aiter__(self) -> NodeWatcher:
-        return self
-
-    async def __anext__(self) -> NodeEvent:
-        return await self._next()
-
 
 class NetworkOfDevices(Generic[AnyDevice]):
     """The common part of both kinds of networks; nothing in here waits."""
@@ -123,6 +107,40 @@ class NetworkOfDevices(Generic[AnyDevice]):
     def __init__(self) -> None:
         self._devices: dict[int, AnyDevice] = {}
         self._sync = NetworkSync(self)
+
+    @classmethod
+    @abstractmethod
+    def _on(cls, open_feed: Callable[[], Feed], answer_wait: float) -> Self:
+        """Make a network of a feed, which it opens."""
+
+    @classmethod
+    def open(
+        cls,
+        bus: BusName = None,
+        channel: Channel = None,
+        bitrate: int | None = None,
+        *,
+        answer_wait: float = ANSWER_WAIT,
+    ) -> Self:
+        """Open a bus by python-can's names for interface and channel; `bitrate` is in bit/s.
+
+        Whatever is left out comes from python-can's configuration. A bus that is already open, or a connected
+        `canopen.Network`, is shared and stays open at the end. A node has `answer_wait` seconds for each answer. Raises
+        LocalError, BusError, an AsyncNetwork at its `async with`, which opens the bus.
+        """
+        return cls._on(partial(_feed, bus, channel, bitrate), answer_wait)
+
+    @classmethod
+    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: Channel = None, **options: Any) -> Self:
+        """Open a bus with all devices of a network file (`network.yaml`, `nodelist.cpj`) or of a folder of EDS files.
+
+        The bit rate is the file's; `options` are those of `open`. Raises FileError, BusError, LocalError.
+        """
+        described = read_network(file)
+        network = cls.open(bus, channel, described.bit_rate and described.bit_rate * 1000, **options)
+        for each in load(described.nodes):
+            network.add(each.node_id, each)
+        return network
 
     def _begin(self, master: Master) -> None:
         self.master = master
@@ -193,12 +211,9 @@ class NetworkOfDevices(Generic[AnyDevice]):
         """
         return NodeWatcher(self.master, node_ids, within, guard)
 
-    async def _perform_lss(self, steps: LssSteps[Result], wait: float) -> Result:
-        try:
-            return await lss.perform.steps(self.master, steps, wait)
-        finally:
-            # A device left in configuration state would obey the next command, whoever that is meant for.
-            await lss.perform.steps(self.master, lss.switch(LssState.WAITING))
+    async def _scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
+        """Return the nodes that answer SDO or whose heartbeats are heard within `listen` seconds, by node-ID."""
+        return await scan.steps(self.master, node_ids, listen=listen)
 
 
 class NetworkSync:
@@ -269,17 +284,17 @@ class NetworkNmt:
         self.command(NmtCommand.RESET_NODE)
 
 
-class NetworkLss:
-    """Devices without a node-ID, by the layer setting services (CiA 305); every call takes 0.1 s for each answer."""
+class LssOfNetwork:
+    """The common part of the layer setting services of both kinds of networks."""
 
     def __init__(self, network: NetworkOfDevices[Any]) -> None:
-        self._network, self._perform = network, network._perform_lss
+        self._network = network
 
-    def find(self, wait: float = LSS_WAIT) -> list[Identity]:
+    async def _find(self, wait: float = LSS_WAIT) -> list[Identity]:
         """Return the devices without a node-ID, with about 130 requests for each. Raises BusError."""
-        return finished(self._perform(lss.find_all(), wait))
+        return await self._perform(lss.find_all(), wait)
 
-    def assign(
+    async def _assign(
         self,
         node_id: int,
         identity: Identity | None = None,
@@ -293,7 +308,20 @@ class NetworkLss:
         Returns the identity of that device. Raises RemoteError if there is none or if it refuses; NoAnswer, LocalError,
         BusError.
         """
-        return finished(self._perform(lss.assigned(node_id, identity, bit_rate, store), wait))
+        return await self._perform(lss.assigned(node_id, identity, bit_rate, store), wait)
+
+    async def _perform(self, steps: LssSteps[Result], wait: float) -> Result:
+        try:
+            return await lss.perform.steps(self._network.master, steps, wait)
+        finally:
+            # A device left in configuration state would obey the next command, whoever that is meant for.
+            await lss.perform.steps(self._network.master, lss.switch(LssState.WAITING))
+
+
+class NetworkLss(LssOfNetwork):
+    """Devices without a node-ID, by the layer setting services (CiA 305); every call takes 0.1 s for each answer."""
+
+    find, assign = blocking(LssOfNetwork._find), blocking(LssOfNetwork._assign)
 
     # As canopen calls them: one service after the other, and devices stay in the state that they were switched to.
 
@@ -350,27 +378,10 @@ class NodeScanner:
         self._network.master.states.clear()
 
 
-class AsyncNetworkLss:
+class AsyncNetworkLss(LssOfNetwork):
     """Devices without a node-ID: NetworkLss, awaited."""
 
-    def __init__(self, network: NetworkOfDevices[Any]) -> None:
-        self._perform = network._perform_lss
-
-    async def find(self, wait: float = LSS_WAIT) -> list[Identity]:
-        """Return the devices without a node-ID, with about 130 requests for each. Raises BusError."""
-        return await self._perform(lss.find_all(), wait)
-
-    async def assign(
-        self,
-        node_id: int,
-        identity: Identity | None = None,
-        *,
-        bit_rate: int | None = None,
-        store: bool = True,
-        wait: float = LSS_WAIT,
-    ) -> Identity | None:
-        """Give a device a node-ID, as NetworkLss.assign does."""
-        return await self._perform(lss.assigned(node_id, identity, bit_rate, store), wait)
+    find, assign = LssOfNetwork._find, LssOfNetwork._assign
 
 
 class Network(NetworkOfDevices[RemoteDevice]):
@@ -399,33 +410,8 @@ class Network(NetworkOfDevices[RemoteDevice]):
             self._begin(master)
 
     @classmethod
-    def open(
-        cls,
-        bus: BusName = None,
-        channel: Channel = None,
-        bitrate: int | None = None,
-        *,
-        answer_wait: float = ANSWER_WAIT,
-    ) -> Self:
-        """Open a bus by python-can's names for interface and channel; `bitrate` is in bit/s.
-
-        Whatever is left out comes from python-can's configuration. A bus that is already open, or a connected
-        `canopen.Network`, is shared and stays open at the end. A node has `answer_wait` seconds for each answer. Raises
-        BusError, LocalError.
-        """
-        return cls(ThreadedMaster(_feed(bus, channel, bitrate), answer_wait))
-
-    @classmethod
-    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: Channel = None, **options: Any) -> Self:
-        """Open a bus with all devices of a network file (`network.yaml`, `nodelist.cpj`) or of a folder of EDS files.
-
-        The bit rate is the file's; `options` are those of `open`. Raises FileError, BusError, LocalError.
-        """
-        described, kbit = _described(file)
-        network = cls.open(bus, channel, kbit and kbit * 1000, **options)
-        for each in described:
-            network.add(each.node_id, each)
-        return network
+    def _on(cls, open_feed: Callable[[], Feed], answer_wait: float) -> Self:
+        return cls(ThreadedMaster(open_feed(), answer_wait))
 
     def close(self) -> None:
         """Stop what is sent periodically, the threads, and the bus unless it is somebody else's."""
@@ -442,9 +428,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         """Let time pass, while states, emergency messages and PDOs come in; raises BusError if the bus is lost."""
         self.master.pump(seconds)
 
-    def scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
-        """Return the nodes that answer SDO or whose heartbeats are heard within `listen` seconds, by node-ID."""
-        return scan(self.master, node_ids, listen=listen)
+    scan = blocking(NetworkOfDevices._scan)
 
     # As canopen calls them
 
@@ -527,25 +511,8 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
         self.nmt, self.lss = NetworkNmt(self), AsyncNetworkLss(self)
 
     @classmethod
-    def open(
-        cls,
-        bus: BusName = None,
-        channel: Channel = None,
-        bitrate: int | None = None,
-        *,
-        answer_wait: float = ANSWER_WAIT,
-    ) -> Self:
-        """Prepare a bus, as Network.open does; `async with` opens it, and raises BusError."""
-        return cls(partial(_feed, bus, channel, bitrate), answer_wait)
-
-    @classmethod
-    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: Channel = None, **options: Any) -> Self:
-        """Open a bus with all devices of a network file, as Network.load does."""
-        described, kbit = _described(file)
-        network = cls.open(bus, channel, kbit and kbit * 1000, **options)
-        for each in described:
-            network.add(each.node_id, each)
-        return network
+    def _on(cls, open_feed: Callable[[], Feed], answer_wait: float) -> Self:
+        return cls(open_feed, answer_wait)
 
     async def __aenter__(self) -> Self:
         self._begin(LoopMaster(self._open_feed(), self._answer_wait))
@@ -558,9 +525,7 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
         """Stop what is sent periodically, the reading, and the bus unless it is somebody else's."""
         self.master.close()
 
-    async def scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
-        """Return the nodes that answer SDO or whose heartbeats are heard within `listen` seconds, by node-ID."""
-        return await scan.steps(self.master, node_ids, listen=listen)
+    scan = NetworkOfDevices._scan
 
 
 class SimulatedNetwork(Network):

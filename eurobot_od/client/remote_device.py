@@ -22,22 +22,14 @@ from typing import Any, NoReturn, Self, TypeAlias, overload
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
-from eurobot_od.client import configure, program
+from eurobot_od.client import configure, program, streams
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
 from eurobot_od.client.description import Identity, described, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
-from eurobot_od.client.master import Master, RemoteNode, finished
+from eurobot_od.client.master import Master, RemoteNode, blocking, finished
 from eurobot_od.client.masters import PeriodicTask
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdo import PdosOfDirection, RemotePdo, RemotePdos
-from eurobot_od.client.streams import (
-    AsyncEmergencyStream,
-    AsyncRemotePdo,
-    AsyncRemotePdos,
-    EmergencyStream,
-    HeardEmergencies,
-    MappedPdos,
-)
 from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState, canopen_state, command_to
 from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.frame import Frame
@@ -378,8 +370,8 @@ class DeviceAtNode:
         self._node = RemoteNode(UNCONNECTED, node_id)
         base = EMCY_BASE + node_id
         self._emcy_id = dictionary.cob_id(EMCY_COB_ID, EMCY_BASE) if dictionary else base
-        self._pdos: MappedPdos[Any]
-        self._emergencies: HeardEmergencies
+        self._pdos: streams.MappedPdos[Any]
+        self._emergencies: streams.HeardEmergencies
 
     def join(self, master: Master) -> None:
         """Become a node of a network that is open."""
@@ -422,7 +414,19 @@ class DeviceAtNode:
         if pdo_of(address[0]) is not None and len(data) >= data_type(thing).size:
             self._pdos.present({address: decode(thing, data)})
 
-    async def _configure(self, file: str | Path, store: bool, reset: bool) -> Configured:
+    async def _identity(self) -> Identity:
+        """Read the identity object 0x1018; 0 for a number that the node does not have."""
+        return await read_identity.steps(self._node)
+
+    async def _configure(self, file: str | Path, *, store: bool = True, reset: bool = True) -> Configured:
+        """Make the node what a DCF says: write what differs, read it back, store it, reset the node, verify.
+
+        Returns how many objects were changed, and whether they are stored and were verified after the reset. Without
+        `store` they last until the next reset; without `reset` they are not verified after one. Raises DictionaryError
+        for a file that is damaged or for another device, before anything is written; ConfigurationError if the node did
+        not take all of it, or if the wait is cancelled: it then has its former values again, or `written` and `left`
+        say which objects have changed and which have not.
+        """
         description = from_file(file)
         plan = await configure.difference.steps(self._node, description)
         done = Configured(0, False)
@@ -434,15 +438,31 @@ class DeviceAtNode:
         return done
 
     async def _difference(self, file: str | Path) -> ChangePlan:
+        """Return what `configure` would write, without writing anything; raises DictionaryError."""
         return await configure.difference.steps(self._node, from_file(file))
 
-    async def _heartbeat(self, within: float) -> NmtState:
+    async def _store(self) -> None:
+        """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""
+        await configure.store.steps(self._node)
+
+    async def _restore(self) -> None:
+        """Have the node restore the defaults of its parameters, from its next reset on (0x1011)."""
+        await configure.restore.steps(self._node)
+
+    async def _heartbeat(self, within: float = 1.0) -> NmtState:
+        """Wait for the next heartbeat and return the state in it; raises HeartbeatLost after `within` seconds."""
         state = await self._node.state.steps(within)
         if state is None:
             raise HeartbeatLost(self.node_id, within)
         return state
 
-    async def _program(self, content: bytes, number: int, check_crc: bool, progress: Progress) -> Loaded:
+    async def _program(
+        self, content: bytes, number: int = 1, check_crc: bool = True, progress: Progress = unwatched
+    ) -> Loaded:
+        """Download a program, verify and start it (CiA 302-3); `number` is 1..254, `progress` gets bytes so far.
+
+        Raises ProgramError with the state in which the node was left, and how to go on.
+        """
         return await program.load.steps(self._node, content, number, check_crc, progress, self.dictionary)
 
 
@@ -455,6 +475,22 @@ class NmtOfNode:
 
     def __init__(self, device: DeviceAtNode) -> None:
         self._node = device._node
+
+    async def _start(self, within: float | None = None) -> None:
+        """Make the node OPERATIONAL: PDOs are sent and received."""
+        await self._go(NmtCommand.START, within)
+
+    async def _stop(self, within: float | None = None) -> None:
+        """Make the node STOPPED: it listens to NMT alone."""
+        await self._go(NmtCommand.STOP, within)
+
+    async def _enter_pre_operational(self, within: float | None = None) -> None:
+        """Make the node PRE-OPERATIONAL: SDO, but no PDOs."""
+        await self._go(NmtCommand.ENTER_PRE_OPERATIONAL, within)
+
+    async def _reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
+        """Reset the node, or its communication, and wait for its boot-up message; raises NoAnswer."""
+        await self._node.reset.steps(command)
 
     async def _go(self, command: NmtCommand, within: float | None) -> None:
         self._node.command(command)
@@ -471,21 +507,8 @@ class NodeNmt(NmtOfNode):
 
     _guarding: PeriodicTask | None = None
 
-    def start(self, within: float | None = None) -> None:
-        """Make the node OPERATIONAL: PDOs are sent and received."""
-        finished(self._go(NmtCommand.START, within))
-
-    def stop(self, within: float | None = None) -> None:
-        """Make the node STOPPED: it listens to NMT alone."""
-        finished(self._go(NmtCommand.STOP, within))
-
-    def enter_pre_operational(self, within: float | None = None) -> None:
-        """Make the node PRE-OPERATIONAL: SDO, but no PDOs."""
-        finished(self._go(NmtCommand.ENTER_PRE_OPERATIONAL, within))
-
-    def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
-        """Reset the node, or its communication, and wait for its boot-up message; raises NoAnswer."""
-        self._node.reset(command)
+    start, stop = blocking(NmtOfNode._start), blocking(NmtOfNode._stop)
+    enter_pre_operational, reset = blocking(NmtOfNode._enter_pre_operational), blocking(NmtOfNode._reset)
 
     # As canopen calls them
 
@@ -534,21 +557,8 @@ class NodeNmt(NmtOfNode):
 class AsyncNodeNmt(NmtOfNode):
     """NMT commands to one node: those of NodeNmt, awaited."""
 
-    async def start(self, within: float | None = None) -> None:
-        """Make the node OPERATIONAL: PDOs are sent and received."""
-        await self._go(NmtCommand.START, within)
-
-    async def stop(self, within: float | None = None) -> None:
-        """Make the node STOPPED: it listens to NMT alone."""
-        await self._go(NmtCommand.STOP, within)
-
-    async def enter_pre_operational(self, within: float | None = None) -> None:
-        """Make the node PRE-OPERATIONAL: SDO, but no PDOs."""
-        await self._go(NmtCommand.ENTER_PRE_OPERATIONAL, within)
-
-    async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
-        """Reset the node, or its communication, and wait for its boot-up message; raises NoAnswer."""
-        await self._node.reset.steps(command)
+    start, stop = NmtOfNode._start, NmtOfNode._stop
+    enter_pre_operational, reset = NmtOfNode._enter_pre_operational, NmtOfNode._reset
 
 
 class RemoteDevice(DeviceAtNode):
@@ -567,7 +577,7 @@ class RemoteDevice(DeviceAtNode):
     def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
         super().__init__(node_id, file, name)
         self.nmt = NodeNmt(self)
-        self.emcy = self._emergencies = EmergencyStream(self._node)
+        self.emcy = self._emergencies = streams.EmergencyStream(self._node)
         self.pdo = self._pdos = RemotePdos(self._node, self.dictionary, RemotePdo)
 
     def __getitem__(self, key: ObjectKey) -> RemoteObject:
@@ -633,45 +643,10 @@ class RemoteDevice(DeviceAtNode):
         """Return one axis of a drive with several, by its number from 1 on; raises LocalError."""
         return Drive402(self._node, self.dictionary, axis)
 
-    def identity(self) -> Identity:
-        """Read the identity object 0x1018; 0 for a number that the node does not have."""
-        return read_identity(self._node)
-
-    def configure(self, file: str | Path, *, store: bool = True, reset: bool = True) -> Configured:
-        """Make the node what a DCF says: write what differs, read it back, store it, reset the node, verify.
-
-        Returns how many objects were changed, and whether they are stored and were verified after the reset. Without
-        `store` they last until the next reset; without `reset` they are not verified after one. Raises DictionaryError
-        for a file that is damaged or for another device, before anything is written; ConfigurationError if the node did
-        not take all of it: it then has its former values again, or `written` and `left` say which objects have changed
-        and which have not.
-        """
-        return finished(self._configure(file, store, reset))
-
-    def difference(self, file: str | Path) -> ChangePlan:
-        """Return what `configure` would write, without writing anything; raises DictionaryError."""
-        return finished(self._difference(file))
-
-    def store(self) -> None:
-        """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""
-        configure.store(self._node)
-
-    def restore(self) -> None:
-        """Have the node restore the defaults of its parameters, from its next reset on (0x1011)."""
-        configure.restore(self._node)
-
-    def heartbeat(self, within: float = 1.0) -> NmtState:
-        """Wait for the next heartbeat and return the state in it; raises HeartbeatLost after `within` seconds."""
-        return finished(self._heartbeat(within))
-
-    def program(
-        self, content: bytes, number: int = 1, check_crc: bool = True, progress: Progress = unwatched
-    ) -> Loaded:
-        """Download a program, verify and start it (CiA 302-3); `number` is 1..254, `progress` gets bytes so far.
-
-        Raises ProgramError with the state in which the node was left, and how to go on.
-        """
-        return finished(self._program(content, number, check_crc, progress))
+    identity, heartbeat = blocking(DeviceAtNode._identity), blocking(DeviceAtNode._heartbeat)
+    configure, difference = blocking(DeviceAtNode._configure), blocking(DeviceAtNode._difference)
+    store, restore = blocking(DeviceAtNode._store), blocking(DeviceAtNode._restore)
+    program = blocking(DeviceAtNode._program)
 
 
 class AsyncRemoteDevice(DeviceAtNode):
@@ -684,8 +659,8 @@ class AsyncRemoteDevice(DeviceAtNode):
     def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
         super().__init__(node_id, file, name)
         self.nmt = AsyncNodeNmt(self)
-        self.emcy = self._emergencies = AsyncEmergencyStream(self._node)
-        self.pdo = self._pdos = AsyncRemotePdos(self._node, self.dictionary, AsyncRemotePdo)
+        self.emcy = self._emergencies = streams.AsyncEmergencyStream(self._node)
+        self.pdo = self._pdos = streams.AsyncRemotePdos(self._node, self.dictionary, streams.AsyncRemotePdo)
 
     def __getitem__(self, key: ObjectKey) -> AsyncRemoteObject:
         """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""
@@ -705,32 +680,7 @@ class AsyncRemoteDevice(DeviceAtNode):
         """Return one axis of a drive with several, by its number from 1 on; raises LocalError."""
         return AsyncDrive402(self._node, self.dictionary, axis)
 
-    async def identity(self) -> Identity:
-        """Read the identity object 0x1018; 0 for a number that the node does not have."""
-        return await read_identity.steps(self._node)
-
-    async def configure(self, file: str | Path, *, store: bool = True, reset: bool = True) -> Configured:
-        """Make the node what a DCF says, as RemoteDevice.configure does; when cancelled it takes back its writes."""
-        return await self._configure(file, store, reset)
-
-    async def difference(self, file: str | Path) -> ChangePlan:
-        """Return what `configure` would write, without writing anything; raises DictionaryError."""
-        return await self._difference(file)
-
-    async def store(self) -> None:
-        """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""
-        await configure.store.steps(self._node)
-
-    async def restore(self) -> None:
-        """Have the node restore the defaults of its parameters, from its next reset on (0x1011)."""
-        await configure.restore.steps(self._node)
-
-    async def heartbeat(self, within: float = 1.0) -> NmtState:
-        """Wait for the next heartbeat and return the state in it; raises HeartbeatLost after `within` seconds."""
-        return await self._heartbeat(within)
-
-    async def program(
-        self, content: bytes, number: int = 1, check_crc: bool = True, progress: Progress = unwatched
-    ) -> Loaded:
-        """Download a program, verify and start it, as RemoteDevice.program does."""
-        return await self._program(content, number, check_crc, progress)
+    identity, heartbeat = DeviceAtNode._identity, DeviceAtNode._heartbeat
+    configure, difference = DeviceAtNode._configure, DeviceAtNode._difference
+    store, restore = DeviceAtNode._store, DeviceAtNode._restore
+    program = DeviceAtNode._program

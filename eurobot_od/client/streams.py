@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import logging
 import struct
+from abc import abstractmethod
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from functools import partial
 from math import inf
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 from weakref import WeakSet
 
 from eurobot_od.client.configure import pdo_parameters
@@ -31,7 +32,7 @@ from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ERRORS, ErrorCod
 from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import plain_name
+from eurobot_od.pdo.kinds import plain_name
 
 PDO_LOG, EMCY_LOG = logging.getLogger("eurobot_od.pdo"), logging.getLogger("eurobot_od.emcy")
 
@@ -89,8 +90,28 @@ class Stream(Generic[Item]):
         return self.last
 
 
-class StreamReader(Iterator[Item], AsyncIterator[Item]):
-    """An endless iterator over a stream, for blocking programs and event loops; `lost` counts the items it dropped."""
+class EndlessIterator(Iterator[Item], AsyncIterator[Item]):
+    """An endless iterator for blocking programs and event loops, over what `_next` waits for."""
+
+    @abstractmethod
+    async def _next(self) -> Item:
+        """Return the next item."""
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> Item:
+        return finished(self._next())
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Item:
+        return await self._next()
+
+
+class StreamReader(EndlessIterator[Item]):
+    """An endless iterator over a stream; `lost` counts the items it dropped."""
 
     def __init__(self, master: Master) -> None:
         self._master, self._waiting, self.lost = master, deque[Item](), 0
@@ -101,18 +122,6 @@ class StreamReader(Iterator[Item], AsyncIterator[Item]):
             self._waiting.popleft()
             self.lost += 1
         self._waiting.append(item)
-
-    def __iter__(self) -> StreamReader[Item]:
-        return self
-
-    def __next__(self) -> Item:
-        return finished(self._next())
-
-    def __aiter__(self) -> StreamReader[Item]:
-        return self
-
-    async def __anext__(self) -> Item:
-        return await self._next()
 
     async def _next(self) -> Item:
         while not self._waiting:

@@ -20,7 +20,7 @@ from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import SLICES, carries_nothing
 from eurobot_od.od.values import REALS, Address, Value
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Catalogue, Message, field_name, flagged_fields
+from eurobot_od.pdo.kinds import Catalogue, Message, field_name, flagged_fields
 from eurobot_od.sdo.wire import Abort, Reason
 
 

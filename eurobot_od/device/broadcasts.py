@@ -18,7 +18,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import DAY, EPOCH, Address, TimeOfDay, Value
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.sdo.wire import Abort, Reason
 
 # SYNC: producer, synchronous TPDOs, RPDOs that wait (7.2.2.3, 7.5.2.5, 7.5.2.22)

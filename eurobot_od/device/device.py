@@ -61,7 +61,7 @@ from eurobot_od.od.values import (
     owner,
 )
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message
+from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import Abort, Reason

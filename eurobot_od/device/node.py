@@ -22,7 +22,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import Value
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message, is_flagged
+from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, is_flagged
 
 
 class Node:

@@ -35,7 +35,7 @@ from eurobot_od.od.values import (
     owner,
 )
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Catalogue
+from eurobot_od.pdo.kinds import Catalogue
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.wire import Abort, Reason
 

@@ -18,7 +18,7 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 
 TimerAction: TypeAlias = Callable[[float], None]
 """What to do when a timer is due; gets the time it was set for."""

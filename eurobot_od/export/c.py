@@ -24,15 +24,7 @@ from collections.abc import Iterable, Iterator
 from textwrap import TextWrapper
 from typing import NamedTuple
 
-from eurobot_od.export.description import (
-    LONGEST_IDENTIFIER,
-    DescribedField,
-    DescribedMessage,
-    Identifiers,
-    Numeral,
-    described,
-    printable,
-)
+from eurobot_od.export import description
 from eurobot_od.pdo.protocol import Protocol
 
 WORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
@@ -60,7 +52,7 @@ class Member(NamedTuple):
     """A field and its name in the struct."""
 
     name: str
-    field: DescribedField
+    field: description.DescribedField
 
     @property
     def bits(self) -> int:
@@ -75,14 +67,14 @@ class Member(NamedTuple):
     @property
     def is_real(self) -> bool:
         """Whether its value is a floating-point number."""
-        return self.field.numeral is Numeral.REAL
+        return self.field.numeral is description.Numeral.REAL
 
     @property
     def type(self) -> str:
         """The C type of its value."""
         if self.is_real:
             return STRUCT_REALS[self.field.width]
-        if self.field.numeral is Numeral.SIGNED:
+        if self.field.numeral is description.Numeral.SIGNED:
             return f"int{self.bits}_t"
         return "bool" if self.field.width == 1 else self.raw_type
 
@@ -93,7 +85,7 @@ class Member(NamedTuple):
 
     def number(self, value: int) -> str:
         """Write a number of its type."""
-        if self.field.numeral is Numeral.SIGNED:
+        if self.field.numeral is description.Numeral.SIGNED:
             return _signed(value, self.bits)
         # An int has at least 16 bits; a wider constant needs the macro of its type (C99, 7.18.4).
         return f"{value}u" if self.bits <= 16 else f"UINT{self.bits}_C({value})"
@@ -105,7 +97,7 @@ class Member(NamedTuple):
         # A comparison that is always false is a warning, and the header has to compile without any.
         if width == self.bits or self.type == "bool":
             return ""
-        if self.field.numeral is Numeral.SIGNED:
+        if self.field.numeral is description.Numeral.SIGNED:
             low, high = (_signed(limit, self.bits) for limit in (-self.low_bits - 1, self.low_bits))
             return f"{value} < {low} || {value} > {high}"
         return f"{value} > {_unsigned((1 << width) - 1, self.bits)}"
@@ -116,7 +108,7 @@ class Member(NamedTuple):
         raw = f"raw_{self.name}"
         if self.type == "bool":
             return f"{raw} != 0u"
-        if self.field.numeral is not Numeral.SIGNED:
+        if self.field.numeral is not description.Numeral.SIGNED:
             return raw
         # Converting an unsigned number that the signed type cannot hold is implementation-defined (C99, 6.3.1.3).
         low, sign = _unsigned(self.low_bits, self.bits), _unsigned(self.low_bits + 1, self.bits)
@@ -128,7 +120,7 @@ class MessageBlock(NamedTuple):
     """A message, its name in lower-case identifiers, after the network's, and its struct's members."""
 
     name: str
-    message: DescribedMessage
+    message: description.DescribedMessage
     members: list[Member]
 
     @property
@@ -139,29 +131,29 @@ class MessageBlock(NamedTuple):
 
 def c_header(protocol: Protocol, name: str) -> str:
     """Return the header of a protocol; `name` begins its identifiers. Raises LocalError without messages."""
-    return header_of(described(protocol), name)
+    return header_of(description.described(protocol), name)
 
 
-def header_of(messages: Iterable[DescribedMessage], name: str) -> str:
+def header_of(messages: Iterable[description.DescribedMessage], name: str) -> str:
     """Return the header of messages."""
     prefix, blocks = prefix_of(name), blocks_of(messages, name)
     # One name space for the macros of all messages: `GOTO` + `XY_MIN` and `GOTO_XY` + `MIN` would be the same macro.
-    macros = Identifiers(longest=PARTS * (LONGEST_IDENTIFIER + 1))
+    macros = description.Identifiers(longest=PARTS * (description.LONGEST_IDENTIFIER + 1))
     lines = [*_head(prefix, blocks), *(line for each in blocks for line in _block(each, macros)), "", "#endif"]
     return "\n".join(lines) + "\n"
 
 
 def prefix_of(name: str) -> str:
     """Return the prefix of the identifiers of a network with that name."""
-    return Identifiers(WORDS).new(name).lower()
+    return description.Identifiers(WORDS).new(name).lower()
 
 
-def blocks_of(messages: Iterable[DescribedMessage], name: str) -> list[MessageBlock]:
+def blocks_of(messages: Iterable[description.DescribedMessage], name: str) -> list[MessageBlock]:
     """Return the messages with the names that they and their fields have in the header."""
-    of_messages, prefix = Identifiers(), prefix_of(name)
+    of_messages, prefix = description.Identifiers(), prefix_of(name)
     blocks = []
     for each in messages:
-        names = Identifiers(WORDS)  # each struct has a name space of its own
+        names = description.Identifiers(WORDS)  # each struct has a name space of its own
         members = [Member(names.new(field.name).lower(), field) for field in each.fields]
         blocks.append(MessageBlock(f"{prefix}_{of_messages.new(each.name).lower()}", each, members))
     return blocks
@@ -191,13 +183,13 @@ def _head(prefix: str, blocks: Iterable[MessageBlock]) -> Iterator[str]:
 
 def _comment(text: str) -> str:
     """Make a text fit for a comment; `??` could begin a trigraph."""
-    return printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+    return description.printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 
 # A message
 
 
-def _block(block: MessageBlock, macros: Identifiers) -> Iterator[str]:
+def _block(block: MessageBlock, macros: description.Identifiers) -> Iterator[str]:
     message = block.message
     about = f"{message.name}: {message.path}" + (f". {message.text}" if message.text else "")
     yield ""
@@ -220,13 +212,13 @@ def _block(block: MessageBlock, macros: Identifiers) -> Iterator[str]:
         yield from _is_unknown(block)
 
 
-def _macro(macros: Identifiers, *parts: str) -> str:
+def _macro(macros: description.Identifiers, *parts: str) -> str:
     return macros.new("_".join(parts)).upper()
 
 
-def _macros(block: MessageBlock, member: Member, macros: Identifiers) -> Iterator[str]:
+def _macros(block: MessageBlock, member: Member, macros: description.Identifiers) -> Iterator[str]:
     """Write a field's limits and named values as macros: an enum's constants have to fit into an int."""
-    field, of_values = member.field, Identifiers()
+    field, of_values = member.field, description.Identifiers()
     if not member.is_real:
         for word, value in zip(("min", "max"), field.limits):
             yield f"#define {_macro(macros, block.name, member.name, word)} {member.number(value)}"

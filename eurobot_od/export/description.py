@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import Limits, label
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Message
-from eurobot_od.pdo.kinds import Real
+from eurobot_od.pdo.kinds import Message, Real
 from eurobot_od.pdo.protocol import Protocol
 
 

@@ -19,9 +19,19 @@ from eurobot_od.frame import Data, Frame
 from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.values import SLICE, Address, Limits
 from eurobot_od.pdo import codec
-from eurobot_od.pdo.catalogue import CatalogueEntry, Message, field_name, first_free, kinds, made_type, plain_name
 from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, slot
-from eurobot_od.pdo.kinds import Kind, OutOfRange, kind_of
+from eurobot_od.pdo.kinds import (
+    CatalogueEntry,
+    Kind,
+    Message,
+    OutOfRange,
+    field_name,
+    first_free,
+    kind_of,
+    kinds,
+    made_type,
+    plain_name,
+)
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

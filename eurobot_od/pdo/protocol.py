@@ -23,7 +23,7 @@ from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import ALL_NODES, PdoDirection
 from eurobot_od.od.words import error_words, profile_of
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
+from eurobot_od.pdo.kinds import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
 
 NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""

@@ -22,9 +22,4 @@ DEFAULT = "canopen"
 
 DIALECTS = Dialects(eds_folder(), DEFAULT)
 
-names, folder, load, load_all = (
-    DIALECTS.names,
-    DIALECTS.folder,
-    DIALECTS.load,
-    DIALECTS.load_all,
-)
+names, folder, load, load_all = DIALECTS.names, DIALECTS.folder, DIALECTS.load, DIALECTS.load_all

@@ -17,7 +17,7 @@ from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.live.event_loop import EndedBySigterm, apart, run
 from eurobot_od.device.timers import Call, Result
-from eurobot_od.pdo.catalogue import Message, MessageT
+from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.node import Actuators, DistanceSensor
 

@@ -24,7 +24,7 @@ from eurobot_od.device.faults import (
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.plugin import Faults
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.nodes import Core, Drive, Navigation

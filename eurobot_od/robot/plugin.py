@@ -19,7 +19,7 @@ from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     from eurobot_od.device.node import Node
-    from eurobot_od.pdo.catalogue import Catalogue
+    from eurobot_od.pdo.kinds import Catalogue
 
 HERE = Path(__file__).parent
 

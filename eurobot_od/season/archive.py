@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Catalogue
+from eurobot_od.pdo.kinds import Catalogue
 from eurobot_od.season import campaign
 from eurobot_od.season import season as tables
 from eurobot_od.season.batches import FOREIGN, ColumnBatch, batches

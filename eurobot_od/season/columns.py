@@ -22,9 +22,8 @@ import pyarrow.compute as pc
 from eurobot_od.errors import shown_identifier
 from eurobot_od.frame import identifier_text
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import first_free
 from eurobot_od.pdo.codec import Run
-from eurobot_od.pdo.kinds import ColumnForm
+from eurobot_od.pdo.kinds import ColumnForm, first_free
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Unmapped
 from eurobot_od.traffic.services import CanopenService

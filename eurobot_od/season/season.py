@@ -26,7 +26,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.pdo.catalogue import first_free
+from eurobot_od.pdo.kinds import first_free
 from eurobot_od.season.results import verified
 from eurobot_od.support.texts import encodable
 

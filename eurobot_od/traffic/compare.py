@@ -22,7 +22,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame, identifier_text
-from eurobot_od.pdo.catalogue import kinds
+from eurobot_od.pdo.kinds import kinds
 from eurobot_od.traffic.entries import REMEMBERED, Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 

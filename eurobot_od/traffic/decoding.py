@@ -21,8 +21,8 @@ from eurobot_od.frame import Frame, RemoteFrame, identifier_text
 from eurobot_od.od.standard import ANSWERS
 from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_IDS, Address
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import plain
 from eurobot_od.pdo.in_force import InForce
+from eurobot_od.pdo.kinds import plain
 from eurobot_od.support.texts import cell, one_line
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Batch, Damage, Raw

@@ -16,7 +16,7 @@ from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import EMCY, SDO_ANSWERS
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Message, plain_name
+from eurobot_od.pdo.kinds import Message, plain_name
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.traffic.meaning import CANOPEN, DBC, Decoder, Meaning
 

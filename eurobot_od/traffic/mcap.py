@@ -14,8 +14,7 @@ from mcap.writer import Writer
 
 from eurobot_od.export.description import Drawings
 from eurobot_od.frame import Frame, identifier_text
-from eurobot_od.pdo.catalogue import Message, kinds, plain
-from eurobot_od.pdo.kinds import ColumnForm
+from eurobot_od.pdo.kinds import ColumnForm, Message, kinds, plain
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import LogEntry
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects

@@ -19,10 +19,9 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.od.values import ALL_NODES, Address, PdoDirection
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message, flagged_fields
 from eurobot_od.pdo.codec import compiled, extract
 from eurobot_od.pdo.in_force import InForce
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, OutOfRange, flagged_fields
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic.dbc import ForeignMessage

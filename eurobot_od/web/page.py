@@ -24,8 +24,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import label
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Message, kinds
-from eurobot_od.pdo.kinds import ColumnForm
+from eurobot_od.pdo.kinds import ColumnForm, Message, kinds
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic.entries import Damage, Foreign, Raw

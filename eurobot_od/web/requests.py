@@ -29,7 +29,7 @@ from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import ALL_NODES, DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.traffic.diagnosis.incidents import WORDS
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, moves, quick_stops
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session

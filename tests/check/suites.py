@@ -6,8 +6,8 @@ import textwrap
 from functools import cache
 from pathlib import Path
 
+from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import run_simulated
-from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.report import StepResult, SuiteResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Suite

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.bus import live as runtime
+from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import run_live, run_simulated
-from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Suite

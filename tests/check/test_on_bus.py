@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
-from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.report import Status
 from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.vocabulary import Networks

@@ -9,8 +9,8 @@ import pytest
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from eurobot_od.check import report
-from eurobot_od.check.patterns import Mismatch
 from eurobot_od.check.report import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.suite import Mismatch
 from eurobot_od.frame import Frame
 from eurobot_od.support.yaml_places import Place
 from tests.rows import rows

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
-from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.report import Status, StepResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import NodeServices, Suite

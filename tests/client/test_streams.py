@@ -8,7 +8,7 @@ from eurobot_od.client import streams
 from eurobot_od.client.configure import pdo_parameters
 from eurobot_od.client.streams import BlockingStream
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.catalogue import NOTHING
+from eurobot_od.pdo.kinds import NOTHING
 from eurobot_od.pdo.protocol import Protocol
 from tests.client.peers import DRIVE, master_on, robot
 from tests.client.wired import wired

@@ -16,7 +16,7 @@ from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NOT_VALID
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import EmergencyStop, GotoXY, KalmanPositionResponse, StartConfigurationSet
 from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.sdo.wire import AbortCode

@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,

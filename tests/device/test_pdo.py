@@ -12,7 +12,7 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import Address
-from eurobot_od.pdo.catalogue import Message, flagged_fields
+from eurobot_od.pdo.kinds import Message, flagged_fields
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveResponse,

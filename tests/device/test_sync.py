@@ -10,7 +10,7 @@ from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import SYNC_PRODUCER
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
 from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.sdo.wire import Abort, AbortCode

@@ -11,7 +11,7 @@ import pytest
 from eurobot_od.device.timers import START, Ask, Flow, Pause, Script, Timers
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,

@@ -16,7 +16,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.timers import Call
 from eurobot_od.errors import FieldError, FrameLengthError, Refused
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.plugin import Faults
 from eurobot_od.robot import faults as shipped
 from eurobot_od.robot import plugin

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import field_name
 from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, reader, slot, unpacker, writer
+from eurobot_od.pdo.kinds import field_name
 from tests.rows import rows
 
 

@@ -18,8 +18,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.make import read_table
 from eurobot_od.od.make.text import make_files, write_files
-from eurobot_od.pdo.catalogue import Message, flagged_fields
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, OutOfRange, flagged_fields
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (

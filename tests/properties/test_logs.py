@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from eurobot_od.errors import FrameLengthError, UnknownIdentifier
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import flagged_fields
+from eurobot_od.pdo.kinds import flagged_fields
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic import formats

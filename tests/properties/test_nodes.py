@@ -13,7 +13,7 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.objects import data_type
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, StopDrive
 from eurobot_od.robot.model.values import Barriers, Obstacle, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from eurobot_od.errors import FrameLengthError, RemoteError
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Message, flagged_fields
+from eurobot_od.pdo.kinds import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import EmergencyStop, GotoStateResponse, GotoXY, StartConfigurationSet

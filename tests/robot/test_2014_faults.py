@@ -15,7 +15,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import (
     SOURCES,
     CheckDriveRequest,

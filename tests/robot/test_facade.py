@@ -15,7 +15,7 @@ import pytest
 from eurobot_od.bus.live import FrameReader, Live
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.facade import Robot
 from eurobot_od.robot.model.messages import (

@@ -14,7 +14,7 @@ from eurobot_od.device.faults import (
     sent_late,
 )
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.faults import message_faults
 from eurobot_od.robot.model.messages import CheckNaviResponse, GotoConfirm, GotoStateRequest, GotoStateResponse, GotoXY

@@ -17,8 +17,7 @@ import pyarrow.parquet as pq
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue
-from eurobot_od.pdo.kinds import Quantity
+from eurobot_od.pdo.kinds import NOTHING, Catalogue, Quantity
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import MatchOptions

@@ -14,7 +14,7 @@ pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 import pyarrow as pa
 
 from eurobot_od.robot.match import MatchOptions
-from eurobot_od.robot.match.played import PlayedMatch, play
+from eurobot_od.robot.match.seeds import PlayedMatch, play
 from eurobot_od.robot.match.stage import EdsFiles
 from eurobot_od.season import results
 

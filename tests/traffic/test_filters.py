@@ -6,7 +6,7 @@ import pytest
 
 from eurobot_od.errors import EurobotError, FieldError, LocalError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckNaviRequest,

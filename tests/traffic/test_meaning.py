@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import describe, flagged_fields
+from eurobot_od.pdo.kinds import describe, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse

@@ -21,7 +21,7 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.instruments import assemble
+from eurobot_od.robot.world.world import assemble
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.page import Panel, described, page, stop_message

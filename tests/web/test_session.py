@@ -18,7 +18,7 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene.panel import FieldPanel

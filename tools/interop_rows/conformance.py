@@ -12,8 +12,8 @@ from pathlib import Path
 
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.subject import BOOT_TIME, Tier
+from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import run_live
-from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.vocabulary import Networks

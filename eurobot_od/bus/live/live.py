@@ -22,7 +22,7 @@ from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.support.connections import Backoff
 
 if TYPE_CHECKING:

@@ -32,8 +32,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
 from eurobot_od.device.timers import Plan
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Report
-from eurobot_od.gatekeeper.mailboxes import Mailboxes
+from eurobot_od.gatekeeper import Mailboxes, Report
 
 
 class FrameSource(Protocol):

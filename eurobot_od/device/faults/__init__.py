@@ -20,7 +20,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.standard import EMCY, SYNC
 from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NMT_COB_ID, Address
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.support import texts
 
 NodeT = TypeVar("NodeT", bound=Node)

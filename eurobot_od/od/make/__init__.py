@@ -32,16 +32,7 @@ from eurobot_od.support.yaml_places import (
     refuse,
     telling,
 )
-from eurobot_od.support.yaml_shapes import (
-    ASCII,
-    INTEGER_OR_ASCII,
-    PLAIN,
-    SCALAR,
-    Plain,
-    filled,
-    matching,
-    shape_of,
-)
+from eurobot_od.support.yaml_shapes import ASCII, INTEGER_OR_ASCII, PLAIN, SCALAR, Plain, filled, matching, shape_of
 
 SERVICES = ("EMCY", "SDO")
 """CANopen services that may have a row in the traffic, for all nodes."""

@@ -23,7 +23,7 @@ from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.flows import NotStanding, Standstill
-from eurobot_od.robot.world.instruments import assemble
+from eurobot_od.robot.world.world import assemble
 
 BEFORE = 10.0
 """Seconds from the start configuration to the first goto: time to look at the position polling."""

@@ -281,8 +281,8 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 
 def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
-    from eurobot_od.robot.match.played import PlayedMatch  # one match starts without
-    from eurobot_od.robot.match.seeds import SEED, bar_marks, play_many, report, settings
+    # one match starts without
+    from eurobot_od.robot.match.seeds import SEED, PlayedMatch, bar_marks, play_many, report, settings
 
     asked.refuse(("speed", "seed", "field", *OF_A_BUS), "is for one match, and does not go with --seeds")
     log = None if asked.log is None else str(asked.log)

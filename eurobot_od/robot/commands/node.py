@@ -26,7 +26,7 @@ from eurobot_od.robot.nodes.node import RobotNode
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live
     from eurobot_od.robot.match.referee import Strategy
-    from eurobot_od.robot.world.remote import RemoteVehicle
+    from eurobot_od.robot.world.server import RemoteVehicle
 
 ONLY = {"team": "core", "drill": "core", "strategy": "core", "beacons": "navigation"}
 """Options that make sense for one node only."""
@@ -105,7 +105,7 @@ class NodeScene:
         """Do what a core does by the options; None if the node is to go on. Raises BusError, NoAnswer."""
         end = inf if self.run.duration is None else live.clock() + self.run.duration
         if self.options.beacons:
-            from eurobot_od.robot.world.instruments import assemble
+            from eurobot_od.robot.world.world import assemble
 
             assemble([self.node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
         if not isinstance(self.node, Core):
@@ -124,8 +124,8 @@ def _strategy(name: str) -> Strategy:
 
 def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[RemoteVehicle, MatchOptions]:
     """Equip a node with instruments in a world."""
-    from eurobot_od.robot.world.instruments import equip
-    from eurobot_od.robot.world.remote import RemoteVehicle
+    from eurobot_od.robot.world.server import RemoteVehicle
+    from eurobot_od.robot.world.world import equip
 
     vehicle = RemoteVehicle(world, report=partial(print, flush=True))
     # Nodes and world are started together, and the world need not be up first.

@@ -45,9 +45,8 @@ from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.nodes.node import make
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.bodies import Touch
-from eurobot_od.robot.world.instruments import equip
-from eurobot_od.robot.world.remote import RemoteVehicle
-from eurobot_od.robot.world.world import RIVAL, EventKind, MatchEvent, Timeline
+from eurobot_od.robot.world.server import RemoteVehicle
+from eurobot_od.robot.world.world import RIVAL, EventKind, MatchEvent, Timeline, equip
 from eurobot_od.support.extras import complaint, place_of
 from eurobot_od.traffic.recorder import recording
 

@@ -11,8 +11,7 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FieldError
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.pdo.catalogue import Catalogue, Message
-from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, words_of
+from eurobot_od.pdo.kinds import Catalogue, Choice, Kind, Message, OutOfRange, words_of
 from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import (
     Barriers,
@@ -24,32 +23,6 @@ from eurobot_od.robot.model.values import (
     Source,
     TeamColour,
 )
-
-__all__ = [
-    "CheckDriveRequest",
-    "CheckDriveResponse",
-    "CheckNaviRequest",
-    "CheckNaviResponse",
-    "ConfederatePositionRequest",
-    "ConfederatePositionResponse",
-    "EmergencyShutdown",
-    "EmergencyStop",
-    "Enemy1PositionRequest",
-    "Enemy1PositionResponse",
-    "Enemy2PositionRequest",
-    "Enemy2PositionResponse",
-    "GotoConfirm",
-    "GotoStateRequest",
-    "GotoStateResponse",
-    "GotoXY",
-    "KalmanPositionRequest",
-    "KalmanPositionResponse",
-    "NaviPositionRequest",
-    "NaviPositionResponse",
-    "StartConfigurationConfirm",
-    "StartConfigurationSet",
-    "StopDrive",
-]
 
 CATALOGUE = Catalogue({code.value: words_of(code) for code in (ErrorCode.VALUE_OUT_OF_RANGE, *RobotError)})
 """The message types of this file by the names of their PDOs, and the words for the nodes' own error codes."""
@@ -262,3 +235,5 @@ PositionResponse: TypeAlias = (
     | Enemy2PositionResponse
     | ConfederatePositionResponse
 )
+
+__all__ = [each.__name__ for each in CATALOGUE.types]

@@ -47,29 +47,14 @@ from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script, Timer, shielded
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.catalogue import Message, MessageT
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, MessageT, OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 from eurobot_od.robot.nodes import flows
 from eurobot_od.robot.nodes.estimate import DriveAnswer, Seen, Sighting, Track, Twins
-from eurobot_od.robot.nodes.flows import (
-    LOST_PLACE,
-    DialectMismatch,
-    End,
-    GotoReport,
-    NotStanding,
-    PlaceLost,
-    SdoClientParameter,
-    Standstill,
-    drive_position,
-    find_place,
-    is_driving,
-    until_ended,
-    until_standing,
-)
+from eurobot_od.robot.nodes.flows import GotoReport, Standstill
 from eurobot_od.robot.nodes.node import (
     DEVIATION,
     LEAVING,
@@ -118,7 +103,7 @@ class _Ended(Exception):
     """Thrown into a goto's flow to end it; the flow turns it into its report."""
 
     def __init__(self, outcome: Outcome, why: str = "") -> None:
-        self.end = End(outcome, why)
+        self.end = flows.End(outcome, why)
 
 
 class Core(CallingNode, CoreSettings):
@@ -481,14 +466,14 @@ class Core(CallingNode, CoreSettings):
 
     def _see_standing(self, patience: float = inf) -> Script[Standstill]:
         """Repeat the latest stop until the robot is seen to stand, or for `patience` seconds."""
-        standstill = yield from until_standing(
+        standstill = yield from flows.until_standing(
             # `is None`, as a message without data is false.
             self,
             lambda: messages.StopDrive() if self._stopped is None else self._stopped,
             patience,
         )
         if standstill is None:
-            error = NotStanding(patience)
+            error = flows.NotStanding(patience)
             self.alarm(str(error))
             # From here on it is an emergency: Emergency Shutdown until it stands, and no goto before a recovery.
             self.raise_error(RobotError.NOT_STANDING, Standstill)
@@ -574,7 +559,7 @@ class Core(CallingNode, CoreSettings):
         try:
             yield Ask(goto, messages.GotoConfirm, self.confirm_wait, self.transmissions)
             confirmed = self.now - started
-            end = yield from until_ended(self, goto)
+            end = yield from flows.until_ended(self, goto)
             if end.outcome is Outcome.ARRIVED:
                 self._deviation = yield from self._ask_deviation()
         except _Ended as ended:  # whoever ended it has dealt with the drive
@@ -609,7 +594,7 @@ class Core(CallingNode, CoreSettings):
         """Check the nodes again after one was lost, and make sure that the drive knows where it is."""
         self._astray = True
         yield from flows.check_nodes(self, self.readiness.checked, self.without)
-        here = yield from drive_position(self)
+        here = yield from flows.drive_position(self)
         # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
         # its place is left alone.
         if here.x is None or not self.readiness.configured:
@@ -623,9 +608,9 @@ class Core(CallingNode, CoreSettings):
         self, configuration: messages.StartConfigurationSet, there: Place | None
     ) -> Script[messages.KalmanPositionResponse]:
         try:
-            here = yield from find_place(self, there, self.facts.start(configuration.team_colour))
-        except PlaceLost:
-            self._lost = LOST_PLACE  # so that the next goto looks again
+            here = yield from flows.find_place(self, there, self.facts.start(configuration.team_colour))
+        except flows.PlaceLost:
+            self._lost = flows.LOST_PLACE  # so that the next goto looks again
             raise
         self._astray = False
         return here
@@ -653,7 +638,7 @@ class Core(CallingNode, CoreSettings):
     def _take_navigation_back(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         try:
             yield from flows.take_back(self, "navigation", flows.NAVIGATION, configuration, self.readiness.checked)
-        except DialectMismatch as error:
+        except flows.DialectMismatch as error:
             self.alarm(str(error))
             # A navigation with another dialect is of no use: the next goto begins with the checks, which say so.
             self._lost = str(error)
@@ -665,7 +650,7 @@ class Core(CallingNode, CoreSettings):
         try:
             yield from flows.take_back(self, node, self.COMPONENTS[node], configuration, self.readiness.checked)
             self.alarm(f"the {node} is back")
-        except DialectMismatch as error:
+        except flows.DialectMismatch as error:
             self.alarm(str(error))
         finally:
             self._absent.pop(node, None)
@@ -767,7 +752,7 @@ class Core(CallingNode, CoreSettings):
 
     def _is(self, node: str, node_id: int) -> bool:
         # Only the EDS says which node has which ID: its SDO client parameters (CiA 301, 7.5.2.34).
-        channel = SdoClientParameter.to(node, self.device)
+        channel = flows.SdoClientParameter.to(node, self.device)
         return channel is not None and channel.node_id == node_id
 
     def _goes_on_without(self, node_id: int, why: str) -> bool:
@@ -825,7 +810,7 @@ class Core(CallingNode, CoreSettings):
 
     def _told_state(self, state: messages.GotoStateResponse) -> None:
         self._look_for_twins(state)
-        if is_driving(state):
+        if flows.is_driving(state):
             self._stop_late_goto()
 
     def _stop_late_goto(self) -> None:

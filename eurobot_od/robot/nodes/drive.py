@@ -16,8 +16,7 @@ from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.catalogue import Message
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.kinds import Remaining
 from eurobot_od.robot.model.places import Point, Pose

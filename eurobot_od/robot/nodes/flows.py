@@ -22,7 +22,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import Address
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near

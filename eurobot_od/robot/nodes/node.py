@@ -20,7 +20,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Limits, Value
-from eurobot_od.pdo.catalogue import Message, MessageT
+from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Obstacle, RobotError

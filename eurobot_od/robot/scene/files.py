@@ -15,8 +15,7 @@ from eurobot_od import plugin
 from eurobot_od.errors import UnknownName
 from eurobot_od.export.description import Drawing
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.model.messages import SOURCES, GotoXY
 from eurobot_od.robot.model.options import MatchOptions
@@ -24,7 +23,7 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, ScoredTask, TouchMark, Truth, record
-from eurobot_od.robot.scene.sheet import PAGE, sheet
+from eurobot_od.robot.scene.scene import PAGE, sheet
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
 from eurobot_od.traffic.meaning import Decoder, Meaning

@@ -11,16 +11,9 @@ from pathlib import Path
 from threading import Event as Signal
 from typing import Any, ClassVar
 
-from eurobot_od.pdo.catalogue import Message, describe
+from eurobot_od.pdo.kinds import Message, describe
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot.model import robot_file
-from eurobot_od.robot.model.messages import (
-    EmergencyShutdown,
-    GotoXY,
-    KalmanPositionRequest,
-    KalmanPositionResponse,
-    StartConfigurationSet,
-)
+from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import OURS, Outcome, Route
@@ -77,7 +70,7 @@ class FieldPanel(Panel):
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:
         """Tell whether a network has what there is to see on the field."""
-        return {KalmanPositionResponse, GotoXY} <= {each.type for each in protocol.bindings}
+        return {messages.KalmanPositionResponse, messages.GotoXY} <= {each.type for each in protocol.bindings}
 
     @classmethod
     def of(cls, protocol: Protocol) -> type[Panel]:
@@ -108,7 +101,7 @@ class FieldPanel(Panel):
 
     def objection(self, message: Message, control: Control) -> str:
         """Say why no goto is sent from the page: there is no core of ours to check and configure the nodes."""
-        if not isinstance(message, GotoXY):
+        if not isinstance(message, messages.GotoXY):
             return ""
         if self._shut_down:
             return "no goto: an Emergency Shutdown has ended all of them until a Start Configuration Set"
@@ -117,7 +110,7 @@ class FieldPanel(Panel):
                 return f"no goto: the {node} does not answer its check"
             if not control.is_as_in_its_file(node):
                 return f"no goto: the {node} speaks another dialect than the page's EDS files"
-        if not self._answers(KalmanPositionRequest(), KalmanPositionResponse, control):
+        if not self._answers(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, control):
             return "no goto: the drive does not say where it is"
         return "" if self._place_known else "no goto: the drive's place is unknown; have a core configure the start"
 
@@ -128,10 +121,10 @@ class FieldPanel(Panel):
         return heard.wait(PATIENCE)
 
     def take(self, time: float, message: Message) -> Iterable[PageEvent]:
-        if isinstance(message, KalmanPositionResponse):
+        if isinstance(message, messages.KalmanPositionResponse):
             self._place_known = message.x is not None
-        if isinstance(message, (EmergencyShutdown, StartConfigurationSet)):
-            self._shut_down = isinstance(message, EmergencyShutdown)
+        if isinstance(message, (messages.EmergencyShutdown, messages.StartConfigurationSet)):
+            self._shut_down = isinstance(message, messages.EmergencyShutdown)
         if type(message) in self._heard:
             self._heard[type(message)].set()
         news = self._recorder.take(time, message)
@@ -139,7 +132,7 @@ class FieldPanel(Panel):
             # Many at once, as deleting at the front moves all the rest.
             if len(path) > 2 * KEPT:
                 del path[:KEPT]
-        if isinstance(message, StartConfigurationSet):
+        if isinstance(message, messages.StartConfigurationSet):
             text, robots = f"Start Configuration Set: {describe(message)}", _as_data(looks(self.facts(), message))
             yield PageEvent(f"start {time}", "start", time, text, data={"robots": robots})
         for each in news:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 from eurobot_od.errors import FileError, LocalError
-from eurobot_od.pdo.catalogue import Message, is_flagged, kinds
+from eurobot_od.pdo.kinds import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import FAULT_OUTCOME, Caption, GotoFault, Outcome, TeamColour

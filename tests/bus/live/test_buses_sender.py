@@ -12,13 +12,13 @@ from typing import Any
 import can
 import pytest
 
+from eurobot_od import gatekeeper as mailboxes_module
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live import buses as buses_module
 from eurobot_od.bus.live.buses import FIRST_PAUSE, LONGEST_PAUSE, STUCK_AFTER, Sender
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Mailboxes, Report, Stay
-from eurobot_od.gatekeeper import mailboxes as mailboxes_module
 
 FRAMES = [Frame(cob_id) for cob_id in (0x008, 0x004, 0x3C0, 0x002, 0x010)]
 """More than there are mailboxes."""

@@ -20,11 +20,10 @@ from eurobot_od.bus.live.reader import ENDURED, POLL
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import BusError, FieldError, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import MAILBOX_WAIT, Gatekeeper
 from eurobot_od.gatekeeper import Event as What
-from eurobot_od.gatekeeper import Gatekeeper
-from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,

@@ -16,7 +16,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.make import read_table
 from eurobot_od.od.make.text import make_files, write_files
 from eurobot_od.od.values import Limits
-from eurobot_od.pdo.catalogue import NOTHING
+from eurobot_od.pdo.kinds import NOTHING
 from eurobot_od.pdo.protocol import Protocol
 from tests.od.make.tables import TABLE
 

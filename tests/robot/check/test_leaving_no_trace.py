@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
-from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.nmt import NmtState

@@ -21,8 +21,8 @@ from eurobot_od.robot.model.options import WorldAddress
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Navigation
-from eurobot_od.robot.world.instruments import SimulatedBeacons
-from eurobot_od.robot.world.remote import RemoteVehicle
+from eurobot_od.robot.world.server import RemoteVehicle
+from eurobot_od.robot.world.world import SimulatedBeacons
 from eurobot_od.support.connections import Address
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, killed_if_it_hangs, line, node, serve_bus

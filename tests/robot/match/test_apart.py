@@ -14,7 +14,7 @@ from eurobot_od.robot.match.summary import FrameCounter
 from eurobot_od.robot.model.options import MatchOptions, WorldAddress
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.world.remote import RemoteVehicle
+from eurobot_od.robot.world.server import RemoteVehicle
 from eurobot_od.robot.world.world import EventKind, MatchEvent
 from eurobot_od.support.connections import Address
 from tests.client.peers import new_channel, open_bus

@@ -11,7 +11,6 @@ import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.match import MatchOptions
-from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch, PlayedTask, play
 from eurobot_od.robot.match.referee import StrategyFiles
 from eurobot_od.robot.match.seeds import (
     ASCII,
@@ -21,9 +20,13 @@ from eurobot_od.robot.match.seeds import (
     NO_TASKS,
     EndingCount,
     Figure,
+    PlayedGoto,
+    PlayedMatch,
+    PlayedTask,
     Spread,
     TouchCount,
     endings,
+    play,
     play_many,
     report,
     spread,

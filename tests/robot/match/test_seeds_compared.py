@@ -7,8 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.match.played import PlayedMatch
-from eurobot_od.robot.match.seeds import compared, farthest_apart, interval, picture_of
+from eurobot_od.robot.match.seeds import PlayedMatch, compared, farthest_apart, interval, picture_of
 from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.model.values import OURS
 

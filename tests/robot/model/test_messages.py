@@ -6,8 +6,7 @@ from itertools import combinations
 
 import pytest
 
-from eurobot_od.pdo.catalogue import Message, describe, field_name, flagged_fields, kinds
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, OutOfRange, describe, field_name, flagged_fields, kinds
 from eurobot_od.robot.model.messages import (
     CATALOGUE,
     CheckDriveRequest,

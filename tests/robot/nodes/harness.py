@@ -16,7 +16,7 @@ from eurobot_od.device.station import Station
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.pdo.catalogue import Message, MessageT
+from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveResponse,

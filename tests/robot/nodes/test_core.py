@@ -16,7 +16,7 @@ from eurobot_od.errors import FieldError, NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,

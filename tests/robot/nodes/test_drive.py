@@ -11,8 +11,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.pdo.catalogue import Message, MessageT
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, MessageT, OutOfRange
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import (

@@ -7,7 +7,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import (
     CheckNaviRequest,
     CheckNaviResponse,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.model.messages import (
     EmergencyStop,

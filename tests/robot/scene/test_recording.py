@@ -9,8 +9,7 @@ import pytest
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import (
     EmergencyShutdown,

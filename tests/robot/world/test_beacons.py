@@ -11,7 +11,7 @@ from eurobot_od.robot.model.options import NOISE_ONLY, Errors
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.world.instruments import SimulatedBeacons
+from eurobot_od.robot.world.world import SimulatedBeacons
 from tests.robot.world.places import Place
 
 MANY = 3000

@@ -11,8 +11,7 @@ import pytest
 from eurobot_od.robot.model.options import Errors
 from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes.node import Detection
-from eurobot_od.robot.world.instruments import Sensor
-from eurobot_od.robot.world.world import RIVAL
+from eurobot_od.robot.world.world import RIVAL, Sensor
 from tests.robot.world.places import Place
 
 EXACT = Errors(sensor_noise=0, sensor_false=0, sensor_missed=0)

@@ -10,7 +10,7 @@ import pytest
 
 from eurobot_od.robot.model.options import Errors
 from eurobot_od.robot.nodes.motion import AT_REST, Odometry, WheelCommand
-from eurobot_od.robot.world.instruments import SimulatedWheels
+from eurobot_od.robot.world.world import SimulatedWheels
 from tests.robot.world.places import STEP, Place
 
 EXACT = Errors(wheel_scale=0, wheel_turn=0, wheel_noise=0, heading_noise=0, wheel_slip=0)

@@ -21,7 +21,7 @@ from bench.shared import protocol
 from eurobot_od.export.dbc import dbc_text
 from eurobot_od.od.pdos import RESERVED
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoXY, NaviPositionResponse, StartConfigurationSet

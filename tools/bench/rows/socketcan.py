@@ -22,7 +22,7 @@ from bench.process import ENVIRONMENT, PROGRAMS, PYTHON, started
 from bench.shared import protocol
 from eurobot_od.bus.live import Live
 from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 
 CHANNEL = "vcan0"
 BITRATE = 1_000_000

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import (
     EmergencyStop,
@@ -28,8 +28,7 @@ from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.files import SeenMatch, form, save
 from eurobot_od.robot.scene.recording import PathPoint, ScoredTask, TouchMark, Truth, record
-from eurobot_od.robot.scene.scene import SPACING
-from eurobot_od.robot.scene.sheet import PAGE, sheet
+from eurobot_od.robot.scene.scene import PAGE, SPACING, sheet
 from eurobot_od.support import svg
 
 FACTS = robot_file.read()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.check.patterns import (
+from eurobot_od.check.suite import (
     EmergencyPattern,
     FramePattern,
     HeartbeatPattern,

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from eurobot_od.bus.live import Live
-from eurobot_od.cli import drive as command
+from eurobot_od.cli import objects as command
 from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
 from tests.cli.console import Said, run

@@ -19,11 +19,9 @@ from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions, WorldAddres
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import OURS, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
-from eurobot_od.robot.world import World, remote
-from eurobot_od.robot.world.instruments import Sensor, SimulatedBeacons, SimulatedWheels, Vehicle
-from eurobot_od.robot.world.remote import RemoteVehicle
-from eurobot_od.robot.world.server import VERSION, Channel, Server
-from eurobot_od.robot.world.world import RIVAL
+from eurobot_od.robot.world import World, server
+from eurobot_od.robot.world.server import VERSION, Channel, RemoteVehicle, Server
+from eurobot_od.robot.world.world import RIVAL, Sensor, SimulatedBeacons, SimulatedWheels, Vehicle
 from eurobot_od.support.connections import Address
 from tests.rows import rows
 
@@ -165,7 +163,7 @@ def test_a_world_that_was_started_anew_is_found_again() -> None:
 
 
 def test_a_world_that_was_not_there_is_not_asked_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(remote, "RETRY", 1000.0)
+    monkeypatch.setattr(server, "RETRY", 1000.0)
     with served() as address:
         pass
     with reaching(address) as (vehicle, _):

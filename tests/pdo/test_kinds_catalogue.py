@@ -10,8 +10,7 @@ from canopen.objectdictionary import ODVariable
 from eurobot_od.errors import MappingError
 from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.values import UNSIGNED8, PdoDirection
-from eurobot_od.pdo.catalogue import Catalogue, field_name, first_free, made_type
-from eurobot_od.pdo.kinds import Kind
+from eurobot_od.pdo.kinds import Catalogue, Kind, field_name, first_free, made_type
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from tests.rows import rows

@@ -21,7 +21,7 @@ from eurobot_od.gatekeeper import (
     Report,
     TransmitStatistics,
 )
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     EmergencyStop,

@@ -6,8 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.check.patterns import EmergencyPattern, FramePattern, HeartbeatPattern, MessagePattern
-from eurobot_od.check.suite import Expect, Group, Nmt, Order, Poll, SdoWrite, Send
+from eurobot_od.check.suite import (
+    EmergencyPattern,
+    Expect,
+    FramePattern,
+    Group,
+    HeartbeatPattern,
+    MessagePattern,
+    Nmt,
+    Order,
+    Poll,
+    SdoWrite,
+    Send,
+)
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import YamlError
 from eurobot_od.frame import Frame, RemoteFrame

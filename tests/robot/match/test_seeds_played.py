@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions
-from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch, gotos_in, play, touches_in
 from eurobot_od.robot.match.referee import Players
+from eurobot_od.robot.match.seeds import PlayedGoto, PlayedMatch, gotos_in, play, touches_in
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.summary import RobotTouch, Summary
 from eurobot_od.robot.model.values import OURS
