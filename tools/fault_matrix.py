@@ -1,8 +1,8 @@
 """Runs all shipped check suites against all faults and prints which suite finds which fault.
 
 Every fault has to turn the step red that its table names, and without a fault no suite may be red, whatever the seed.
-The faults of the tests' kit are given to a device that the conformance suites, made from its file, ask for everything.
-The exit status says whether it is so: 0 yes, 1 no.
+What the conformance suites find is asked by tests/check/conformance/test_faults.py. The exit status says whether it is
+so: 0 yes, 1 no.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from environment import ROOT
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the kit is the tests'
 
-from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.report import Status
@@ -26,14 +25,11 @@ from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.cli.options import Campaign, counted
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summary
-from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.season.campaign import Workers
 from eurobot_od.season.campaign import run as in_blocks
 from eurobot_od.season.results import Results
-from tests.kit.devices import MODULE, first_red, suites
-from tests.kit.faults import CONFORMANCE
 from tests.kit.robot_faults import ROBOT
 
 FINE, NOT_FOUND = 0, 1
@@ -152,18 +148,6 @@ def wrongly_red(outcomes: Iterable[Outcome]) -> Iterator[str]:
             yield f"{each.run.suite} ({each.run.dialect}, seed {each.run.seed}): {each.red[0]!r} is red without a fault"
 
 
-# Suites made from a file
-
-
-def not_found_by_conformance(names: Iterable[str]) -> Iterator[str]:
-    """Say which faults the first red step of all conformance suites does not name."""
-    for name in names:
-        fault, asked = CONFORMANCE[name], suites(MODULE, Tier.DESTRUCTIVE)
-        red, step = first_red(asked, fault.given_to(SimulatedDevice)), fault.caught_by.step
-        if not red.startswith(step):
-            yield f"conformance: {name}: expected red is {step!r}; red is {red or 'nothing'}"
-
-
 # Command line
 
 
@@ -179,13 +163,9 @@ def run_all(
     campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
 ) -> int:
     """Run all shipped suites against all faults; print the matrix for each dialect and what is not as it has to be."""
-    asked_for, of_robot = fault or [*CONFORMANCE, *robot_faults()], robot_faults()
-    for name in {*asked_for} - {*CONFORMANCE}:
+    for name in fault:
         ROBOT.find_fault(name)  # complains of a name before the first run
-    of_devices = [name for name in asked_for if name in CONFORMANCE]
-    wrong = list(not_found_by_conformance(of_devices))
-    print(f"conformance: {len(of_devices)} faults, {len(wrong)} not found as named\n")
-    names = [name for name in of_robot if name in asked_for]
+    names, wrong = [name for name in robot_faults() if name in fault or not fault], list[str]()
     chosen = {each: (fault_runs(each, names), healthy_runs(each, seeds)) for each in dialect or dialects.names()}
     number = sum(len(runs) for both in chosen.values() for runs in both)
     kept = campaign.kept(Outcome, lambda: {"campaign": "faults"})

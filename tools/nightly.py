@@ -41,7 +41,7 @@ def rows() -> tuple[Step, ...]:
         Step("fuzz lint", python("tools/lint_fuzz.py", "20000", "--first", f"{SEED}00000")),
         Step("kills", python("tools/kill_store.py", "--seed", SEED)),
         Step("faults", python("tools/fault_matrix.py")),
-        Step("losses", python("tools/loss_matrix.py")),
+        Step("losses", python("tools/loss_matrix.py"), longest=3600),
         Step("losses live", python("tools/loss_matrix.py", "--live", "--times", "6", "--jobs", "12")),
         Step("bus", python("tools/bus_crosscheck.py")),
         Step("wheel", python("tools/wheel.py")),

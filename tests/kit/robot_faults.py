@@ -52,8 +52,10 @@ from eurobot_od.robot.model.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Passage, RobotError, Source, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.flows import GotoReport
 from eurobot_od.robot.nodes.node import Objects
 from eurobot_od.robot.protocol import EurobotProtocol
@@ -127,6 +129,14 @@ def field(name: str, change: Callable[[Any], Any]) -> FrameChange:
 def unknown_as(coordinate: int) -> FrameChange:
     """Change an unknown position to a known one, x and y the same, at 0 degrees."""
     return meaning(lambda place: place if place.x is not None else place._replace(x=coordinate, y=coordinate, angle=0))
+
+
+def _unknown_as_255(drive: Drive, position: Any, healthy: Callable[[Any], None]) -> None:
+    if position.x is None:
+        # As a drive without a filter: ours does not believe a place so far from its own.
+        drive.estimate = Estimate(drive.tuning, Pose(255, 255, 0))
+    else:
+        healthy(position)
 
 
 def exchanged(one: str, other: str) -> FrameChange:
@@ -664,7 +674,7 @@ DRIVE = {
     ),
     "unknown-navigation-taken": Caught("drive", "Table 2: an unknown position changes nothing").fault(
         "takes an unknown navigation position for the place 255, 255",
-        hooks.arriving(NaviPositionResponse, unknown_as(255)),
+        hooks.handling(NaviPositionResponse, _unknown_as_255),
     ),
     # Node check and start configuration (document 2.3)
     "check-needs-configuration": Caught("drive", DRIVE_THERE).fault(
