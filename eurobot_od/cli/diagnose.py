@@ -17,11 +17,12 @@ from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, EmcyFiles, Json, NoReconnect, Seconds, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
+from eurobot_od.lint.findings import LEVELS
 from eurobot_od.traffic.diagnosis import Diagnosis
-from eurobot_od.traffic.diagnosis.incidents import WORDS, Incident, lines
+from eurobot_od.traffic.diagnosis.incidents import Incident, lines
 from eurobot_od.traffic.monitor import BusSource
 
-LEVELS = {word: level for level, word in WORDS.items()}
+BY_WORD = {word: level for level, word in LEVELS.items()}
 """What `--fail-on` takes; "never" beside them."""
 
 NEVER = "never"
@@ -37,7 +38,7 @@ def diagnose(
     duration: Annotated[Seconds, Option("--for")] = inf,
     as_json: Json = False,
     report: Annotated[Path | None, Option(metavar="FILE")] = None,
-    fail_on: Annotated[str, Option(choices=(*LEVELS, NEVER))] = "warning",
+    fail_on: Annotated[str, Option(choices=(*BY_WORD, NEVER))] = "warning",
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
@@ -75,8 +76,8 @@ def diagnose(
         title = ", ".join(Path(each).name for each in logs) or "a bus"
         write(report, FORMS[form](list(blocks(title, said, found, diagnosis))))
     worst = found[0].rule.severity if found else None
-    order = list(WORDS)
-    fails = worst is not None and fail_on != NEVER and order.index(worst) <= order.index(LEVELS[fail_on])
+    order = list(LEVELS)
+    fails = worst is not None and fail_on != NEVER and order.index(worst) <= order.index(BY_WORD[fail_on])
     return ExitStatus.FOUND if fails else ExitStatus.FINE
 
 
@@ -119,10 +120,10 @@ def blocks(title: str, verdict: str, incidents: Sequence[Incident], diagnosis: D
     if incidents:
         yield DocHeading(2, "What was found")
         rows = [
-            (WORDS[each.rule.severity], each.title, str(each.seen.number), f"{each.seen.places[0].time:.3f}")
+            (LEVELS[each.rule.severity], each.title, str(each.seen.number), f"{each.seen.places[0].time:.3f}")
             for each in incidents
         ]
         yield DocTable(("Level", "What", "Times", "First at, s"), rows, ("Times", "First at, s"), ("Level",))
     for each in incidents:
-        yield DocHeading(3, f"{WORDS[each.rule.severity].capitalize()}: {each.title}")
+        yield DocHeading(3, f"{LEVELS[each.rule.severity].capitalize()}: {each.title}")
         yield DocTable(("", ""), each.facts, words=("",))

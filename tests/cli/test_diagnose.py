@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.bus.live import Driver, open_bus
-from eurobot_od.cli.diagnose import LEVELS, NEVER
+from eurobot_od.cli.diagnose import BY_WORD, NEVER
 from eurobot_od.frame import Frame
 from tests.cli.console import run
 from tests.rows import rows
@@ -59,7 +59,7 @@ def test_the_lowest_level_that_fails(
 
 
 def test_each_level_can_fail() -> None:
-    assert list(LEVELS) == ["error", "warning", "note"]
+    assert list(BY_WORD) == ["error", "warning", "note"]
 
 
 def test_an_incident_names_place_cause_remedy_and_clause(

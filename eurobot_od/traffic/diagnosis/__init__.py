@@ -16,6 +16,7 @@ from typing import Any
 
 from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
+from eurobot_od.lint.findings import LEVELS
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
@@ -145,9 +146,7 @@ class WatchedBus:
     def _silence(self, time: float) -> None:
         beating = self.nodes.beating
         if len(beating) > 1 and all(each.is_lost(time) for each in beating):
-            text = (
-                f"nothing came for {duration(round(time - self.bus.now, 3))}, not even from {len(beating)} heartbeats"
-            )
+            text = f"nothing came for {duration(time - self.bus.now, 3)}, not even from {len(beating)} heartbeats"
             self.bus.found(BusRule.LOG_GAP, "", text)
             self._gap(time)
 
@@ -287,6 +286,12 @@ class Diagnosis:
             each.bus.report = self.incidents.at
         return self.incidents.sorted(still_open)
 
+    def as_data(self, time: float) -> dict[str, Any]:
+        """Return for a page what is wrong until a time in s."""
+        found = self.so_far(time)
+        rows = [{"level": LEVELS[each.rule.severity], "title": each.title, "facts": each.facts} for each in found]
+        return {"verdict": self.verdict(found), "incidents": rows}
+
     def verdict(self, incidents: Sequence[Incident]) -> str:
         """Return the answer in one line."""
-        return verdict(incidents, f"{amount(self.frames, 'frame')}, {duration(round(self.seconds + self._span, 1))}")
+        return verdict(incidents, f"{amount(self.frames, 'frame')}, {duration(self.seconds + self._span, 1)}")

@@ -6,14 +6,14 @@ from collections import defaultdict, deque
 from functools import partial
 from itertools import pairwise
 
-from eurobot_od.client.watch import LOST_AFTER, NodeChange
+from eurobot_od.client.watch import LATE_AFTER, LOST_AFTER, NodeChange
 from eurobot_od.device.nmt import COMMAND_NAMES, RESETS, STATE_NAMES, TARGET, TOGGLE, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ANSWERS, CONSUMED_HEARTBEATS, HEARTBEAT_TIME, Lss, LssState
 from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NODE_IDS
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import Occurrences
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
+from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import GUARDING, NMT
@@ -33,8 +33,8 @@ SURE = 3
 PATIENCE = 1.0
 """Seconds in which no heartbeat is missed until three have shown their period."""
 
-LATE, CHANGED, UNEVEN = 1.5, 0.25, 0.2
-"""Shares of a heartbeat's period: it is late, comes at another one, is one of two series."""
+CHANGED, UNEVEN = 0.25, 0.2
+"""Shares of a heartbeat's period: it comes at another one, is one of two series."""
 
 
 class Beats:
@@ -145,7 +145,7 @@ class NodesWatcher(Watcher):
             del self._told[node.node_id]
         elif command and time - since > OBEYS_WITHIN:
             del self._told[node.node_id]
-            text = f"is {STATE_NAMES[state]} {duration(round(time - since, 3))} after NMT {COMMAND_NAMES[command]}"
+            text = f"is {STATE_NAMES[state]} {duration(time - since, 3)} after NMT {COMMAND_NAMES[command]}"
             self.bus.found(BusRule.NOT_FOLLOWED, node.name, text, command)
 
     # Heartbeats
@@ -171,18 +171,18 @@ class NodesWatcher(Watcher):
     def _judge(self, node: ObservedNode, beats: Beats) -> None:
         """Look at a node's last intervals."""
         *others, last = beats.intervals
-        if len(others) >= SURE and last > LATE * (usual := beats.usual):
-            text = f"a heartbeat after {_ms(last)}, with a period of {_ms(usual)}"
+        if len(others) >= SURE and last > LATE_AFTER * (usual := beats.usual):
+            text = f"a heartbeat after {brief(last)}, with a period of {brief(usual)}"
             self.bus.found(BusRule.HEARTBEAT_LATE, node.name, text)
         if not beats.period or len(beats.intervals) < 2 * SURE:
             return
         period, uneven = beats.period, max(beats.intervals) > (1 + CHANGED) * min(beats.intervals)
         pairs = [one + two for one, two in pairwise(beats.intervals)]
         if uneven and all(abs(each / period - 1) < UNEVEN for each in pairs):
-            text = f"two series of heartbeats, each every {_ms(period)}"
+            text = f"two series of heartbeats, each every {brief(period)}"
             self.bus.found(BusRule.TWO_NODES, node.name, text, "heartbeats")
         elif not uneven and all(abs(each / period - 1) > CHANGED for each in beats.intervals):
-            text = f"a heartbeat every {_ms(last)}, with 0x1017 = {period * 1000:g} ms"
+            text = f"a heartbeat every {brief(last)}, with 0x1017 = {period * 1000:g} ms"
             self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text)
 
     def set_period(self, node: ObservedNode) -> None:
@@ -202,7 +202,9 @@ class NodesWatcher(Watcher):
                 beats.lost = True
                 node = self.bus.node(node_id)
                 state = f"; it was {STATE_NAMES[node.state]}" if node.state else ""
-                text = f"{NodeChange.LOST.value}: no heartbeat for {LOST_AFTER:g} periods of {_ms(beats.usual)}{state}"
+                text = (
+                    f"{NodeChange.LOST.value}: no heartbeat for {LOST_AFTER:g} periods of {brief(beats.usual)}{state}"
+                )
                 self.bus.found(BusRule.HEARTBEAT_LOST, node.name, text)
         for node in self.bus.nodes.values():
             if node.reset is not None and time - node.reset > BOOTS_WITHIN:
@@ -237,7 +239,7 @@ class NodesWatcher(Watcher):
             if not node.heard and node.dictionary and time - self.bus.began > LOST_AFTER:
                 self.bus.found(BusRule.NEVER_HEARD, node.name, f"is never heard (node-ID {node.node_id})")
             if waiting and time - waiting.places[0].time > BOOTS_WITHIN and node.node_id not in self._told:
-                text = f"stays {STATE_NAMES[NmtState.PRE_OPERATIONAL]} for {duration(round(time - node.since, 1))}"
+                text = f"stays {STATE_NAMES[NmtState.PRE_OPERATIONAL]} for {duration(time - node.since, 1)}"
                 self.bus.found(BusRule.NOT_STARTED, node.name, text, seen=waiting)
             self._consumers(node)
 
@@ -256,12 +258,10 @@ class NodesWatcher(Watcher):
                 text = f"waits for the heartbeat of {producer.name} (0x1016), which sends none"
                 self.bus.found(BusRule.CONSUMER_UNFED, node.name, text, node_id)
             elif (period := producer.number(HEARTBEAT_TIME) / 1000) >= wait:
-                text = f"waits {_ms(wait)} for {producer.name} (0x1016), which sends a heartbeat every {_ms(period)}"
+                text = (
+                    f"waits {brief(wait)} for {producer.name} (0x1016), which sends a heartbeat every {brief(period)}"
+                )
                 self.bus.found(BusRule.CONSUMER_SHORT, node.name, text, node_id)
-
-
-def _ms(seconds: float) -> str:
-    return duration(round(seconds, 4))
 
 
 # Emergencies
