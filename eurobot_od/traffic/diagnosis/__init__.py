@@ -269,7 +269,8 @@ class Diagnosis:
 
     def silent(self, log: str = "") -> None:
         """Report that there was nothing in a log, or on a bus."""
-        text = f"no frame in {log}" if log else "no frame came"
+        missing = ", ".join(each.name for each in self._decoder.dictionaries)
+        text = (f"no frame in {log}" if log else "no frame came") + (f": {missing} should be there" if missing else "")
         self.incidents.at(BusRule.BUS_SILENT, "", "", log, text, "", "").add(SeenAt(0.0, log))
 
     def missed(self, notes: Iterable[str]) -> None:

@@ -7,9 +7,9 @@ from functools import partial
 from itertools import pairwise
 
 from eurobot_od.client.watch import LATE_AFTER, LOST_AFTER, NodeChange
-from eurobot_od.device.nmt import COMMAND_NAMES, RESETS, STATE_NAMES, TARGET, TOGGLE, NmtState
+from eurobot_od.device.nmt import COMMAND_NAMES, RESETS, STATE_NAMES, TARGET, TOGGLE, NmtState, boot_state
 from eurobot_od.frame import Frame
-from eurobot_od.od.standard import ANSWERS, CONSUMED_HEARTBEATS, HEARTBEAT_TIME, Lss, LssState
+from eurobot_od.od.standard import ANSWERS, CONSUMED_HEARTBEATS, HEARTBEAT_TIME, NMT_STARTUP, Lss, LssState
 from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NODE_IDS
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import Occurrences
@@ -35,6 +35,9 @@ PATIENCE = 1.0
 
 CHANGED, UNEVEN = 0.25, 0.2
 """Shares of a heartbeat's period: it comes at another one, is one of two series."""
+
+OFF_OR_ELSEWHERE = "its heartbeat is switched off, or it sends it under another node-ID"
+"""Why a node that is there likely sends no heartbeat."""
 
 
 class Beats:
@@ -63,6 +66,11 @@ class Beats:
         least = 0.0 if len(self.intervals) >= SURE else PATIENCE  # a device may have another period than its file
         return self.last is not None and self.usual > 0 and now - self.last > max(LOST_AFTER * self.usual, least)
 
+    @property
+    def came(self) -> bool:
+        """Whether there was any."""
+        return bool(self.last is not None or self.intervals or self.lost)
+
     def restart(self, last: float | None) -> None:
         """Begin anew: one is due after `last`, or none."""
         self.last, self.lost, self.flips = last, False, 0
@@ -75,6 +83,7 @@ class NodesWatcher(Watcher):
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
         self._told: dict[int, tuple[int, float]] = {}
+        self._wanted: dict[int, NmtState] = {}
         self._booted: dict[int, float] = {}
         self._beats: dict[int, Beats] = {}
         self._toggles: dict[int, int | None] = {}
@@ -107,12 +116,17 @@ class NodesWatcher(Watcher):
             self._beats_of(node).flips = 0
             if command in RESETS:
                 node.reset, node.state = time, None
-                self._told.pop(node.node_id, None)
+                self._forget_orders(node)
                 self._beats_of(node).restart(None)
             elif command in TARGET:
+                wanted = self._wanted[node.node_id] = TARGET[command]  # type: ignore[index]
                 self._told[node.node_id] = command, time
                 if node.heard:
-                    node.state, node.since = TARGET[command], time  # type: ignore[index]
+                    node.state, node.since = wanted, time
+
+    def _forget_orders(self, node: ObservedNode) -> None:
+        self._told.pop(node.node_id, None)
+        self._wanted.pop(node.node_id, None)
 
     def _boot(self, time: float, node: ObservedNode) -> None:
         last, self._booted[node.node_id] = self._booted.get(node.node_id), time
@@ -125,7 +139,7 @@ class NodesWatcher(Watcher):
         elif last is not None or node.state is not None:
             self.bus.found(BusRule.BOOTS_AGAIN, node.name, f"{NodeChange.BOOTED.value} again without a reset")
         node.booted, node.state, node.since = True, None, time
-        self._told.pop(node.node_id, None)
+        self._forget_orders(node)
         self._toggles[node.node_id] = None
         self._beats_of(node).restart(time)
 
@@ -133,6 +147,8 @@ class NodesWatcher(Watcher):
         if not is_guarding:
             self._beat(time, node, state)
         if state is not node.state:
+            if node.node_id not in self._told and state is not self._wanted.get(node.node_id):
+                self._untold(node, state)
             node.state, node.since = state, time
         for tell in self.bus.stated:
             tell(node)
@@ -147,6 +163,14 @@ class NodesWatcher(Watcher):
             del self._told[node.node_id]
             text = f"is {STATE_NAMES[state]} {duration(time - since, 3)} after NMT {COMMAND_NAMES[command]}"
             self.bus.found(BusRule.NOT_FOLLOWED, node.name, text, command)
+
+    def _untold(self, node: ObservedNode, state: NmtState) -> None:
+        """Look at a state that nobody has commanded: the first one after a boot-up, or one after another."""
+        text = f"goes from {STATE_NAMES[node.state or 0]} to {STATE_NAMES[state]} without a command"
+        starts = node.dictionary and boot_state(node.dictionary.default(NMT_STARTUP))
+        is_first = state is NmtState.OPERATIONAL is not starts and self._booted.get(node.node_id) == node.since
+        if node.state is not None or (starts and is_first):
+            self.bus.found(BusRule.STATE_UNTOLD, node.name, text, (node.state, state))
 
     # Heartbeats
 
@@ -215,6 +239,9 @@ class NodesWatcher(Watcher):
     def gap(self, time: float) -> None:
         for beats in self.beating:
             beats.restart(time)
+        self._booted.clear()
+        for node in self.bus.nodes.values():
+            node.state = None
 
     # Guarding
 
@@ -235,12 +262,17 @@ class NodesWatcher(Watcher):
     def end(self, time: float) -> None:
         self.tick(time)
         for node in list(self.bus.nodes.values()):
-            waiting = self._pre_operational.get(node.node_id)
+            waiting, beats = self._pre_operational.get(node.node_id), self._beats_of(node)
             if not node.heard and node.dictionary and time - self.bus.began > LOST_AFTER:
                 self.bus.found(BusRule.NEVER_HEARD, node.name, f"is never heard (node-ID {node.node_id})")
             if waiting and time - waiting.places[0].time > BOOTS_WITHIN and node.node_id not in self._told:
                 text = f"stays {STATE_NAMES[NmtState.PRE_OPERATIONAL]} for {duration(time - node.since, 1)}"
                 self.bus.found(BusRule.NOT_STARTED, node.name, text, seen=waiting)
+            is_by_file = node.heard and beats.period and HEARTBEAT_TIME not in node.in_force()
+            watched = self.bus.now - self.bus.began > max(LOST_AFTER * beats.period, PATIENCE)
+            if is_by_file and watched and not beats.came:
+                text = f"sends no heartbeat, with 0x1017 = {beats.period * 1000:g} ms"
+                self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text, cause=OFF_OR_ELSEWHERE)
             self._consumers(node)
 
     def _consumers(self, node: ObservedNode) -> None:
@@ -252,7 +284,7 @@ class NodesWatcher(Watcher):
             if not wait or node_id not in NODE_IDS:
                 continue
             producer = self.bus.node(node_id)
-            if beats is None or not (beats.last or beats.intervals or beats.lost):
+            if beats is None or not beats.came:
                 if self.bus.now - self.bus.began < wait:  # it may come yet
                     continue
                 text = f"waits for the heartbeat of {producer.name} (0x1016), which sends none"

@@ -28,6 +28,9 @@ INHIBITED, STAMP = 0.9, 0.0005
 ON_ITS_WAY = 0.05
 """Seconds after a change of state in which a frame may come that was sent before."""
 
+OF_EVENTS = range(254, 256)
+"""Transmission types of PDOs that have an event timer (CiA 301, 7.5.2.37)."""
+
 SYNCS = 3
 """So many times its number of SYNCs a synchronous PDO may be late."""
 
@@ -50,8 +53,8 @@ class WatchedPdo:
 
     @property
     def timer(self) -> float:
-        """Event timer, s."""
-        return self.pdo.event_timer / 1000
+        """Event timer, s; 0 for one that is sent on SYNC or on request."""
+        return self.pdo.event_timer / 1000 if self.pdo.transmission_type in OF_EVENTS else 0.0
 
 
 class PdoWatcher(Watcher):
@@ -61,11 +64,13 @@ class PdoWatcher(Watcher):
         super().__init__(bus)
         self._pdos: dict[int, WatchedPdo] = {}
         self._early: dict[int, list[WatchedPdo]] = {}
+        self._since = 0.0
         bus.stated.append(self._said)
 
     def changed(self) -> None:
         """Take in that the mapping in force is another one."""
         self._pdos.clear()
+        self._since = self.bus.now
 
     def take(self, time: float, meaning: Meaning) -> None:
         cob_id = meaning.raw[0]
@@ -146,16 +151,23 @@ class PdoWatcher(Watcher):
         for binding in self.bus.decoder.protocol.bindings:
             sender = self.bus.named(binding.senders[0]) if binding.senders else None
             pdo = binding.pdo
-            # What the sender's own record says; a receiver's may differ. Type 0 is sent only after an event.
-            if not (sender and pdo.direction is PdoDirection.TPDO and pdo.is_synchronous and pdo.transmission_type):
+            # What the sender's own record says; a receiver's may differ.
+            if not (sender and sender.heard and pdo.direction is PdoDirection.TPDO and sender.state):
                 continue
-            if not sender.heard or sender.state is None or not sender.is_operational or time - sender.since < 1.0:
+            span, is_sent = time - max(sender.since, self._since), binding.cob_id in self._pdos
+            if not sender.is_operational or span < 1.0:
                 continue
             syncs = self.bus.counts[SYNC_NAME]
+            watched = WatchedPdo(binding.name, pdo, sender)
+            if watched.timer and not is_sent and span > LATE_AFTER * watched.timer:
+                text = f"{binding.name} is never sent, event timer {brief(watched.timer)}"
+                self.bus.found(BusRule.PDO_TIMER, sender.name, text, binding.cob_id)
+            if not (pdo.is_synchronous and pdo.transmission_type):  # type 0 is sent only after an event
+                continue
             if not syncs:
                 text = f"{binding.name} waits for SYNC (transmission type {pdo.transmission_type}), which nobody sends"
                 self.bus.found(BusRule.PDO_NO_SYNC, sender.name, text, binding.cob_id)
-            elif binding.cob_id not in self._pdos and syncs > SYNCS * pdo.transmission_type:
+            elif not is_sent and syncs > SYNCS * pdo.transmission_type:
                 text = f"{binding.name} is never sent in {syncs} SYNCs (transmission type {pdo.transmission_type})"
                 self.bus.found(BusRule.PDO_NOT_SENT, sender.name, text, binding.cob_id)
 

@@ -94,6 +94,12 @@ class BusRule(IncidentRule):
         "it was still booting, refuses because of an error, or a second master commands it",
         "wait for its boot-up before the command; read 0x1001 and its errors (`emcy`)", "CiA 301, 7.3.2.2",
     )  # fmt: skip
+    STATE_UNTOLD = (
+        W, "A node changes its NMT state without a command",
+        "its error behaviour after a lost heartbeat or bus-off (0x1029), a start by itself (0x1F80), or a log that "
+        "lacks what its own computer sent", "look at its errors (`emcy`), and at whom it waits for (0x1016)",
+        "CiA 301, 7.3.2.2, 7.5.2.32",
+    )  # fmt: skip
     NOT_STARTED = (
         W, "A node stays in PRE-OPERATIONAL: it sends no PDO",
         "no master starts it, and it does not start by itself (0x1F80)",
