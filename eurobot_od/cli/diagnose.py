@@ -116,7 +116,7 @@ def blocks(title: str, verdict: str, incidents: Sequence[Incident], diagnosis: D
     yield DocHeading(1, f"Diagnosis of {title}")
     yield Paragraph(f"{verdict}.")
     facts = [("Frames", str(diagnosis.frames)), ("Time", f"{diagnosis.seconds:.1f} s"), ("Made by", version())]
-    yield DocTable(("", ""), facts, words=("",))
+    yield DocTable(("", ""), facts)
     if incidents:
         yield DocHeading(2, "What was found")
         rows = [
@@ -126,4 +126,4 @@ def blocks(title: str, verdict: str, incidents: Sequence[Incident], diagnosis: D
         yield DocTable(("Level", "What", "Times", "First at, s"), rows, ("Times", "First at, s"), ("Level",))
     for each in incidents:
         yield DocHeading(3, f"{LEVELS[each.rule.severity].capitalize()}: {each.title}")
-        yield DocTable(("", ""), each.facts, words=("",))
+        yield DocTable(("", ""), each.facts)

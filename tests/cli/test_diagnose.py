@@ -87,6 +87,13 @@ def test_a_report(files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureF
     assert text.count("node 5: is lost") == 3  # the verdict, the table, its heading
 
 
+def test_only_the_headings_of_facts_are_never_broken(
+    files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(capsys, "diagnose", files["error"], "--report", str(report := tmp_path / "report.html"), *WORKBENCH)
+    assert '<td class="word">Seen</td><td>once' in report.read_text()
+
+
 WRONG = [
     (["--report", "x.pdf"], "unknown document format '.pdf'"),
     (["--fail-on", "info"], "unknown value 'info'; known: error, warning, note, never"),

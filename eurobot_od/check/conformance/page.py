@@ -316,12 +316,12 @@ def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
     yield from map(Paragraph, report.changed(run.results))
     yield Paragraph(f"{report.summary(run.results)}.")
-    yield DocTable(("", ""), run.facts, words=("",))
+    yield DocTable(("", ""), run.facts)
     yield DocHeading(2, "Score by chapter")
     words = [each.value for each in Status if each in WORST_FIRST]
     scores = [(r.name.removeprefix("CiA 301, "), *(str(r.count(Status(each))) for each in words)) for r in run.results]
     yield DocTable(("Chapter", *words), scores, words)
-    yield DocHeading(2, "What is red")
+    yield DocHeading(2, "What failed")
     yield from _all_red(run)
     yield DocHeading(2, "By the numbers of CiA's test tool")
     tests = run.tests
@@ -342,7 +342,7 @@ def _all_red(run: DeviceRun) -> Iterator[DocBlock]:
         first, *others = together
         yield from _red(first)
         if others:
-            yield DocTable(("also red there", "expected", "came"), list(map(_also_red, others)))
+            yield DocTable(("also failed there", "expected", "came"), list(map(_also_red, others)))
 
 
 def _belongs_to(step: StepResult) -> tuple[str, ...]:
@@ -365,6 +365,6 @@ def _red(step: StepResult) -> Iterator[DocBlock]:
     if name is not None:
         looked_at = name.what if name.inside else ""
         rows = [("clause", f"CiA 301, {name.clause}"), ("CTT", name.ctt), ("looked at", looked_at), *rows]
-    yield DocTable(("", ""), [each for each in rows if each[1]], words=("",))
+    yield DocTable(("", ""), [each for each in rows if each[1]])
     if reason.frames:
         yield Preformatted(list(report.frame_lines(reason)))
