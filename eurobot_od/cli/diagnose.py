@@ -18,6 +18,7 @@ from eurobot_od.cli.options import BusOptions, EmcyFiles, Json, NoReconnect, Sec
 from eurobot_od.cli.signature import Option
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
 from eurobot_od.lint.findings import LEVELS
+from eurobot_od.support import texts
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident, lines
 from eurobot_od.traffic.monitor import BusSource
@@ -29,6 +30,9 @@ NEVER = "never"
 
 POLL = 0.02
 """Seconds between two looks at a bus."""
+
+BEHIND = 0.5
+"""Seconds that may lie between a frame and its diagnosis."""
 
 
 def diagnose(
@@ -95,17 +99,21 @@ def _read(diagnosis: Diagnosis, logs: Sequence[str], reading: Reading) -> None:
 def _listen(diagnosis: Diagnosis, bus: BusOptions, duration: float, no_reconnect: bool) -> None:
     """Listen to a bus until its time is over, or Ctrl-C; what the driver could not deliver is an incident."""
     with closing(BusSource(bus.open(), opener=bus.reopener(no_reconnect))) as source, suppress(KeyboardInterrupt):
-        began, origin, now = time.monotonic(), None, 0.0
+        began, origin, now, behind = time.monotonic(), None, 0.0, 0.0
         while (now := time.monotonic() - began) < duration:
+            behind = 0.0
             for at, raw in source.poll():
                 origin = at - now if origin is None else origin  # a driver's clock may start anywhere
+                behind = max(now - (at - origin), 0.0)
                 diagnosis.take(max(at - origin, 0.0), "", raw)
-            diagnosis.tick(now)
+            diagnosis.tick(now - behind)  # what waits to be taken in is not late
             time.sleep(min(POLL, max(0.0, duration - now)))
     if not diagnosis.frames:
         diagnosis.silent()
-    diagnosis.end(now)
+    diagnosis.end(now - behind)
     diagnosis.missed(source.notes)
+    if behind > BEHIND:
+        diagnosis.missed([f"the last {texts.text(behind, 1)} of the bus: this computer was behind by that"])
 
 
 # The page

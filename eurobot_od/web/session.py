@@ -247,8 +247,10 @@ class Session:
         for event in self._watch.look(self.now, self._traffic.nodes):
             self._enter(event)
         self._load = self._traffic.load(self.now)
-        self.diagnosis.tick(self.now)
-        return taken == MOST_TAKEN
+        is_behind = taken == MOST_TAKEN
+        if not is_behind:  # what waits to be taken in is not late
+            self.diagnosis.tick(self.now)
+        return is_behind
 
     def _take(self, now: float, raw: Raw) -> None:
         meaning = self._traffic.take(now, raw)

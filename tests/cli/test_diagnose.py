@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import can
 import pytest
 
-from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.cli.diagnose import BY_WORD, NEVER
-from eurobot_od.frame import Frame
 from tests.cli.console import run
 from tests.rows import rows
 from tests.traffic.diagnosis.defects import beats, log
@@ -110,21 +111,36 @@ def test_wrong_input_is_a_line(
     assert (said.status, said.out) == (2, "")
 
 
-def test_a_bus_is_listened_to_for_a_time(capsys: pytest.CaptureFixture[str]) -> None:
+@contextmanager
+def traffic(data: bytes, identifier: int, **settings: bool) -> Iterator[str]:
+    """A bus on which a frame, with one time stamp for ever, is sent again and again."""
     name, done = channel(), threading.Event()
+    message = can.Message(timestamp=1.0, arbitration_id=identifier, data=data, is_extended_id=False)
 
     def send() -> None:
-        with open_bus("virtual", name) as bus:
+        with can.Bus(interface="virtual", channel=name, **settings) as bus:
             while not done.wait(0.01):
-                Driver(bus).send(Frame(0x085, bytes.fromhex("1081110000000000")))
+                bus.send(message)
 
     thread = threading.Thread(target=send)
     thread.start()
-    said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "500ms", *WORKBENCH)
+    yield name
     done.set()
     thread.join()
+
+
+def test_a_bus_is_listened_to_for_a_time(capsys: pytest.CaptureFixture[str]) -> None:
+    with traffic(bytes.fromhex("1081110000000000"), 0x085) as name:
+        said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "500ms", *WORKBENCH)
     assert said.status == 1
     assert "node 5: EMCY 0x8110" in said.out.splitlines()[0]
+
+
+def test_a_diagnosis_that_is_behind_the_bus_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    with traffic(b"\5", 0x705, preserve_timestamps=True) as name:
+        said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "1s", *WORKBENCH)
+    assert "WARNING  the last " in said.out
+    assert "is lost" not in said.out
 
 
 def test_a_bus_without_a_frame(capsys: pytest.CaptureFixture[str]) -> None:
