@@ -187,7 +187,7 @@ class NodesWatcher(Watcher):
             if beats.flips >= SURE and node.node_id not in self._told:
                 states = f"{STATE_NAMES[state]} and {STATE_NAMES[beats.before or state]}"
                 self.bus.found(BusRule.TWO_NODES, node.name, f"says by turns that it is {states}", "states")
-        if beats.last is not None and time >= beats.last and not beats.lost:
+        if beats.last is not None and time > beats.last and not beats.lost:  # a log may have no times
             beats.intervals.append(time - beats.last)
             self._judge(node, beats)
         beats.last, beats.lost = time, False
@@ -324,7 +324,7 @@ class EmergencyWatcher(Watcher):
         node.heard = True
         times, present = self._times[node.node_id], self._open[node.node_id]
         times.append(time)
-        if len(times) > STORM and 0 <= time - times[0] <= 1.0:
+        if len(times) > STORM and 0 < time - times[0] <= 1.0:
             self.bus.found(BusRule.EMCY_STORM, node.name, f"{len(times)} emergencies in a second")
         if not code:
             if not register:  # else other errors are left

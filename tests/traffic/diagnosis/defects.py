@@ -216,6 +216,7 @@ DEFECTS = [
     ),
     RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), 0.36, beats(period=0.11), ("arm",)),
     RuleDefect(BusRule.HEARTBEAT_CHANGED, every(0.1, "185#0000"), 2.0, every(0.1, "185#0000", until=0.9), ("event",)),
+    RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), 0.36, at(*["705#05"] * 8, gap=0), ("arm",)),  # no times
     RuleDefect(BusRule.CONSUMER_UNFED, beats(node=6), 2.0, log(beats(), beats(node=6)), ("watcher",)),
     RuleDefect(BusRule.CONSUMER_SHORT, log(beats(), beats(node=6)), 2.0, log(beats(), beats(node=7)), ("arm", "short")),
     RuleDefect(
