@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -112,7 +113,7 @@ def test_wrong_input_is_a_line(
 
 
 @contextmanager
-def traffic(data: bytes, identifier: int, **settings: bool) -> Iterator[str]:
+def traffic(data: bytes, identifier: int, **settings: Any) -> Iterator[str]:
     """A bus on which a frame, with one time stamp for ever, is sent again and again."""
     name, done = channel(), threading.Event()
     message = can.Message(timestamp=1.0, arbitration_id=identifier, data=data, is_extended_id=False)
