@@ -130,7 +130,7 @@ class WatchedBus:
             elif rule_of := OF_DAMAGE.get(damage):
                 is_off = damage is Damage.ERROR_FRAME and _is_bus_off(text)
                 subject = meaning.raw[0] if isinstance(meaning.raw, Frame) else ""
-                said = f"{damage.value}: {text}"
+                said = f"a controller is bus-off ({text})" if is_off else f"{damage.value}: {text}"
                 self.bus.found(BusRule.BUS_OFF if is_off else rule_of, who, said, subject)
 
     def shown(self, ended: SdoTransfer, decoder: Decoder) -> None:
