@@ -20,6 +20,8 @@ from tests.web.scene import channel
 
 WORKBENCH = ("--robot", "none")
 
+MOTOR = Path(__file__).parents[2] / "docs" / "motor.eds"
+
 LOGS = {
     "error": log(beats(until=1.0), beats(node=6, until=3.0)),
     "note": [(1.0, "085#1081110000000000"), (1.1, "085#0000000000000000")],
@@ -139,7 +141,8 @@ def test_a_bus_is_listened_to_for_a_time(capsys: pytest.CaptureFixture[str]) -> 
 
 def test_a_diagnosis_that_is_behind_the_bus_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     with traffic(b"\5", 0x705, preserve_timestamps=True) as name:
-        said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "1s", *WORKBENCH)
+        eds = f"5={MOTOR}"  # with a heartbeat of 500 ms
+        said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "1500ms", "--eds", eds, *WORKBENCH)
     assert "WARNING  the last " in said.out
     assert "is lost" not in said.out
 
