@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -54,6 +55,13 @@ class StepReason(NamedTuple):
     mismatches: tuple[Mismatch, ...] = ()
     frames: tuple[Line, ...] = ()
     cause: str = ""
+
+    @property
+    def facts(self) -> list[tuple[str, str]]:
+        """What is known besides `what`, each with its heading."""
+        off = [(each.what, each.words) for each in self.mismatches]
+        said = [("expected", self.expected), ("came", self.came), *off, ("the node says", self.cause)]
+        return [each for each in said if each[1]]
 
 
 class StepResult(NamedTuple):
@@ -131,12 +139,7 @@ def step_line(step: StepResult, in_colour: bool = False) -> str:
 
 def reason_lines(reason: StepReason) -> Iterator[str]:
     """Yield the lines that say why a step failed or was skipped: what was expected and came, and the last frames."""
-    lines = [f"    {reason.what}"]
-    if reason.expected:
-        lines += [f"      expected  {reason.expected}", f"      came      {reason.came}"]
-    lines += (f"        {mismatch}" for mismatch in reason.mismatches)
-    if reason.cause:
-        lines.append(f"      the node says  {reason.cause}")
+    lines = [f"    {reason.what}", *(f"      {what:<8}  {text}" for what, text in reason.facts)]
     if reason.frames:
         lines.append("      last frames (> sent, < received)")
     lines += (f"        {line}" for line in frame_lines(reason))
@@ -157,8 +160,12 @@ UNEVENTFUL = (Status.PASSED, Status.SKIPPED)
 
 def folded(result: SuiteResult) -> str:
     """Return the line for the steps of a suite that are only counted; empty if there are none."""
-    counts = ((result.count(status), status.value) for status in UNEVENTFUL)
-    return ", ".join(f"{count} {word}" for count, word in counts if count)
+    return counted({status: result.count(status) for status in UNEVENTFUL})
+
+
+def counted(counts: Mapping[Status, int]) -> str:
+    """Return how much ended how, in a line."""
+    return ", ".join(f"{counts[status]} {status.value}" for status in Status if counts.get(status))
 
 
 def failures(results: Iterable[SuiteResult]) -> Iterator[str]:
@@ -172,8 +179,7 @@ def failures(results: Iterable[SuiteResult]) -> Iterator[str]:
 
 def summary(results: Sequence[SuiteResult]) -> str:
     """Return the last line: how many steps of how many suites ended how."""
-    counts = {status: sum(result.count(status) for result in results) for status in Status}
-    steps = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count)
+    steps = counted(Counter(step.status for result in results for step in result.steps))
     seconds = sum(result.seconds for result in results)
     return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
 

@@ -468,7 +468,7 @@ class Doer:
         others = sorted({frame.cob_id - ERROR_CONTROL_BASE for frame in seen if frame.cob_id in ERROR_CONTROL})
         instead = f" (node {', '.join(map(str, others))} booted instead)" if others else ""
         within = texts.text(self._longest(action.within))
-        return f"no boot-up {ERROR_CONTROL_BASE + action.node.node_id:03X}#00 within {within} from the reset{instead}"
+        return f"no boot-up {ERROR_CONTROL_BASE + action.node.node_id:03X}#00 in {within} after a reset{instead}"
 
     async def _probe(self, node: suite.NodeServices) -> None:
         """Ask for the error register, which every device has; raises NoAnswer."""

@@ -42,8 +42,10 @@ class Mismatch(NamedTuple):
     expected: str
     came: str
 
-    def __str__(self) -> str:
-        return f"{self.what}: expected {self.expected}, came {self.came}"
+    @property
+    def words(self) -> str:
+        """Say what was expected, and what came."""
+        return f"expected {self.expected}, came {self.came}"
 
 
 # Sent

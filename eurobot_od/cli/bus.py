@@ -21,7 +21,7 @@ from eurobot_od.client.description import Found, Identity, described
 from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.client.master import Master, produce, syncs, times
-from eurobot_od.client.watch import NodeEvent, NodeWatch, watch_nodes, without_heartbeat
+from eurobot_od.client.watch import NodeChange, NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, UnknownName
@@ -154,7 +154,10 @@ def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMAN
         if command not in TARGET_STATES:  # a reset: the boot-up message proves it (CiA 301, 7.3.2.2.3)
             node.reset(command)
             state = node.state(HEARTBEAT_WAIT)  # None without a heartbeat, whose time a reset sets back to its default
-            print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {STATE_NAMES[state]}"))
+            print(
+                f"node {node.node_id} {NodeChange.BOOTED.value}"
+                + ("" if state is None else f" and is {STATE_NAMES[state]}")
+            )
             return ExitStatus.FINE
         node.command(command)
         followed = node.wait_for(TARGET_STATES[command], HEARTBEAT_WAIT)

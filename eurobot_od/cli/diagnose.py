@@ -17,17 +17,22 @@ from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, EmcyFiles, Json, NoReconnect, Seconds, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
+from eurobot_od.lint.findings import LEVELS
+from eurobot_od.support import texts
 from eurobot_od.traffic.diagnosis import Diagnosis
-from eurobot_od.traffic.diagnosis.incidents import WORDS, Incident, lines
+from eurobot_od.traffic.diagnosis.incidents import Incident, lines
 from eurobot_od.traffic.monitor import BusSource
 
-LEVELS = {word: level for level, word in WORDS.items()}
+BY_WORD = {word: level for level, word in LEVELS.items()}
 """What `--fail-on` takes; "never" beside them."""
 
 NEVER = "never"
 
 POLL = 0.02
 """Seconds between two looks at a bus."""
+
+BEHIND = 0.5
+"""Seconds that may lie between a frame and its diagnosis."""
 
 
 def diagnose(
@@ -37,7 +42,7 @@ def diagnose(
     duration: Annotated[Seconds, Option("--for")] = inf,
     as_json: Json = False,
     report: Annotated[Path | None, Option(metavar="FILE")] = None,
-    fail_on: Annotated[str, Option(choices=(*LEVELS, NEVER))] = "warning",
+    fail_on: Annotated[str, Option(choices=(*BY_WORD, NEVER))] = "warning",
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
@@ -75,8 +80,8 @@ def diagnose(
         title = ", ".join(Path(each).name for each in logs) or "a bus"
         write(report, FORMS[form](list(blocks(title, said, found, diagnosis))))
     worst = found[0].rule.severity if found else None
-    order = list(WORDS)
-    fails = worst is not None and fail_on != NEVER and order.index(worst) <= order.index(LEVELS[fail_on])
+    order = list(LEVELS)
+    fails = worst is not None and fail_on != NEVER and order.index(worst) <= order.index(BY_WORD[fail_on])
     return ExitStatus.FOUND if fails else ExitStatus.FINE
 
 
@@ -94,17 +99,21 @@ def _read(diagnosis: Diagnosis, logs: Sequence[str], reading: Reading) -> None:
 def _listen(diagnosis: Diagnosis, bus: BusOptions, duration: float, no_reconnect: bool) -> None:
     """Listen to a bus until its time is over, or Ctrl-C; what the driver could not deliver is an incident."""
     with closing(BusSource(bus.open(), opener=bus.reopener(no_reconnect))) as source, suppress(KeyboardInterrupt):
-        began, origin, now = time.monotonic(), None, 0.0
+        began, origin, now, behind = time.monotonic(), None, 0.0, 0.0
         while (now := time.monotonic() - began) < duration:
+            behind = 0.0
             for at, raw in source.poll():
                 origin = at - now if origin is None else origin  # a driver's clock may start anywhere
+                behind = max(now - (at - origin), 0.0)
                 diagnosis.take(max(at - origin, 0.0), "", raw)
-            diagnosis.tick(now)
+            diagnosis.tick(now - behind)  # what waits to be taken in is not late
             time.sleep(min(POLL, max(0.0, duration - now)))
     if not diagnosis.frames:
         diagnosis.silent()
-    diagnosis.end(now)
+    diagnosis.end(now - behind)
     diagnosis.missed(source.notes)
+    if behind > BEHIND:
+        diagnosis.missed([f"the last {texts.text(behind, 1)} of the bus: this computer was behind by that"])
 
 
 # The page
@@ -115,14 +124,14 @@ def blocks(title: str, verdict: str, incidents: Sequence[Incident], diagnosis: D
     yield DocHeading(1, f"Diagnosis of {title}")
     yield Paragraph(f"{verdict}.")
     facts = [("Frames", str(diagnosis.frames)), ("Time", f"{diagnosis.seconds:.1f} s"), ("Made by", version())]
-    yield DocTable(("", ""), facts, words=("",))
+    yield DocTable(("", ""), facts)
     if incidents:
         yield DocHeading(2, "What was found")
         rows = [
-            (WORDS[each.rule.severity], each.title, str(each.seen.number), f"{each.seen.places[0].time:.3f}")
+            (LEVELS[each.rule.severity], each.title, str(each.seen.number), f"{each.seen.places[0].time:.3f}")
             for each in incidents
         ]
         yield DocTable(("Level", "What", "Times", "First at, s"), rows, ("Times", "First at, s"), ("Level",))
     for each in incidents:
-        yield DocHeading(3, f"{WORDS[each.rule.severity].capitalize()}: {each.title}")
-        yield DocTable(("", ""), each.facts, words=("",))
+        yield DocHeading(3, f"{LEVELS[each.rule.severity].capitalize()}: {each.title}")
+        yield DocTable(("", ""), each.facts)

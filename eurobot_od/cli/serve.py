@@ -11,13 +11,14 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
-from eurobot_od.cli.decode import Log, Reading, meanings
+from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, EmcyFiles
 from eurobot_od.cli.signature import Option
@@ -26,6 +27,7 @@ from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
 from eurobot_od.traffic.compare import ComparedEntry, Tolerances, compare
+from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.page import Columns, Panel, described, page, stop_message
@@ -72,19 +74,20 @@ def serve(
         raise LocalError("--control is for a bus: a log cannot be changed")
     decoder, bitrate = devices.decoder(emcy), bus.bitrate or BITRATE
     panels = [each.of(decoder.protocol) for each in devices.robot.panels() if each.fits(decoder.protocol)]
+    diagnosis = partial(Diagnosis, decoder, devices.robot.watchers(), bitrate, devices.promised(decoder))
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
             names, kept = told_apart(logs), [list[ComparedEntry]() for _ in logs]
             sources = [
-                _source(log, name, reading, decoder, bitrate, panels, entries)
-                for log, name, entries in zip(logs, names, kept)
+                _source(log, reading, Columns(name, decoder, bitrate, panels), diagnosis(), panels, own)
+                for log, name, own in zip(logs, names, kept)
             ]
             text = page(" and ".join(names), sources, panels, **_compared(kept, decoder))
             asyncio.run(_serve(text, listen))
         else:
             from eurobot_od.web.session import Session
 
-            session = Session(bus.open, decoder, bitrate, panels, watchers=devices.robot.watchers())
+            session = Session(bus.open, decoder, bitrate, panels, diagnosis=diagnosis())
             asyncio.run(_show_bus(session, panels, bus_name(bus.interface, bus.channel), control, listen))
 
 
@@ -123,19 +126,22 @@ def _compared(logs: Sequence[Sequence[ComparedEntry]], decoder: Decoder) -> dict
 
 def _source(
     log: str,
-    name: str,
     reading: Reading,
-    decoder: Decoder,
-    bitrate: int,
+    columns: Columns,
+    diagnosis: Diagnosis,
     panels: Sequence[type[Panel]],
     kept: list[ComparedEntry],
 ) -> dict[str, Any]:
     """Read a log as a source of the page, with what is kept beside it; its entries are `kept` to be compared."""
+    damage = DamageCounts()
+    diagnosis.begin(columns.name)
     # No bar: it would share the terminal with the address and with what is wrong in the log.
-    columns, damage = Columns(name, decoder, bitrate, panels), DamageCounts()
-    for time, meaning in meanings([log], reading, decoder, damage, is_watched=False):
+    for _, (line, time, channel, raw) in entries([log], reading, is_watched=False):
+        meaning = diagnosis.take(time, channel, raw, line)
+        damage.add(log, line, meaning.defects)
         columns.take(time, meaning)
-        kept.append(ComparedEntry(time, meaning.raw))
+        kept.append(ComparedEntry(time, raw))
+    diagnosis.end()
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     if columns.left_out:
         complain(f"{log}: {columns.left_out} frames are left out: a page cannot hold them all")
@@ -148,7 +154,7 @@ def _source(
         else:
             columns.add(beside.events)
             rows += beside.rows
-    return columns.data(rows)
+    return columns.data(rows) | {"diagnosis": diagnosis.as_data(0.0)}
 
 
 # The bus

@@ -20,6 +20,7 @@ from typing import NamedTuple
 from eurobot_od.client.configure import configure
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import Procedure, RemoteNode
+from eurobot_od.client.watch import LOST_AFTER
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
@@ -121,9 +122,11 @@ async def hear_slave(node: RemoteNode, slave: BootedSlave) -> BootedSlave:
         return slave
     if not period:
         return slave._replace(done=(*slave.done, "no heartbeat"))
-    if await node.master.pump.steps(2 * period / 1000 + MARGIN, lambda: node.last_state is not None):
+    if await node.master.pump.steps(LOST_AFTER * period / 1000 + MARGIN, lambda: node.last_state is not None):
         return slave._replace(done=(*slave.done, f"heartbeat every {period} ms"))
-    return slave._replace(failed=BootFailed(BootError.NO_HEARTBEAT, f"no heartbeat in twice its {period} ms"))
+    return slave._replace(
+        failed=BootFailed(BootError.NO_HEARTBEAT, f"no heartbeat for {LOST_AFTER:g} periods of {period} ms")
+    )
 
 
 async def _identified(node: RemoteNode, description: Description) -> str:

@@ -24,7 +24,7 @@ LOST_AFTER = 2.0
 """A node is lost after this many heartbeat periods without a heartbeat."""
 
 LATE_AFTER = 1.5
-"""A node is late after this many periods."""
+"""A node is late after this many periods, and so is a PDO by its event timer."""
 
 REMEMBERED_INTERVALS = 5
 """A node's period is the median of this many intervals, so that one long silence does not change it."""

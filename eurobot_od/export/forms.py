@@ -44,7 +44,10 @@ class Paragraph(NamedTuple):
 
 
 class DocTable(NamedTuple):
-    """A table: its column heads and rows; the columns `numbers` are right-aligned, `words` are never broken."""
+    """A table: its column heads and rows; the columns `numbers` are right-aligned, `words` are never broken.
+
+    One without heads is of facts: its first column says what the others are.
+    """
 
     head: Sequence[str]
     rows: Sequence[Sequence[Cell]]
@@ -117,14 +120,18 @@ table { border-collapse: collapse; margin: 0.6rem 0; }
 th, td { text-align: left; padding: 0.2rem 0.7rem; border-bottom: 1px solid #e3e8ec; vertical-align: top; }
 td { overflow-wrap: anywhere; } th { background: #f0f3f6; white-space: nowrap; }
 pre { font-size: 13px; overflow-x: auto; background: #f0f3f6; padding: 0.6rem 0.8rem; }
-.word { white-space: nowrap; } .number { text-align: right; } a { color: #0b5cad; }
+.word, .number { white-space: nowrap; } .number { text-align: right; } a { color: #0b5cad; }
 @media (prefers-color-scheme: dark) {
   body { background: #14181c; color: #dde3e8; } th, pre { background: #20262c; } th, td, h2 { border-color: #333c44; }
   a { color: #7db8f5; }
 }
+@media (max-width: 40rem) {
+  body { margin: 1rem auto; padding: 0 0.8rem; } th, td { padding: 0.2rem 0.35rem; } th { white-space: normal; }
+}
 @media print {
   body { max-width: none; margin: 0; padding: 0; font-size: 11px; color: #000; background: #fff; }
-  h2, h3 { break-after: avoid; } table, pre { break-inside: avoid; } th, pre { background: #f0f3f6; color: #000; }
+  h2, h3 { break-after: avoid; } tr, pre { break-inside: avoid; } th, pre { background: #f0f3f6; color: #000; }
+  pre { font-size: 9px; white-space: pre-wrap; }
 }
 """
 
@@ -158,9 +165,10 @@ def _html_block(block: DocBlock) -> Iterator[str]:
         yield "<pre>" + "\n".join(escape(texts.one_line(each)) for each in block.lines) + "</pre>"
     else:
         of_columns = dict.fromkeys(block.words, ' class="word"') | dict.fromkeys(block.numbers, ' class="number"')
-        classes = [of_columns.get(each, "") for each in block.head]
+        has_heads = any(block.head)
+        classes = [of_columns.get(each, "") for each in block.head] if has_heads else [' class="word"', ""]
         yield "<table>"
-        if any(block.head):
+        if has_heads:
             yield f"<thead>{_html_row('th', block.head, classes)}</thead>"
         yield from (_html_row("td", row, classes) for row in block.rows)
         yield "</table>"

@@ -21,6 +21,10 @@ class Severity(Enum):
     INFO = "I"
 
 
+LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
+"""What a level is called, here and in SARIF."""
+
+
 class Located(Protocol):
     """Anything with a line and a column, both from 1: an entry, a section, an oddity."""
 
@@ -130,7 +134,6 @@ def count(findings: Iterable[Finding], severity: Severity) -> int:
 
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
-LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
 
 
 def sarif(findings: Iterable[Finding], rules: Sequence[Rule]) -> dict[str, Any]:

@@ -117,6 +117,7 @@ def microseconds(text: str) -> int:
     return round(seconds(text) * 1_000_000)
 
 
-def text(seconds: float) -> str:
-    """Write a duration as people do: `500 ms`, `1.5 s`."""
+def text(seconds: float, digits: int = 9) -> str:
+    """Write a duration as people do: `500 ms`, `1.5 s`; rounded to so many digits of a second."""
+    seconds = round(seconds, digits)
     return f"{seconds:g} s" if seconds >= 1 else f"{seconds * 1000:g} ms"

@@ -222,7 +222,7 @@ class Running:
 
 
 def _took(running: Running, time: float) -> str:
-    return duration(round(max(0.0, time - running.began), 6))
+    return duration(max(0.0, time - running.began), 6)
 
 
 Step: TypeAlias = "Callable[[Transfers, tuple[str, int], SdoEnd, float, bytes], Said]"

@@ -30,7 +30,6 @@ from eurobot_od.od.values import ALL_NODES, DOMAIN, NMT_COB_ID, NODE_IDS, Value,
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.traffic.diagnosis.incidents import WORDS
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, moves, quick_stops
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
 
@@ -181,10 +180,7 @@ class Requests:
 
     def diagnosis(self, _: Arguments) -> dict[str, Any]:
         """Say what is wrong on the bus so far."""
-        now, diagnosis = self.session.now, self.session.diagnosis
-        found = diagnosis.so_far(now)
-        rows = [{"level": WORDS[each.rule.severity], "title": each.title, "facts": each.facts} for each in found]
-        return {"verdict": diagnosis.verdict(found), "incidents": rows}
+        return self.session.diagnosis.as_data(self.session.now)
 
     def watch(self, said: Arguments) -> str:
         """Read an object for a while from now on, for plots; returns its key in snapshots."""

@@ -25,7 +25,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.diagnosis import Diagnosis
-from eurobot_od.traffic.diagnosis.observed import Watcher
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import BusSource, Traffic
@@ -189,7 +188,7 @@ class Session:
 
     `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
     `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames, and
-    `history` has the last of these. `diagnosis` says what the frames show to be wrong, also by a robot's `watchers`.
+    `history` has the last of these. `diagnosis` says what the frames show to be wrong.
     By its `name` a page notices that it is another session.
     """
 
@@ -200,10 +199,10 @@ class Session:
         bitrate: int,
         panels: Sequence[type[Panel]] = (),
         clock: Callable[[], float] = time.monotonic,
-        watchers: Sequence[type[Watcher]] = (),
+        diagnosis: Diagnosis | None = None,
     ) -> None:
         self.decoder, self.bitrate = decoder, bitrate
-        self.diagnosis = Diagnosis(decoder, watchers, bitrate)
+        self.diagnosis = diagnosis or Diagnosis(decoder, bit_rate=bitrate)
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
         self.turn = 0
@@ -248,8 +247,10 @@ class Session:
         for event in self._watch.look(self.now, self._traffic.nodes):
             self._enter(event)
         self._load = self._traffic.load(self.now)
-        self.diagnosis.tick(self.now)
-        return taken == MOST_TAKEN
+        is_behind = taken == MOST_TAKEN
+        if not is_behind:  # what waits to be taken in is not late
+            self.diagnosis.tick(self.now)
+        return is_behind
 
     def _take(self, now: float, raw: Raw) -> None:
         meaning = self._traffic.take(now, raw)

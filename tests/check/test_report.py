@@ -77,7 +77,7 @@ def test_a_reason_tells_everything() -> None:
         "    Goto State Response is not as expected",
         "      expected  Goto State Response: time 0 ms",
         "      came      Goto State Response  time=5 ms",
-        "        time: expected 0 ms, came 5 ms",
+        "      time      expected 0 ms, came 5 ms",
         "      last frames (> sent, < received)",
         "           0.5000 s > 010#                  Goto State Request",
         "           0.5002 s < 014#050000            Goto State Response  time=5 ms",

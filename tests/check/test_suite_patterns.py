@@ -98,13 +98,16 @@ EMERGENCY = Frame(0x85, bytes.fromhex("1082110000000000"))
     ],
 )
 def test_a_frame_fits_or_differs_in_what_is_said(pattern: Pattern, data: str, differs: list[str]) -> None:
-    assert list(map(str, pattern.mismatches(Frame(pattern.cob_id, bytes.fromhex(data)), {}))) == differs
+    off = pattern.mismatches(Frame(pattern.cob_id, bytes.fromhex(data)), {})
+    assert [f"{each.what}: {each.words}" for each in off] == differs
 
 
 def test_a_field_may_be_compared_with_what_came_before() -> None:
     pattern, frame = state(speed="{seen}"), Frame(STATE.cob_id, bytes.fromhex("000201"))
     assert pattern.mismatches(frame, {"seen": 258}) == []
-    assert [str(each) for each in pattern.mismatches(frame, {"seen": 1})] == ["speed: expected {seen} = 1, came 258"]
+    assert [f"{each.what}: {each.words}" for each in pattern.mismatches(frame, {"seen": 1})] == [
+        "speed: expected {seen} = 1, came 258"
+    ]
     with pytest.raises(NotSaved, match="seen"):
         pattern.mismatches(frame, {})
 

@@ -267,8 +267,8 @@ def test_a_report_and_the_lines_of_the_tool(capsys: pytest.CaptureFixture[str]) 
     assert (said.status, said.err) == (0, "")
     lines = said.out.splitlines()
     assert lines[0] == "clean"
-    assert "   2.5  passed   0x1000:1 read" in lines
-    assert lines[-1].startswith("5 of 127 tests executed: 5 passed, 0 failed")
+    assert "   2.5  ok       0x1000:1 read" in lines
+    assert lines[-1].startswith("5 of 127 tests executed: 5 ok")
     assert "<h1>Conformance of clean</h1>" in Path("clean.html").read_text()
 
 

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import can
 import pytest
 
-from eurobot_od.bus.live import Driver, open_bus
-from eurobot_od.cli.diagnose import LEVELS, NEVER
-from eurobot_od.frame import Frame
+from eurobot_od.cli.diagnose import BY_WORD, NEVER
 from tests.cli.console import run
 from tests.rows import rows
 from tests.traffic.diagnosis.defects import beats, log
 from tests.web.scene import channel
 
 WORKBENCH = ("--robot", "none")
+
+MOTOR = Path(__file__).parents[2] / "docs" / "motor.eds"
 
 LOGS = {
     "error": log(beats(until=1.0), beats(node=6, until=3.0)),
@@ -59,7 +63,7 @@ def test_the_lowest_level_that_fails(
 
 
 def test_each_level_can_fail() -> None:
-    assert list(LEVELS) == ["error", "warning", "note"]
+    assert list(BY_WORD) == ["error", "warning", "note"]
 
 
 def test_an_incident_names_place_cause_remedy_and_clause(
@@ -87,6 +91,13 @@ def test_a_report(files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureF
     assert text.count("node 5: is lost") == 3  # the verdict, the table, its heading
 
 
+def test_only_the_headings_of_facts_are_never_broken(
+    files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(capsys, "diagnose", files["error"], "--report", str(report := tmp_path / "report.html"), *WORKBENCH)
+    assert '<td class="word">Seen</td><td>once' in report.read_text()
+
+
 WRONG = [
     (["--report", "x.pdf"], "unknown document format '.pdf'"),
     (["--fail-on", "info"], "unknown value 'info'; known: error, warning, note, never"),
@@ -103,21 +114,37 @@ def test_wrong_input_is_a_line(
     assert (said.status, said.out) == (2, "")
 
 
-def test_a_bus_is_listened_to_for_a_time(capsys: pytest.CaptureFixture[str]) -> None:
+@contextmanager
+def traffic(data: bytes, identifier: int, **settings: Any) -> Iterator[str]:
+    """A bus on which a frame, with one time stamp for ever, is sent again and again."""
     name, done = channel(), threading.Event()
+    message = can.Message(timestamp=1.0, arbitration_id=identifier, data=data, is_extended_id=False)
 
     def send() -> None:
-        with open_bus("virtual", name) as bus:
+        with can.Bus(interface="virtual", channel=name, **settings) as bus:
             while not done.wait(0.01):
-                Driver(bus).send(Frame(0x085, bytes.fromhex("1081110000000000")))
+                bus.send(message)
 
     thread = threading.Thread(target=send)
     thread.start()
-    said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "500ms", *WORKBENCH)
+    yield name
     done.set()
     thread.join()
+
+
+def test_a_bus_is_listened_to_for_a_time(capsys: pytest.CaptureFixture[str]) -> None:
+    with traffic(bytes.fromhex("1081110000000000"), 0x085) as name:
+        said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "500ms", *WORKBENCH)
     assert said.status == 1
     assert "node 5: EMCY 0x8110" in said.out.splitlines()[0]
+
+
+def test_a_diagnosis_that_is_behind_the_bus_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    with traffic(b"\5", 0x705, preserve_timestamps=True) as name:
+        eds = f"5={MOTOR}"  # with a heartbeat of 500 ms
+        said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "1500ms", "--eds", eds, *WORKBENCH)
+    assert "WARNING  the last " in said.out
+    assert "is lost" not in said.out
 
 
 def test_a_bus_without_a_frame(capsys: pytest.CaptureFixture[str]) -> None:

@@ -471,6 +471,17 @@ def test_names_of_robots_do_not_cover_each_other(page: Page) -> None:
 
 
 @pytest.mark.long
+def test_each_served_log_has_its_diagnosis(logs: list[Path], window: Page, tmp_path: Path) -> None:
+    (broken := tmp_path / "broken.log").write_text("(0.000000) can0 081#1081110000000000\n")
+    with command("serve", "--listen", "127.0.0.1:0", str(logs[0]), str(broken)) as process:
+        window.open(f"{line(process, 'http://').split()[0]}#diagnosis")
+        said = window.run("[...document.querySelectorAll('#view-diagnosis section')].map(each => each.innerText)")
+    fine, wrong = (each.split("\n") for each in said)
+    assert [each[0] for each in (fine, wrong)] == [logs[0].name, "broken.log"]
+    assert next(filter(None, fine[1:])).startswith("Nothing is wrong in")
+    assert "core: EMCY 0x8110" in next(filter(None, wrong[1:]))
+
+
 def test_a_served_log_has_what_lies_beside_it(logs: list[Path], window: Page, served_logs: str) -> None:
     assert [each.with_name(f"{each.name}.truth.json").is_file() for each in logs] == [True, True]
     window.open(served_logs)

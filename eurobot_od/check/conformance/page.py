@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from enum import Enum
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,11 +20,19 @@ from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.report import Status, StepReason, StepResult, SuiteResult
 from eurobot_od.errors import UnknownName
-from eurobot_od.export.forms import FORMS, SUFFIXES, DocBlock, DocHeading, DocTable, Paragraph, Preformatted
+from eurobot_od.export.forms import (
+    FORMS,
+    INFORMATION,
+    SUFFIXES,
+    DocBlock,
+    DocHeading,
+    DocTable,
+    Paragraph,
+    Preformatted,
+)
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.support.texts import amount
 
 # CiA's conformance test tool
 
@@ -170,19 +177,15 @@ NEVER_ASKED = {"3.7": NO_EVENT, "3.13": NO_EVENT, "3.19": NO_EVENT}
 """Tests that no step of ours asks, and why."""
 
 
-class Verdict(Enum):
-    """What became of a test; the value is the word in reports."""
-
-    PASSED = "passed"
-    FAILED = "FAILED"
-    SKIPPED = "skipped"
+WORST_FIRST = Status.FAILED, Status.SKIPPED, Status.PASSED
+"""What can become of a test."""
 
 
 class CttResult(NamedTuple):
     """A test of the tool by its number: what became of it, and why, of a failed one the step that is red."""
 
     number: str
-    verdict: Verdict
+    verdict: Status
     why: str = ""
 
     @property
@@ -193,13 +196,13 @@ class CttResult(NamedTuple):
 
 def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> list[CttResult]:
     """Return what a run says about each test; `file_errors` are lint's errors in the device's file."""
-    lint: dict[Verdict, str] = {Verdict.FAILED: file_errors[0]} if file_errors else {Verdict.PASSED: ""}
+    lint: dict[Status, str] = {Status.FAILED: file_errors[0]} if file_errors else {Status.PASSED: ""}
     # What one group asks of it, by the group: a group that was not done to its end has not asked.
-    found: dict[str, dict[object, dict[Verdict, str]]] = {LINT: {LINT: lint}}
+    found: dict[str, dict[object, dict[Status, str]]] = {LINT: {LINT: lint}}
     for step in (step for result in results for step in result.steps):
-        name, verdict = StepName.of(step.name), VERDICTS.get(step.status, Verdict.SKIPPED)
+        name, verdict = StepName.of(step.name), step.status if step.status in WORST_FIRST else Status.SKIPPED
         for number in name.numbers if name else ():
-            why = step.reason.what if step.reason and verdict is Verdict.SKIPPED else step.name
+            why = step.reason.what if step.reason and verdict is Status.SKIPPED else step.name
             group = name and (name.clause, name.topic, name.what)
             found.setdefault(number, {}).setdefault(group, {}).setdefault(verdict, why)
     asked = {
@@ -209,36 +212,27 @@ def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> li
     return [_judged(number, asked.get(number, {})) for number in ASKS]
 
 
-def _of_group(verdicts: Mapping[Verdict, str]) -> tuple[Verdict, str]:
+def _of_group(verdicts: Mapping[Status, str]) -> tuple[Status, str]:
     """Return what becomes of a group: red if a step is, and asked only if all of it was."""
-    verdict = next(each for each in (Verdict.FAILED, Verdict.SKIPPED, Verdict.PASSED) if each in verdicts)
+    verdict = next(each for each in WORST_FIRST if each in verdicts)
     return verdict, verdicts[verdict]
 
 
-VERDICTS: Mapping[Status, Verdict] = {
-    Status.PASSED: Verdict.PASSED,
-    Status.FAILED: Verdict.FAILED,
-    Status.SKIPPED: Verdict.SKIPPED,
-}
-
-
-def _judged(number: str, verdicts: Mapping[Verdict, str]) -> CttResult:
+def _judged(number: str, verdicts: Mapping[Status, str]) -> CttResult:
     """One red step makes a test fail, one green step pass."""
-    for verdict in (Verdict.FAILED, Verdict.PASSED, Verdict.SKIPPED):
+    for verdict in (Status.FAILED, Status.PASSED, Status.SKIPPED):
         if verdict in verdicts:
             # Several of our steps may stand for one of its tests: what is red counts more than what is green, and both
             # more than what was skipped.
-            why = "" if verdict is Verdict.PASSED else verdicts[verdict]
+            why = "" if verdict is Status.PASSED else verdicts[verdict]
             return CttResult(number, verdict, why)
-    return CttResult(number, Verdict.SKIPPED, NEVER_ASKED.get(number, NOT_ASKED))
+    return CttResult(number, Status.SKIPPED, NEVER_ASKED.get(number, NOT_ASKED))
 
 
 def score(tests: Sequence[CttResult]) -> str:
     """Return the line that such a report ends with."""
     counts = Counter(each.verdict for each in tests)
-    executed = counts[Verdict.PASSED] + counts[Verdict.FAILED]
-    words = ", ".join(f"{counts[each]} {each.value.lower()}" for each in Verdict)
-    return f"{executed} of {len(tests)} tests executed: {words}"
+    return f"{len(tests) - counts[Status.SKIPPED]} of {len(tests)} tests executed: {report.counted(counts)}"
 
 
 def lines(tests: Sequence[CttResult]) -> Iterator[str]:
@@ -253,15 +247,6 @@ def lines(tests: Sequence[CttResult]) -> Iterator[str]:
 
 JSON = ".json"
 
-INFORMATION = (
-    ("Vendor", "vendorname"),
-    ("Vendor number", "vendornumber"),
-    ("Product", "productname"),
-    ("Product number", "productnumber"),
-    ("Revision", "revisionnumber"),
-)
-"""What [DeviceInfo] says about a device."""
-
 
 class DeviceRun(NamedTuple):
     """A run: the device, up to which tier it was asked, its results, and by what and when they were `made`."""
@@ -275,7 +260,7 @@ class DeviceRun(NamedTuple):
     def facts(self) -> list[tuple[str, str]]:
         """What the page begins with."""
         device, document = self.dictionary, self.dictionary.device.document
-        said = [(what, document.text("deviceinfo", key)) for what, key in INFORMATION]
+        said = [(what.capitalize(), document.text("deviceinfo", key)) for what, key in INFORMATION]
         run = next((each.how for each in self.results), "not run")
         facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), *said]
         return [each for each in [*facts, ("Tier", self.tier.value), ("Run", run), ("Made by", self.made)] if each[1]]
@@ -329,16 +314,14 @@ def text(file: Path, reports: Sequence[DeviceRun]) -> str:
 def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     """Give the page of a device."""
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
-    passed = sum(each.count(Status.PASSED) for each in run.results)
-    red = f"{amount(len(run.red), 'step')} red" if run.red else "no step red"
     yield from map(Paragraph, report.changed(run.results))
-    yield Paragraph(f"{amount(passed, 'step')} green, {red}.")
-    yield DocTable(("", ""), run.facts, words=("",))
+    yield Paragraph(f"{report.summary(run.results)}.")
+    yield DocTable(("", ""), run.facts)
     yield DocHeading(2, "Score by chapter")
-    statuses = (Status.PASSED, Status.FAILED, Status.SKIPPED)
-    scores = [(r.name.removeprefix("CiA 301, "), *(str(r.count(each)) for each in statuses)) for r in run.results]
-    yield DocTable(("Chapter", "Green", "Red", "Skipped"), scores, ("Green", "Red", "Skipped"))
-    yield DocHeading(2, "What is red")
+    words = [each.value for each in Status if each in WORST_FIRST]
+    scores = [(r.name.removeprefix("CiA 301, "), *(str(r.count(Status(each))) for each in words)) for r in run.results]
+    yield DocTable(("Chapter", *words), scores, words)
+    yield DocHeading(2, "What failed")
     yield from _all_red(run)
     yield DocHeading(2, "By the numbers of CiA's test tool")
     tests = run.tests
@@ -359,7 +342,7 @@ def _all_red(run: DeviceRun) -> Iterator[DocBlock]:
         first, *others = together
         yield from _red(first)
         if others:
-            yield DocTable(("Also red there", "Expected", "Came"), list(map(_also_red, others)))
+            yield DocTable(("also failed there", "expected", "came"), list(map(_also_red, others)))
 
 
 def _belongs_to(step: StepResult) -> tuple[str, ...]:
@@ -378,12 +361,10 @@ def _also_red(step: StepResult) -> tuple[str, str, str]:
 def _red(step: StepResult) -> Iterator[DocBlock]:
     name, reason = StepName.of(step.name), step.reason or StepReason("red")
     yield DocHeading(3, step.name if name is None else f"{name.topic}: {name.inside or name.what}")
-    rows = [("What", reason.what), ("Expected", reason.expected), ("Came", reason.came)]
-    rows += [(each.what, f"expected {each.expected}, came {each.came}") for each in reason.mismatches]
+    rows = [("what", reason.what), *reason.facts]
     if name is not None:
-        looked_at = [("Looked at", name.what)] if name.inside else []
-        rows = [("Clause", f"CiA 301, {name.clause}"), ("CTT", name.ctt), *looked_at, *rows]
-    rows.append(("The device itself says", reason.cause))
-    yield DocTable(("", ""), [each for each in rows if each[1]], words=("",))
+        looked_at = name.what if name.inside else ""
+        rows = [("clause", f"CiA 301, {name.clause}"), ("CTT", name.ctt), ("looked at", looked_at), *rows]
+    yield DocTable(("", ""), [each for each in rows if each[1]])
     if reason.frames:
         yield Preformatted(list(report.frame_lines(reason)))

@@ -16,6 +16,7 @@ from typing import Any
 
 from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
+from eurobot_od.lint.findings import LEVELS
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
@@ -129,7 +130,7 @@ class WatchedBus:
             elif rule_of := OF_DAMAGE.get(damage):
                 is_off = damage is Damage.ERROR_FRAME and _is_bus_off(text)
                 subject = meaning.raw[0] if isinstance(meaning.raw, Frame) else ""
-                said = f"{damage.value}: {text}"
+                said = f"a controller is bus-off ({text})" if is_off else f"{damage.value}: {text}"
                 self.bus.found(BusRule.BUS_OFF if is_off else rule_of, who, said, subject)
 
     def shown(self, ended: SdoTransfer, decoder: Decoder) -> None:
@@ -145,9 +146,7 @@ class WatchedBus:
     def _silence(self, time: float) -> None:
         beating = self.nodes.beating
         if len(beating) > 1 and all(each.is_lost(time) for each in beating):
-            text = (
-                f"nothing came for {duration(round(time - self.bus.now, 3))}, not even from {len(beating)} heartbeats"
-            )
+            text = f"nothing came for {duration(time - self.bus.now, 3)}, not even from {len(beating)} heartbeats"
             self.bus.found(BusRule.LOG_GAP, "", text)
             self._gap(time)
 
@@ -270,7 +269,8 @@ class Diagnosis:
 
     def silent(self, log: str = "") -> None:
         """Report that there was nothing in a log, or on a bus."""
-        text = f"no frame in {log}" if log else "no frame came"
+        missing = ", ".join(each.name for each in self._decoder.dictionaries)
+        text = (f"no frame in {log}" if log else "no frame came") + (f": {missing} should be there" if missing else "")
         self.incidents.at(BusRule.BUS_SILENT, "", "", log, text, "", "").add(SeenAt(0.0, log))
 
     def missed(self, notes: Iterable[str]) -> None:
@@ -287,6 +287,12 @@ class Diagnosis:
             each.bus.report = self.incidents.at
         return self.incidents.sorted(still_open)
 
+    def as_data(self, time: float) -> dict[str, Any]:
+        """Return for a page what is wrong until a time in s."""
+        found = self.so_far(time)
+        rows = [{"level": LEVELS[each.rule.severity], "title": each.title, "facts": each.facts} for each in found]
+        return {"verdict": self.verdict(found), "incidents": rows}
+
     def verdict(self, incidents: Sequence[Incident]) -> str:
         """Return the answer in one line."""
-        return verdict(incidents, f"{amount(self.frames, 'frame')}, {duration(round(self.seconds + self._span, 1))}")
+        return verdict(incidents, f"{amount(self.frames, 'frame')}, {duration(self.seconds + self._span, 1)}")

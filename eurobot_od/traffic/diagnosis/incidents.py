@@ -6,12 +6,12 @@ there is a number, the first and the last place, and a few more; of each rule at
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple
 
-from eurobot_od.lint.findings import Severity
+from eurobot_od.lint.findings import LEVELS, Severity
 from eurobot_od.support.texts import amount, one_line
 
 MOST = 20
@@ -167,14 +167,10 @@ class Incidents:
         return sorted(found, key=lambda each: (each.rule.rank, -each.seen.number))
 
 
-WORDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
-"""What a level is called."""
-
-
 def verdict(incidents: Sequence[Incident], seen: str) -> str:
     """Return the answer in one line; `seen` says how much was looked at."""
     counts = {each: sum(incident.rule.severity is each for incident in incidents) for each in Severity}
-    found = ", ".join(amount(number, WORDS[each]) for each, number in counts.items() if number)
+    found = ", ".join(amount(number, LEVELS[each]) for each, number in counts.items() if number)
     if not found:
         return f"Nothing is wrong in {seen}"
     first = incidents[0]
@@ -185,5 +181,5 @@ def lines(incidents: Sequence[Incident]) -> Iterator[str]:
     """Yield what there is to read of incidents."""
     for each in incidents:
         yield ""
-        yield f"{WORDS[each.rule.severity].upper():<8} {each.title}"
+        yield f"{LEVELS[each.rule.severity].upper():<8} {each.title}"
         yield from (f"  {what:<8} {text}" for what, text in each.facts)

@@ -6,14 +6,14 @@ from collections import defaultdict, deque
 from functools import partial
 from itertools import pairwise
 
-from eurobot_od.client.watch import LOST_AFTER, NodeChange
-from eurobot_od.device.nmt import COMMAND_NAMES, RESETS, STATE_NAMES, TARGET, TOGGLE, NmtState
+from eurobot_od.client.watch import LATE_AFTER, LOST_AFTER, NodeChange
+from eurobot_od.device.nmt import COMMAND_NAMES, RESETS, STATE_NAMES, TARGET, TOGGLE, NmtState, boot_state
 from eurobot_od.frame import Frame
-from eurobot_od.od.standard import ANSWERS, CONSUMED_HEARTBEATS, HEARTBEAT_TIME, Lss, LssState
+from eurobot_od.od.standard import ANSWERS, CONSUMED_HEARTBEATS, HEARTBEAT_TIME, NMT_STARTUP, Lss, LssState
 from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NODE_IDS
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import Occurrences
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
+from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import GUARDING, NMT
@@ -33,8 +33,11 @@ SURE = 3
 PATIENCE = 1.0
 """Seconds in which no heartbeat is missed until three have shown their period."""
 
-LATE, CHANGED, UNEVEN = 1.5, 0.25, 0.2
-"""Shares of a heartbeat's period: it is late, comes at another one, is one of two series."""
+CHANGED, UNEVEN = 0.25, 0.2
+"""Shares of a heartbeat's period: it comes at another one, is one of two series."""
+
+OFF_OR_ELSEWHERE = "its heartbeat is switched off, or it sends it under another node-ID"
+"""Why a node that is there likely sends no heartbeat."""
 
 
 class Beats:
@@ -63,6 +66,11 @@ class Beats:
         least = 0.0 if len(self.intervals) >= SURE else PATIENCE  # a device may have another period than its file
         return self.last is not None and self.usual > 0 and now - self.last > max(LOST_AFTER * self.usual, least)
 
+    @property
+    def came(self) -> bool:
+        """Whether there was any."""
+        return bool(self.last is not None or self.intervals or self.lost)
+
     def restart(self, last: float | None) -> None:
         """Begin anew: one is due after `last`, or none."""
         self.last, self.lost, self.flips = last, False, 0
@@ -75,6 +83,7 @@ class NodesWatcher(Watcher):
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
         self._told: dict[int, tuple[int, float]] = {}
+        self._wanted: dict[int, NmtState] = {}
         self._booted: dict[int, float] = {}
         self._beats: dict[int, Beats] = {}
         self._toggles: dict[int, int | None] = {}
@@ -107,12 +116,17 @@ class NodesWatcher(Watcher):
             self._beats_of(node).flips = 0
             if command in RESETS:
                 node.reset, node.state = time, None
-                self._told.pop(node.node_id, None)
+                self._forget_orders(node)
                 self._beats_of(node).restart(None)
             elif command in TARGET:
+                wanted = self._wanted[node.node_id] = TARGET[command]  # type: ignore[index]
                 self._told[node.node_id] = command, time
                 if node.heard:
-                    node.state, node.since = TARGET[command], time  # type: ignore[index]
+                    node.state, node.since = wanted, time
+
+    def _forget_orders(self, node: ObservedNode) -> None:
+        self._told.pop(node.node_id, None)
+        self._wanted.pop(node.node_id, None)
 
     def _boot(self, time: float, node: ObservedNode) -> None:
         last, self._booted[node.node_id] = self._booted.get(node.node_id), time
@@ -125,7 +139,7 @@ class NodesWatcher(Watcher):
         elif last is not None or node.state is not None:
             self.bus.found(BusRule.BOOTS_AGAIN, node.name, f"{NodeChange.BOOTED.value} again without a reset")
         node.booted, node.state, node.since = True, None, time
-        self._told.pop(node.node_id, None)
+        self._forget_orders(node)
         self._toggles[node.node_id] = None
         self._beats_of(node).restart(time)
 
@@ -133,6 +147,8 @@ class NodesWatcher(Watcher):
         if not is_guarding:
             self._beat(time, node, state)
         if state is not node.state:
+            if node.node_id not in self._told and state is not self._wanted.get(node.node_id):
+                self._untold(node, state)
             node.state, node.since = state, time
         for tell in self.bus.stated:
             tell(node)
@@ -145,8 +161,16 @@ class NodesWatcher(Watcher):
             del self._told[node.node_id]
         elif command and time - since > OBEYS_WITHIN:
             del self._told[node.node_id]
-            text = f"is {STATE_NAMES[state]} {duration(round(time - since, 3))} after NMT {COMMAND_NAMES[command]}"
+            text = f"is {STATE_NAMES[state]} {duration(time - since, 3)} after NMT {COMMAND_NAMES[command]}"
             self.bus.found(BusRule.NOT_FOLLOWED, node.name, text, command)
+
+    def _untold(self, node: ObservedNode, state: NmtState) -> None:
+        """Look at a state that nobody has commanded: the first one after a boot-up, or one after another."""
+        text = f"goes from {STATE_NAMES[node.state or 0]} to {STATE_NAMES[state]} without a command"
+        starts = node.dictionary and boot_state(node.dictionary.default(NMT_STARTUP))
+        is_first = state is NmtState.OPERATIONAL is not starts and self._booted.get(node.node_id) == node.since
+        if node.state is not None or (starts and is_first):
+            self.bus.found(BusRule.STATE_UNTOLD, node.name, text, (node.state, state))
 
     # Heartbeats
 
@@ -163,7 +187,7 @@ class NodesWatcher(Watcher):
             if beats.flips >= SURE and node.node_id not in self._told:
                 states = f"{STATE_NAMES[state]} and {STATE_NAMES[beats.before or state]}"
                 self.bus.found(BusRule.TWO_NODES, node.name, f"says by turns that it is {states}", "states")
-        if beats.last is not None and time >= beats.last and not beats.lost:
+        if beats.last is not None and time > beats.last and not beats.lost:  # a log may have no times
             beats.intervals.append(time - beats.last)
             self._judge(node, beats)
         beats.last, beats.lost = time, False
@@ -171,18 +195,18 @@ class NodesWatcher(Watcher):
     def _judge(self, node: ObservedNode, beats: Beats) -> None:
         """Look at a node's last intervals."""
         *others, last = beats.intervals
-        if len(others) >= SURE and last > LATE * (usual := beats.usual):
-            text = f"a heartbeat after {_ms(last)}, with a period of {_ms(usual)}"
+        if len(others) >= SURE and last > LATE_AFTER * (usual := beats.usual):
+            text = f"a heartbeat after {brief(last)}, with a period of {brief(usual)}"
             self.bus.found(BusRule.HEARTBEAT_LATE, node.name, text)
         if not beats.period or len(beats.intervals) < 2 * SURE:
             return
         period, uneven = beats.period, max(beats.intervals) > (1 + CHANGED) * min(beats.intervals)
         pairs = [one + two for one, two in pairwise(beats.intervals)]
         if uneven and all(abs(each / period - 1) < UNEVEN for each in pairs):
-            text = f"two series of heartbeats, each every {_ms(period)}"
+            text = f"two series of heartbeats, each every {brief(period)}"
             self.bus.found(BusRule.TWO_NODES, node.name, text, "heartbeats")
         elif not uneven and all(abs(each / period - 1) > CHANGED for each in beats.intervals):
-            text = f"a heartbeat every {_ms(last)}, with 0x1017 = {period * 1000:g} ms"
+            text = f"a heartbeat every {brief(last)}, with 0x1017 = {period * 1000:g} ms"
             self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text)
 
     def set_period(self, node: ObservedNode) -> None:
@@ -202,7 +226,9 @@ class NodesWatcher(Watcher):
                 beats.lost = True
                 node = self.bus.node(node_id)
                 state = f"; it was {STATE_NAMES[node.state]}" if node.state else ""
-                text = f"{NodeChange.LOST.value}: no heartbeat for {LOST_AFTER:g} periods of {_ms(beats.usual)}{state}"
+                text = (
+                    f"{NodeChange.LOST.value}: no heartbeat for {LOST_AFTER:g} periods of {brief(beats.usual)}{state}"
+                )
                 self.bus.found(BusRule.HEARTBEAT_LOST, node.name, text)
         for node in self.bus.nodes.values():
             if node.reset is not None and time - node.reset > BOOTS_WITHIN:
@@ -213,6 +239,9 @@ class NodesWatcher(Watcher):
     def gap(self, time: float) -> None:
         for beats in self.beating:
             beats.restart(time)
+        self._booted.clear()
+        for node in self.bus.nodes.values():
+            node.state = None
 
     # Guarding
 
@@ -233,12 +262,17 @@ class NodesWatcher(Watcher):
     def end(self, time: float) -> None:
         self.tick(time)
         for node in list(self.bus.nodes.values()):
-            waiting = self._pre_operational.get(node.node_id)
+            waiting, beats = self._pre_operational.get(node.node_id), self._beats_of(node)
             if not node.heard and node.dictionary and time - self.bus.began > LOST_AFTER:
                 self.bus.found(BusRule.NEVER_HEARD, node.name, f"is never heard (node-ID {node.node_id})")
             if waiting and time - waiting.places[0].time > BOOTS_WITHIN and node.node_id not in self._told:
-                text = f"stays {STATE_NAMES[NmtState.PRE_OPERATIONAL]} for {duration(round(time - node.since, 1))}"
+                text = f"stays {STATE_NAMES[NmtState.PRE_OPERATIONAL]} for {duration(time - node.since, 1)}"
                 self.bus.found(BusRule.NOT_STARTED, node.name, text, seen=waiting)
+            is_by_file = node.heard and beats.period and HEARTBEAT_TIME not in node.in_force()
+            watched = self.bus.now - self.bus.began > max(LOST_AFTER * beats.period, PATIENCE)
+            if is_by_file and watched and not beats.came:
+                text = f"sends no heartbeat, with 0x1017 = {beats.period * 1000:g} ms"
+                self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text, cause=OFF_OR_ELSEWHERE)
             self._consumers(node)
 
     def _consumers(self, node: ObservedNode) -> None:
@@ -250,18 +284,16 @@ class NodesWatcher(Watcher):
             if not wait or node_id not in NODE_IDS:
                 continue
             producer = self.bus.node(node_id)
-            if beats is None or not (beats.last or beats.intervals or beats.lost):
+            if beats is None or not beats.came:
                 if self.bus.now - self.bus.began < wait:  # it may come yet
                     continue
                 text = f"waits for the heartbeat of {producer.name} (0x1016), which sends none"
                 self.bus.found(BusRule.CONSUMER_UNFED, node.name, text, node_id)
             elif (period := producer.number(HEARTBEAT_TIME) / 1000) >= wait:
-                text = f"waits {_ms(wait)} for {producer.name} (0x1016), which sends a heartbeat every {_ms(period)}"
+                text = (
+                    f"waits {brief(wait)} for {producer.name} (0x1016), which sends a heartbeat every {brief(period)}"
+                )
                 self.bus.found(BusRule.CONSUMER_SHORT, node.name, text, node_id)
-
-
-def _ms(seconds: float) -> str:
-    return duration(round(seconds, 4))
 
 
 # Emergencies
@@ -292,7 +324,7 @@ class EmergencyWatcher(Watcher):
         node.heard = True
         times, present = self._times[node.node_id], self._open[node.node_id]
         times.append(time)
-        if len(times) > STORM and 0 <= time - times[0] <= 1.0:
+        if len(times) > STORM and 0 < time - times[0] <= 1.0:
             self.bus.found(BusRule.EMCY_STORM, node.name, f"{len(times)} emergencies in a second")
         if not code:
             if not register:  # else other errors are left

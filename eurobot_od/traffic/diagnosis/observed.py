@@ -11,8 +11,12 @@ from typing import Any
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
+from eurobot_od.support import texts
 from eurobot_od.traffic.diagnosis.incidents import IncidentRule, Occurrences, SeenAt
 from eurobot_od.traffic.meaning import Decoder, Meaning
+
+brief = partial(texts.text, digits=4)
+"""Writes a time as it was measured: more digits mean nothing."""
 
 
 @dataclass

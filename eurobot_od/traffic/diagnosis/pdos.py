@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from itertools import combinations
 
+from eurobot_od.client.watch import LATE_AFTER
 from eurobot_od.device.nmt import STATE_NAMES
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.od.pdos import Pdo
@@ -14,7 +15,7 @@ from eurobot_od.od.values import DAY, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import Occurrences
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
+from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage
 from eurobot_od.traffic.meaning import Meaning
@@ -27,8 +28,8 @@ INHIBITED, STAMP = 0.9, 0.0005
 ON_ITS_WAY = 0.05
 """Seconds after a change of state in which a frame may come that was sent before."""
 
-LATE = 1.5
-"""Event timers after which a PDO is late."""
+OF_EVENTS = range(254, 256)
+"""Transmission types of PDOs that have an event timer (CiA 301, 7.5.2.37)."""
 
 SYNCS = 3
 """So many times its number of SYNCs a synchronous PDO may be late."""
@@ -52,8 +53,8 @@ class WatchedPdo:
 
     @property
     def timer(self) -> float:
-        """Event timer, s."""
-        return self.pdo.event_timer / 1000
+        """Event timer, s; 0 for one that is sent on SYNC or on request."""
+        return self.pdo.event_timer / 1000 if self.pdo.transmission_type in OF_EVENTS else 0.0
 
 
 class PdoWatcher(Watcher):
@@ -63,11 +64,13 @@ class PdoWatcher(Watcher):
         super().__init__(bus)
         self._pdos: dict[int, WatchedPdo] = {}
         self._early: dict[int, list[WatchedPdo]] = {}
+        self._since = 0.0
         bus.stated.append(self._said)
 
     def changed(self) -> None:
         """Take in that the mapping in force is another one."""
         self._pdos.clear()
+        self._since = self.bus.now
 
     def take(self, time: float, meaning: Meaning) -> None:
         cob_id = meaning.raw[0]
@@ -80,11 +83,11 @@ class PdoWatcher(Watcher):
         sender.heard, watched.last = True, time
         if last is not None and time >= last:
             if watched.inhibit and time - last < INHIBITED * watched.inhibit - STAMP:
-                text = (
-                    f"{watched.name} comes {_ms(time - last)} after the one before, inhibit time {_ms(watched.inhibit)}"
-                )
+                after, allowed = brief(time - last), brief(watched.inhibit)
+                text = f"{watched.name} comes {after} after the one before, inhibit time {allowed}"
                 self.bus.found(BusRule.PDO_INHIBIT, sender.name, text, cob_id)
-            if watched.timer and time - last > LATE * watched.timer and sender.is_operational and sender.since <= last:
+            is_steady = sender.is_operational and sender.since <= last
+            if watched.timer and is_steady and time - last > LATE_AFTER * watched.timer:
                 self._late(watched, time - last)
         if not (sender.is_operational or watched.always or time - sender.since < ON_ITS_WAY):
             if not watched.early.number:
@@ -92,7 +95,7 @@ class PdoWatcher(Watcher):
             watched.early.add(self.bus.at())
 
     def _late(self, watched: WatchedPdo, gap: float) -> None:
-        text = f"{watched.name} after {_ms(gap)}, event timer {_ms(watched.timer)}"
+        text = f"{watched.name} after {brief(gap)}, event timer {brief(watched.timer)}"
         self.bus.found(BusRule.PDO_TIMER, watched.sender.name, text, watched.pdo.cob_id)
 
     def _said(self, node: ObservedNode) -> None:
@@ -141,23 +144,30 @@ class PdoWatcher(Watcher):
             if (
                 each.last is not None
                 and each.timer
-                and time - each.last > LATE * each.timer
+                and time - each.last > LATE_AFTER * each.timer
                 and each.sender.is_operational
             ):
                 self._late(each, time - each.last)
         for binding in self.bus.decoder.protocol.bindings:
             sender = self.bus.named(binding.senders[0]) if binding.senders else None
             pdo = binding.pdo
-            # What the sender's own record says; a receiver's may differ. Type 0 is sent only after an event.
-            if not (sender and pdo.direction is PdoDirection.TPDO and pdo.is_synchronous and pdo.transmission_type):
+            # What the sender's own record says; a receiver's may differ.
+            if not (sender and sender.heard and pdo.direction is PdoDirection.TPDO and sender.state):
                 continue
-            if not sender.heard or sender.state is None or not sender.is_operational or time - sender.since < 1.0:
+            span, is_sent = time - max(sender.since, self._since), binding.cob_id in self._pdos
+            if not sender.is_operational or span < 1.0:
                 continue
             syncs = self.bus.counts[SYNC_NAME]
+            watched = WatchedPdo(binding.name, pdo, sender)
+            if watched.timer and not is_sent and span > LATE_AFTER * watched.timer:
+                text = f"{binding.name} is never sent, event timer {brief(watched.timer)}"
+                self.bus.found(BusRule.PDO_TIMER, sender.name, text, binding.cob_id)
+            if not (pdo.is_synchronous and pdo.transmission_type):  # type 0 is sent only after an event
+                continue
             if not syncs:
                 text = f"{binding.name} waits for SYNC (transmission type {pdo.transmission_type}), which nobody sends"
                 self.bus.found(BusRule.PDO_NO_SYNC, sender.name, text, binding.cob_id)
-            elif binding.cob_id not in self._pdos and syncs > SYNCS * pdo.transmission_type:
+            elif not is_sent and syncs > SYNCS * pdo.transmission_type:
                 text = f"{binding.name} is never sent in {syncs} SYNCs (transmission type {pdo.transmission_type})"
                 self.bus.found(BusRule.PDO_NOT_SENT, sender.name, text, binding.cob_id)
 
@@ -187,7 +197,9 @@ class AnswerWatcher(Watcher):
         self._seen.take(time, frame, meaning.name, meaning.sender)
         seen = self._seen.messages[frame.cob_id, False]
         if seen.answered is not None and seen.bound is not None and seen.answered > seen.bound:
-            text = f"{meaning.name} comes {_ms(seen.answered)} after its request, computed: {_ms(seen.bound)} at most"
+            text = (
+                f"{meaning.name} comes {brief(seen.answered)} after its request, computed: {brief(seen.bound)} at most"
+            )
             self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, frame.cob_id)
             seen.answered = None
         for each in self._answers.get(frame.cob_id, ()):
@@ -242,10 +254,17 @@ class SyncWatcher(Watcher):
         self._short = self._short + 1 if interval < 0.9 * usual else 0
         if period and self._short >= SYNCS:
             self.bus.found(
-                BusRule.SYNC_TWO, "", f"SYNC comes after {_ms(interval)}, with a period of {_ms(period)}", "period"
+                BusRule.SYNC_TWO,
+                "",
+                f"SYNC comes after {brief(interval)}, with a period of {brief(period)}",
+                "period",
             )
         elif abs(interval / usual - 1) > 0.25:
-            self.bus.found(BusRule.SYNC_JITTER, "", f"SYNC comes after {_ms(interval)}, with a period of {_ms(usual)}")
+            self.bus.found(
+                BusRule.SYNC_JITTER,
+                "",
+                f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}",
+            )
 
     def _count(self, before: bytes, present: bytes) -> None:
         if len(before) != len(present):
@@ -278,9 +297,5 @@ class TimeWatcher(Watcher):
         said = (int.from_bytes(frame.data[4:6], "little") * DAY + milliseconds) / 1000
         self._last = time, said
         if before and abs((said - before[1]) - (time - before[0])) > JUMP:
-            went = f"{said - before[1]:+g} s in {duration(round(time - before[0], 3))}"
+            went = f"{said - before[1]:+g} s in {duration(time - before[0], 3)}"
             self.bus.found(BusRule.TIME_JUMPS, "", f"TIME jumps by {went}")
-
-
-def _ms(seconds: float) -> str:
-    return duration(round(seconds, 4))

@@ -88,7 +88,7 @@ class SdoWatcher(Watcher):
         command = data[0] >> 5
         named = (command, data[0] & REQUEST_SUB_COMMAND.get(command, 0)) in NAMING[False]
         if named and line.asked is not None and self._is_hasty(line.asked):
-            text = f"is asked again {duration(round(time - line.asked, 6))} after a request, before its answer"
+            text = f"is asked again {duration(time - line.asked, 6)} after a request, before its answer"
             self.bus.found(BusRule.TWO_CLIENTS, node.name, text)
         if data[0] == ABORT:
             line.asked = None

@@ -1,5 +1,5 @@
 "use strict";
-// What is wrong on the bus so far: the verdict, and the incidents, worst first. The server has the rules.
+// What is wrong on the bus so far, or in each log: the verdict, and the incidents, worst first. The server has the rules.
 
 const LEVEL_CLASSES = {error: "is-error", warning: "is-warning", note: "is-note"};
 
@@ -9,11 +9,10 @@ function incidentItem({level, title, facts}) {
     h("dl", {}, ...facts.flatMap(([what, text]) => [h("dt", {}, what), h("dd", {}, text)])));
 }
 
-function diagnosisView() {
+function diagnosisOf({name, diagnosis}) {
   const verdict = h("p", {class: "verdict", role: "status"}, "Waiting for frames."), list = h("div", {class: "incidents"});
-  let asked = -Infinity, told = "";
-  async function update() {
-    const found = await connection.ask({do: "diagnosis"});
+  let told = "";
+  function take(found) {
     say(verdict, found.verdict);
     const text = JSON.stringify(found.incidents);
     if (text === told) return;
@@ -23,9 +22,16 @@ function diagnosisView() {
     for (const each of items) each.open = open.has(each.dataset.key);
     list.replaceChildren(...items);
   }
-  return {element: h("div", {class: "diagnosis"}, verdict, list), show() {
-    if (!connection.up || performance.now() - asked < 1000) return;
+  if (diagnosis) take(diagnosis);
+  return {element: h("section", {}, several ? h("h2", {}, name) : "", verdict, list), take};
+}
+
+function diagnosisView() {
+  const all = content.sources.map(diagnosisOf);
+  let asked = -Infinity;
+  return {element: h("div", {class: "diagnosis"}, ...all.map(each => each.element)), show() {
+    if (!live || !connection.up || performance.now() - asked < 1000) return;
     asked = performance.now();
-    quietly(update());
+    quietly(connection.ask({do: "diagnosis"}).then(all[0].take));
   }};
 }

@@ -10,7 +10,7 @@ const VIEWS = [                             // in the order of their tabs; `if`:
   {name: "send", title: "Send", make: sendView, if: live, control: true},
   {name: "drives", title: "Drives", make: drivesView, if: driven.length > 0},
   {name: "events", title: "Events", make: eventsView},
-  {name: "diagnosis", title: "Diagnosis", make: diagnosisView, if: live},
+  {name: "diagnosis", title: "Diagnosis", make: diagnosisView, if: live || content.sources.some(each => each.diagnosis)},
   {name: "compare", title: "Compare", make: content.comparison && compareView, if: Boolean(content.comparison)},
 ];
 const TABLES = 100;                         // ms between two updates of tables and numbers

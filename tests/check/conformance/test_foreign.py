@@ -219,8 +219,7 @@ def test_a_device_that_comes_back_elsewhere_is_said_to() -> None:
     (failed,) = [each for each in done(Elsewhere, Tier.REVERSIBLE, "nmt") if each.status is Status.FAILED]
     assert failed.reason is not None
     assert failed.reason.what == (
-        "no boot-up 705#00 within 10 s from the reset (node 6 booted instead), "
-        "and no answer to an SDO request as long again"
+        "no boot-up 705#00 in 10 s after a reset (node 6 booted instead), and no answer to an SDO request as long again"
     )
 
 

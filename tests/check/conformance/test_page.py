@@ -14,7 +14,7 @@ import pytest
 
 from eurobot_od.check.conformance import page
 from eurobot_od.check.conformance.clauses import StepName
-from eurobot_od.check.conformance.page import DeviceRun, Verdict
+from eurobot_od.check.conformance.page import DeviceRun
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Step, Suite
@@ -56,8 +56,8 @@ SAID = [
     "| Made by | today |",
     "| node guarding and heartbeat consumer |",
     "### Node guarding: 2. PRE-OPERATIONAL, toggle bit 1",
-    "| Clause | CiA 301, 7.2.8.3.2.1 |",
-    "| Expected | 705\\#FF |",
+    "| clause | CiA 301, 7.2.8.3.2.1 |",
+    "| expected | 705\\#FF |",
     "> 705#R1                remote frame",
     "| 7.3 | its toggle bit | FAILED |",
 ]
@@ -140,7 +140,7 @@ def test_the_communication_is_stored_by_itself() -> None:
 
 def passed(run: Run) -> set[str]:
     """Return the numbers that pass in a run."""
-    return {each.number for each in page.results_of(run.results, []) if each.verdict is Verdict.PASSED}
+    return {each.number for each in page.results_of(run.results, []) if each.verdict is Status.PASSED}
 
 
 def lacking(run: Run, number: str) -> list[str]:
@@ -308,7 +308,7 @@ MAKERS_ONLY = {"2.4", "2.29", "2.30", "3.11", "3.15", "3.17", "4.4"}
 
 def test_110_numbers_pass_on_a_device_that_is_guarded_and_each_has_sent_the_frames_of_the_tool() -> None:
     run, found = asked_for_everything(MODULE), passed(asked_for_everything(MODULE))
-    assert page.score(page.results_of(run.results, [])) == "110 of 127 tests executed: 110 passed, 0 failed, 17 skipped"
+    assert page.score(page.results_of(run.results, [])) == "110 of 127 tests executed: 110 ok, 17 skipped"
     makers = [asked_for_everything(file) for file in (IO_MODULE, AXIS_DRIVE)]
     asked = [(run, found - {page.LINT}), *((each, MAKERS_ONLY & passed(each)) for each in makers)]
     for each, numbers in asked:
@@ -326,7 +326,7 @@ def made() -> str:
     """Return the table of the tool's tests: what each asks, which step of ours does, and what became of it."""
     runs = [asked_for_everything(file) for file in (MODULE, IO_MODULE, AXIS_DRIVE)] + [stored()]
     words = ("", " on an I/O module", " on a drive", " on a device that stores its communication")
-    devices = [(f"passed{word}", passed(run)) for word, run in zip(words, runs, strict=True)]
+    devices = [(f"ok{word}", passed(run)) for word, run in zip(words, runs, strict=True)]
     asked = asked_by(each for run in runs for each in run.suites)
     judged = page.results_of(runs[0].results, [])
     found = {each.number: each for each in judged}
@@ -363,17 +363,17 @@ def run(*steps: tuple[str, Status, str]) -> SuiteResult:
 
 JUDGED = [
     # steps of one number, and what becomes of it
-    ([("2.5", Status.PASSED, "")], Verdict.PASSED, ""),
-    ([("2.5", Status.PASSED, ""), ("2.5", Status.SKIPPED, "lacks it")], Verdict.SKIPPED, "lacks it"),  # of one group
-    ([("2.5", Status.PASSED, ""), ("2.5", Status.FAILED, "")], Verdict.FAILED, "7.4 x: y [reading, CTT 2.5]"),
-    ([("2.5", Status.SKIPPED, "lacks it")], Verdict.SKIPPED, "lacks it"),
-    ([("2.6", Status.PASSED, "")], Verdict.SKIPPED, page.NOT_ASKED),
+    ([("2.5", Status.PASSED, "")], Status.PASSED, ""),
+    ([("2.5", Status.PASSED, ""), ("2.5", Status.SKIPPED, "lacks it")], Status.SKIPPED, "lacks it"),  # of one group
+    ([("2.5", Status.PASSED, ""), ("2.5", Status.FAILED, "")], Status.FAILED, "7.4 x: y [reading, CTT 2.5]"),
+    ([("2.5", Status.SKIPPED, "lacks it")], Status.SKIPPED, "lacks it"),
+    ([("2.6", Status.PASSED, "")], Status.SKIPPED, page.NOT_ASKED),
 ]
 
 
 @rows("steps, verdict, why", JUDGED)
 def test_a_red_step_fails_a_test_and_a_green_one_passes_it(
-    steps: list[tuple[str, Status, str]], verdict: Verdict, why: str
+    steps: list[tuple[str, Status, str]], verdict: Status, why: str
 ) -> None:
     judged = {each.number: each for each in page.results_of([run(*steps)], [])}
     assert (judged["2.5"].verdict, judged["2.5"].why) == (verdict, why)
@@ -381,13 +381,13 @@ def test_a_red_step_fails_a_test_and_a_green_one_passes_it(
 
 def test_the_file_is_the_first_test() -> None:
     fine, wrong = (page.results_of([], errors)[0] for errors in ([], ["device.eds:3:1: E101 odd"]))
-    assert (fine.number, fine.verdict) == ("1.0", Verdict.PASSED)
-    assert (wrong.verdict, wrong.why) == (Verdict.FAILED, "device.eds:3:1: E101 odd")
+    assert (fine.number, fine.verdict) == ("1.0", Status.PASSED)
+    assert (wrong.verdict, wrong.why) == (Status.FAILED, "device.eds:3:1: E101 odd")
 
 
 def test_the_last_line_is_the_score() -> None:
     tests = page.results_of([run(("2.5", Status.FAILED, ""), ("2.6", Status.PASSED, ""))], [])
-    assert list(page.lines(tests))[-1] == "3 of 127 tests executed: 2 passed, 1 failed, 124 skipped"
+    assert list(page.lines(tests))[-1] == "3 of 127 tests executed: 2 ok, 1 FAILED, 124 skipped"
 
 
 if __name__ == "__main__":

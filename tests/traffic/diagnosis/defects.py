@@ -191,6 +191,13 @@ DEFECTS = [
         1.1,
         log(beats(127, until=0.95), at(START, start=0.55), beats(5, start=1.0)),
     ),
+    RuleDefect(
+        BusRule.STATE_UNTOLD,
+        log(beats(until=0.95), beats(127, start=1)),
+        1.0,
+        log(beats(until=0.95), at("000#8005", start=0.97), beats(start=1, until=1.1), beats(127, start=1.2)),
+    ),
+    RuleDefect(BusRule.STATE_UNTOLD, log(at("705#00"), beats(start=0.1)), 0.1, log(beats(start=0.1)), ("arm",)),
     RuleDefect(BusRule.NOT_STARTED, beats(127, until=7), 0.0, log(beats(127, until=4), beats(5, start=4.1, until=7))),
     # Error control
     RuleDefect(
@@ -208,6 +215,8 @@ DEFECTS = [
         ("arm",),
     ),
     RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), 0.36, beats(period=0.11), ("arm",)),
+    RuleDefect(BusRule.HEARTBEAT_CHANGED, every(0.1, "185#0000"), 2.0, every(0.1, "185#0000", until=0.9), ("event",)),
+    RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), 0.36, at(*["705#05"] * 8, gap=0), ("arm",)),  # no times
     RuleDefect(BusRule.CONSUMER_UNFED, beats(node=6), 2.0, log(beats(), beats(node=6)), ("watcher",)),
     RuleDefect(BusRule.CONSUMER_SHORT, log(beats(), beats(node=6)), 2.0, log(beats(), beats(node=7)), ("arm", "short")),
     RuleDefect(
@@ -276,6 +285,7 @@ DEFECTS = [
     RuleDefect(
         BusRule.PDO_TIMER, at("185#0000", "185#0000", gap=0.2), 0.2, at("185#0000", "185#0000", gap=0.12), ("timed",)
     ),
+    RuleDefect(BusRule.PDO_TIMER, beats(), 2.0, log(beats(), every(0.1, "185#0000")), ("timed",)),
     RuleDefect(
         BusRule.PDO_NO_SYNC,
         beats(until=3),

@@ -91,6 +91,12 @@ def test_an_incident_has_a_number_and_a_few_places() -> None:
     assert (found.seen.number, len(found.seen.places), found.seen.last.line) == (100, PLACES, 100)
 
 
+def test_bus_off_is_told_in_words() -> None:
+    diagnosis = Diagnosis(Decoder([]))
+    diagnosis.take(0.0, "", Foreign(Damage.ERROR_FRAME, "20000040#"))
+    assert [each.title for each in diagnosis.incidents.sorted()] == ["a controller is bus-off (20000040#)"]
+
+
 def test_many_incidents_of_one_rule_are_one_more() -> None:
     diagnosis = Diagnosis(Decoder([]))
     for n in range(3 * MOST):

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from eurobot_od.lint.findings import LEVELS
 from eurobot_od.robot.check.diagnosis import EurobotRule
-from eurobot_od.traffic.diagnosis.incidents import WORDS, IncidentRule
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule
 from eurobot_od.traffic.diagnosis.rules import BusRule
 
 PAGE = Path(__file__).parents[3] / "docs" / "diagnosis-rules.md"
@@ -27,7 +28,7 @@ def table(rules: Iterable[IncidentRule]) -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     for each in rules:
         texts = (each.what, each.cause, each.remedy, each.clause)
-        yield f"| `{each.id}` | {WORDS[each.severity]} | {' | '.join(text.replace('|', '&#124;') for text in texts)} |"
+        yield f"| `{each.id}` | {LEVELS[each.severity]} | {' | '.join(text.replace('|', '&#124;') for text in texts)} |"
 
 
 def page() -> str:
