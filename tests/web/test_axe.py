@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from interop_rows.tools import NODE_MODULES
+from interop_rows.tools import AXE_CORE, NODE_MODULES
 
 from tests.web.browser import Page
 from tests.web.test_drives import Bench, bench
@@ -27,7 +27,7 @@ def scene(tmp_path: Path, window: Page) -> Iterator[tuple[Page, Bench]]:
         yield window, served
 
 
-@pytest.mark.skipif(not AXE.is_file(), reason="no axe-core: tools/interop.py installs it")
+@pytest.mark.skipif(not AXE.is_file(), reason=AXE_CORE.remedy)
 @pytest.mark.parametrize(("width", "height", "dark"), SIZES)
 def test_no_serious_finding_in_any_view(scene: tuple[Page, Bench], width: int, height: int, dark: bool) -> None:
     page, _ = scene
