@@ -20,10 +20,11 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
+from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of, units
 from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS
+from tests.eds_text import record
 from tests.rows import rows
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
@@ -81,6 +82,28 @@ NOW = "document.querySelector('.machine .now text').textContent"
 def test_only_what_says_so_is_a_drive() -> None:
     assert [each.number for each in axes_of(SERVO)] == [1]
     assert axes_of(Dictionary.load(ROBOTS / "canopen" / "drive.eds", 2)) == []
+
+
+FACTORS = (
+    record(0x608F, "Position encoder resolution", (1, "UNSIGNED32", "2000"), (2, "UNSIGNED32", "1"))
+    + record(0x6096, "Velocity factor", (1, "UNSIGNED32", "60"), (2, "UNSIGNED32", "2000"))
+)
+
+
+def test_values_are_told_in_the_units_of_the_factors_in_the_file(tmp_path: Path, window: Page) -> None:
+    file = tmp_path / "factors.eds"
+    file.write_text(EDS.read_text() + FACTORS)
+    dictionary, name = Dictionary.load(file, 5, "servo"), channel()
+    assert units(NETWORK.dictionaries[0], AXIS) == {}
+    assert units(dictionary, AXIS) == pytest.approx({"position": 1 / 2000, "velocity": 1.0})
+    with (
+        Live.node(open_bus("virtual", name), SimulatedDrive(dictionary)) as live,
+        live_page(name, tmp_path, network=Decoder([dictionary]), panels=()) as served,
+    ):
+        assert live
+        open_drives(window, served)
+        window.wait("document.querySelector('.facts').textContent.includes('position0 (0.000 turns)')")
+        assert "velocity0 (0.000 1/min)" in window.text(".facts")
 
 
 def test_the_state_machine_shows_where_the_drive_is(tmp_path: Path, window: Page) -> None:

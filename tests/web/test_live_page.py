@@ -506,6 +506,8 @@ def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: 
         for tab in ("plots", "nodes"):
             window.click(f"#tab-{tab}")
         window.wait("document.querySelector('#view-nodes .card[data-life=alive]')")
+        window.click("#record")
+        window.wait("connection.state.recording.on")
     window.wait("!connection.up && document.querySelector('.status.is-wrong')")
     # Nothing looks alive any more, in words, colours and signs, in the header and in the view; STOP says so at once.
     window.wait("document.querySelector('header .life').textContent === '⊘ not connected'")
@@ -521,6 +523,7 @@ def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: 
     with open_bus("virtual", name) as bus, live_page(name, tmp_path, port=port):
         window.wait("connection.alive")
         window.wait("document.querySelector('#stop').textContent === 'STOP'")
+        assert window.text("#toast").startswith("the server was started again: the recording ")
         Driver(bus).send(STATE)
         window.wait("plots.all[0].series[0].values.at(-1) === 700")
         window.click("#tab-plots")

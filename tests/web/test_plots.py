@@ -52,6 +52,15 @@ def test_every_sample_is_kept_and_saved(page: Page) -> None:
     assert [int(line.split(",")[1]) for line in text.splitlines()[1:]] == values
 
 
+def test_plots_are_there_again_after_a_reload(page: Page) -> None:
+    page.run(f"plots.create().add(new FieldSeries({ROW}, 'angle'))")
+    names = "plots.all.map(plot => plot.series.map(each => `${each.name}, ${each.values.length}`))"
+    before = page.run(names)
+    page.call("Page.reload")
+    page.wait("typeof plots !== 'undefined' && plots.all.length === 2 && plots.all.every(each => each.chart)")
+    assert page.run(names) == before
+
+
 def test_of_more_samples_than_pixels_the_least_and_the_most_are_drawn(page: Page) -> None:
     page.run(f"""(() => {{
         const {{times, columns}} = {ROW};

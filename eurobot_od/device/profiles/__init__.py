@@ -211,18 +211,38 @@ class Inputs:
         return any(by >> bit & 1 and holds for bit, holds in enumerate(held))
 
 
-class DeviceValues:
-    """The objects of a node as its profile sees them; they survive a reset of the device."""
+class FileValues:
+    """The objects of a file, as a profile sees them."""
 
-    def __init__(self, node: SimulatedDevice) -> None:
-        self._node = node
+    def __init__(self, dictionary: Dictionary) -> None:
+        self._dictionary = dictionary
         self._known: dict[Address, bool] = {}
 
     def has(self, address: Address) -> bool:
         """Tell whether the file has an object."""
         if address not in self._known:
-            self._known[address] = self._node.dictionary.variable(address) is not None
+            self._known[address] = self._dictionary.variable(address) is not None
         return self._known[address]
+
+    def get(self, address: Address) -> int | None:
+        """Return its default, None if it has none, or one that is not a number."""
+        return self._dictionary.number(address)
+
+    def put(self, address: Address, value: int) -> None:
+        """Keep nothing: a file stays as it is."""
+
+    def unit(self, address: Address) -> str:
+        """Return the unit that the file gives it; empty without one."""
+        variable = self._dictionary.variable(address)
+        return "" if variable is None else str(variable.unit)
+
+
+class DeviceValues(FileValues):
+    """The objects of a node as its profile sees them; they survive a reset of the device."""
+
+    def __init__(self, node: SimulatedDevice) -> None:
+        super().__init__(node.dictionary)
+        self._node = node
 
     def get(self, address: Address) -> int | None:
         """Return its value, None if it has none, or one that is not a number."""
@@ -232,11 +252,6 @@ class DeviceValues:
     def put(self, address: Address, value: int) -> None:
         """Keep a value."""
         self._node.device.objects.put(address, value)
-
-    def unit(self, address: Address) -> str:
-        """Return the unit that the file gives it; empty without one."""
-        variable = self._node.dictionary.variable(address)
-        return "" if variable is None else str(variable.unit)
 
 
 class ProfileDevice(SimulatedDevice):

@@ -88,22 +88,22 @@ class Units(NamedTuple):
         the encoder's resolution 0x608F. The velocity factor 0x6096 converts position units per second into units of
         velocity.
         """
-        turn = _ratio(values, cia402.ENCODER_RESOLUTION) or TURN
-        feed = _ratio(values, cia402.FEED_CONSTANT)
+        turn = ratio_of(values, cia402.ENCODER_RESOLUTION) or TURN
+        feed = ratio_of(values, cia402.FEED_CONSTANT)
         # A feed of 1 is what a file has if nobody has set one.
-        turn = feed / (_ratio(values, cia402.GEAR_RATIO) or 1.0) if feed and feed != 1 else turn
+        turn = feed / (ratio_of(values, cia402.GEAR_RATIO) or 1.0) if feed and feed != 1 else turn
         unit = values.get(cia402.SI_VELOCITY)
         if (unit >> 16 & 0xFF, unit >> 8 & 0xFF) == (REVOLUTION, MINUTE):
             prefix = unit >> 24
             return cls(turn, turn / 60 * 10.0 ** (prefix - 0x100 if prefix > 0x7F else prefix))  # 0xFD is milli
-        factor = _ratio(values, cia402.VELOCITY_FACTOR)
+        factor = ratio_of(values, cia402.VELOCITY_FACTOR)
         if factor and factor != 1:
             return cls(turn, 1 / factor)
         written = {values.unit(index).lower() for index in (cia402.TARGET_VELOCITY, cia402.PROFILE_VELOCITY)}
         return cls(turn, turn / 60 if written & {*RPM} else 1.0)
 
 
-def _ratio(values: AxisValues, index: int) -> float:
+def ratio_of(values: AxisValues, index: int) -> float:
     """Return numerator by divisor of a factor; 0 if the axis does not have it, or if it is not positive."""
     numerator, divisor = (values.get(index, sub) for sub in (1, 2))
     return numerator / divisor if numerator > 0 and divisor > 0 else 0.0
