@@ -84,9 +84,8 @@ def test_only_what_says_so_is_a_drive() -> None:
     assert axes_of(Dictionary.load(ROBOTS / "canopen" / "drive.eds", 2)) == []
 
 
-FACTORS = (
-    record(0x608F, "Position encoder resolution", (1, "UNSIGNED32", "2000"), (2, "UNSIGNED32", "1"))
-    + record(0x6096, "Velocity factor", (1, "UNSIGNED32", "60"), (2, "UNSIGNED32", "2000"))
+FACTORS = record(0x608F, "Position encoder resolution", (1, "UNSIGNED32", "2000"), (2, "UNSIGNED32", "1")) + record(
+    0x6096, "Velocity factor", (1, "UNSIGNED32", "60"), (2, "UNSIGNED32", "2000")
 )
 
 
