@@ -160,6 +160,32 @@ def test_a_jog_turns_while_its_button_is_held_and_the_plots_show_it(tmp_path: Pa
         assert scene.state is State.ENABLED, "halted, not switched off"
 
 
+REFUSED = [  # what is typed as velocity, and as the person's own limit; what is said
+    ("-500", "", "velocity = -500 is not allowed; allowed: 1..12000"),
+    ("1000000000", "", "velocity = 1000000000 is not allowed; allowed: 1..12000"),
+    ("500", "300", "velocity = 500 is not allowed; allowed: 1..300"),
+    ("", "", "velocity is empty; allowed: 1..12000"),
+    ("٣", "", "velocity = ٣ is not a whole number; allowed: 1..12000"),
+    ("1_000", "", "velocity = 1_000 is not a whole number; allowed: 1..12000"),
+]
+
+
+def test_a_jog_out_of_bounds_is_refused_with_the_range(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as scene:
+        scene.drive_to("enable")
+        open_drives(window, scene.served)
+        window.wait("document.querySelector('.jog button').offsetParent")
+        for velocity, limit, said in REFUSED:
+            window.run(f"""(() => {{
+                document.querySelector('.jog input').value = {json.dumps(velocity)};
+                document.querySelector('.hint input').value = {json.dumps(limit)};
+            }})()""")
+            window.click(".jog button:nth-of-type(2)")
+            assert window.text("#toast") == said
+            assert not window.run("document.querySelector('.jog .held')")
+        assert scene.velocity == 0
+
+
 def test_a_jog_by_the_keyboard(tmp_path: Path, window: Page) -> None:
     with bench(tmp_path) as scene:
         scene.drive_to("enable")
