@@ -215,7 +215,7 @@ def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene
     page.run("""(() => {
         const ask = connection.ask;
         connection.ask = function (what) {
-            if (what.do === 'send') window.sends = (window.sends ?? 0) + 1;
+            if (['send', 'nmt'].includes(what.do)) window.sends = (window.sends ?? 0) + 1;
             return ask.call(this, what);
         };
         const chosen = document.querySelector('form.send select');
@@ -236,6 +236,12 @@ def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene
     assert sends(page) == 0
     page.run(f"{button}.click()")
     page.wait("document.querySelector('.answer').textContent.startsWith('sent 008#')")
+    assert sends(page) == 1
+    for view, button in (("send", ".card > .buttons button"), ("nodes", ".card .buttons button:nth-child(4)")):
+        page.click(f"#tab-{view}")
+        page.wait(f"document.querySelector('#view-{view} {button}')?.offsetParent")
+        page.click(f"#view-{view} {button}")
+        assert page.text(f"#view-{view} {button}").endswith(": press again"), "to all nodes; a reset"
     assert sends(page) == 1
 
 

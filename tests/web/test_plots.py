@@ -52,6 +52,13 @@ def test_every_sample_is_kept_and_saved(page: Page) -> None:
     assert [int(line.split(",")[1]) for line in text.splitlines()[1:]] == values
 
 
+def test_a_text_has_no_button(page: Page) -> None:
+    chips = f"new MessageLine({ROW}).element.querySelectorAll('.value[role=button]').length"
+    before = page.run(chips)
+    page.run(f"{ROW}.fields[0].is_text = true")
+    assert page.run(chips) == before - 1
+
+
 def test_plots_are_there_again_after_a_reload(page: Page) -> None:
     page.run(f"plots.create().add(new FieldSeries({ROW}, 'angle'))")
     names = "plots.all.map(plot => plot.series.map(each => `${each.name}, ${each.values.length}`))"
