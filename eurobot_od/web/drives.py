@@ -13,8 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.client.drive402 import Drive402
 from eurobot_od.client.master import Master
-from eurobot_od.device.profiles import FileValues
-from eurobot_od.device.profiles.motion import AxisValues, Units, ratio_of
+from eurobot_od.device.profiles.motion import AxisValues, FileValues, Units, ratio_of
 from eurobot_od.errors import EurobotError, LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import copysign, sqrt
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import Switch
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 
 STEP = 0.001
@@ -27,26 +28,36 @@ RPM = ("rpm", "rev/min", "1/min", "min-1")
 """How files write revolutions per minute."""
 
 
-class ProfileValues(Protocol):
-    """The values of a running device."""
+class FileValues:
+    """The objects of a device as a profile sees them, here those of its file."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self._dictionary = dictionary
+        self._known: dict[Address, bool] = {}
 
     def has(self, address: Address) -> bool:
         """Tell whether the file has an object."""
+        if address not in self._known:
+            self._known[address] = self._dictionary.variable(address) is not None
+        return self._known[address]
 
     def get(self, address: Address) -> int | None:
-        """Return its value, None if it has none, or one that is not a number."""
+        """Return its default, None if it has none, or one that is not a number."""
+        return self._dictionary.number(address)
 
     def put(self, address: Address, value: int) -> None:
-        """Keep a value."""
+        """Keep nothing: a file stays as it is."""
 
     def unit(self, address: Address) -> str:
         """Return the unit that the file gives it; empty without one."""
+        variable = self._dictionary.variable(address)
+        return "" if variable is None else str(variable.unit)
 
 
 class AxisValues(NamedTuple):
     """The objects of one axis; `offset` is added to the indices of the first one."""
 
-    values: ProfileValues
+    values: FileValues
     offset: int = 0
 
     def has(self, index: int, sub: int = 0) -> bool:
