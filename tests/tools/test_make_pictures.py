@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import make_pictures
 import pytest
 
-NAMES = ["field.svg", "match.svg", "monitor.svg"]
+NAMES = ["field.svg", "match.svg", "monitor.svg", "red-step.svg"]
 
 
 @pytest.fixture(scope="module")

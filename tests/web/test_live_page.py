@@ -566,6 +566,8 @@ def test_a_node_is_late_then_lost_then_back_everywhere(tmp_path: Path, window: P
         for expected in ("alive", "late", "lost"):
             seen.append(window.wait(f"{life} === '{expected}' && {card}.dataset.life === '{expected}' && {look}"))
         assert len(set(seen)) == 3, "told apart without colour"
+        Driver(bus).send(Frame(0x701, b"\x05"))
+        window.wait(f"document.querySelector('#view-nodes .card').dataset.life === 'alive' && {life} === 'lost'")
         Driver(bus).send(Frame(0x702, b"\x05"))
         window.wait(f"{life} === 'alive'")
         window.wait("[...sources[0].events.values()].some(each => each.text === 'drive is back')")
