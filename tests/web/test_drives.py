@@ -109,6 +109,7 @@ def test_the_state_machine_shows_where_the_drive_is(tmp_path: Path, window: Page
     with bench(tmp_path) as scene:
         open_drives(window, scene.served)
         assert window.run(NOW) == "Switch on disabled"
+        assert window.run("groupColour(sources[0], 'servo')") == "", "what the device sends is not faulty"
         window.run(
             "[...document.querySelectorAll('.drive button')].find(each => each.textContent === 'Enable').click()"
         )

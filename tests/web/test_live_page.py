@@ -530,10 +530,10 @@ def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: 
         window.wait("connection.alive")
         window.wait("document.querySelector('#stop').textContent === 'STOP'")
         assert window.text("#toast").startswith("the server was started again: the recording ")
-        Driver(bus).send(STATE)
-        window.wait("plots.all[0].series[0].values.at(-1) === 700")
+        Driver(bus).send(EurobotProtocol.load().encode(KalmanPositionResponse(800, 1600, 0, Source.INTERNAL)))
+        window.wait("plots.all[0].series[0].values.at(-1) === 800")
         window.click("#tab-plots")
-        window.wait("plots.all[0].drawn()[1].at(-1) === 700")
+        window.wait("plots.all[0].drawn()[1].at(-1) === 800")
 
 
 def test_a_server_that_hangs_is_not_there(tmp_path: Path, window: Page) -> None:

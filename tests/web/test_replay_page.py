@@ -350,6 +350,8 @@ def test_a_lost_node_greys_its_part(page: Page) -> None:
     assert "Kalman Position Response" not in page.run(lost), "the drive sends it"
     assert page.run("document.querySelectorAll('.robot.lost').length") > 0
     assert page.run("document.querySelector('.robot').classList.contains('lost')") is False
+    page.run("sources[0].rows.get(0x702).times = []")  # it was never heard
+    assert page.run("nodeNow(sources[0], sources[0].nodes.find(each => each.name === 'drive'), 3).life") == "unknown"
 
 
 @pytest.mark.parametrize("size", [(390, 844), (360, 640)], ids=str)
