@@ -13,8 +13,8 @@ STEPS = (
     Step("other programs", python("tools/interop.py", "--install")),  # tshark, a browser, ...: kept for what follows
     *test.STEPS,
     Step("interop", python("tools/interop.py", "--local")),
-    Step("page in a browser", python(*SUITE, *PAGE), python(*ONCE_MORE, *PAGE)),
     Step("site", python("tools/make_site.py")),
+    Step("page and site in a browser", python(*SUITE, *PAGE), python(*ONCE_MORE, *PAGE)),
     Step("wheel", python("tools/wheel.py", "3.11")),
     Step("lowest versions", python("tools/pythons.py", "lowest")),
 )

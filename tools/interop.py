@@ -1,7 +1,7 @@
 """Asks other people's programs about our files and nodes, and prints the matrix of their answers.
 
     python3 tools/interop.py            installs what is missing (pip, apt, npm), asks; exit status 1 if a row differs
-    python3 tools/interop.py --install  installs only, and the browser of the page's tests
+    python3 tools/interop.py --install  installs only, and what the page's tests need: a browser, axe-core
     python3 tools/interop.py --local    installs nothing; names what is absent
     python3 tools/interop.py --write    writes docs/interop.md too
 
@@ -23,7 +23,7 @@ ensure("eurobot_od", "test")
 
 from interop_rows.row import Judgement, Verdict, judge  # noqa: E402  # after the environment is there
 from interop_rows.table import ROWS  # noqa: E402
-from interop_rows.tools import CHROMIUM  # noqa: E402
+from interop_rows.tools import AXE_CORE, CHROMIUM  # noqa: E402
 
 PAGE = ROOT / "docs" / "interop.md"
 OPENING = """\
@@ -41,7 +41,7 @@ HEAD = ("tool", "version", "asked", "judgement", "answer")
 
 def install_missing() -> None:
     """Install each tool that is not here."""
-    for tool in dict.fromkeys((*(row.tool for row in ROWS), CHROMIUM)):
+    for tool in dict.fromkeys((*(row.tool for row in ROWS), CHROMIUM, AXE_CORE)):
         if not tool.present():
             print(f"installing {tool.name} ({tool.source}) ...", file=sys.stderr, flush=True)
             tool.install()

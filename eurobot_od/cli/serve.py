@@ -107,11 +107,13 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
 
 
 def told_apart(logs: Sequence[str]) -> list[str]:
-    """Return what a page calls some logs: by their files' names, or what it takes to tell them apart."""
-    names = [Path(each).name for each in logs]
-    if len(set(names)) < len(names):
-        names = list(logs)
-    return names if len(set(names)) == len(names) else [f"{name} ({number})" for number, name in enumerate(names, 1)]
+    """Return what a page calls some logs: by their files' names, or the shortest ends of their paths that differ."""
+    parts = [Path(each).parts for each in logs]
+    for length in range(1, max(map(len, parts)) + 1):
+        names = [str(Path(*each[-length:])) for each in parts]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{each[-1]} ({number})" for number, each in enumerate(parts, 1)]
 
 
 def _compared(logs: Sequence[Sequence[ComparedEntry]], decoder: Decoder) -> dict[str, Any]:

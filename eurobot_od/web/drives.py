@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.client.drive402 import Drive402
 from eurobot_od.client.master import Master
+from eurobot_od.device.profiles.motion import AxisValues, FileValues, Units, ratio_of
 from eurobot_od.errors import EurobotError, LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
@@ -120,11 +121,11 @@ def drive_data(dictionary: Dictionary) -> dict[str, Any] | None:
                     if dictionary.variable((index + axis.offset, 0))
                 },
                 "bounds": {name: bounds(dictionary, axis, name) for name in LARGEST},
+                "units": units(dictionary, axis),
             }
             for axis in axes
         ],
         "velocity": (suggested and suggested.default) or 100,
-        "revolution": _revolution(dictionary),
     }
 
 
@@ -138,10 +139,17 @@ def bounds(dictionary: Dictionary, axis: AxisAddress, target: str) -> Range:
     return Range(max(low, -largest), min(high, largest)) if largest else Range(low, high)
 
 
-def _revolution(dictionary: Dictionary) -> float | None:
-    """Return how many steps of a position are one turn of the motor (0x608F), None if the file does not say."""
-    steps, turns = (dictionary.number((cia402.ENCODER_RESOLUTION, sub)) for sub in (1, 2))
-    return steps / turns if steps and turns else None
+def units(dictionary: Dictionary, axis: AxisAddress) -> Mapping[str, float]:
+    """Return what one unit of position is in turns of the motor, and of velocity in turns a minute, if the file says.
+
+    That is in 0x608F, 0x6091 and 0x6092 for the position; a unit of velocity is one of position per second, or as
+    0x6096 or 0x60A9 say.
+    """
+    values = AxisValues(FileValues(dictionary), axis.offset)
+    if {ratio_of(values, each) for each in (cia402.ENCODER_RESOLUTION, cia402.FEED_CONSTANT)} <= {0, 1}:
+        return {}  # 1 is what a file has if nobody has set one
+    turn, velocity = Units.of(values)
+    return {"position": 1 / turn, "velocity": 60 * velocity / turn}
 
 
 def machine_data() -> dict[str, Any]:

@@ -9,7 +9,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from eurobot_od.cli.serve import bus_name
+from eurobot_od.cli.serve import bus_name, told_apart
 from eurobot_od.support import extras
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, in_background, line
@@ -21,6 +21,19 @@ def log(tmp_path: Path) -> Path:
     file = tmp_path / "friday.log"
     file.write_text("(1.0) can0 00C#\n(2.5) can0 123#\n")
     return file
+
+
+@rows(
+    "logs, names",
+    [
+        (["/a/one.log", "/b/two.log"], ["one.log", "two.log"]),
+        (["/runs/monday/bus.log", "/runs/friday/bus.log"], ["monday/bus.log", "friday/bus.log"]),
+        (["bus.log", "old/bus.log"], ["bus.log", "old/bus.log"]),
+        (["x/bus.log", "x/bus.log"], ["bus.log (1)", "bus.log (2)"]),
+    ],
+)
+def test_logs_are_called_by_what_tells_them_apart(logs: list[str], names: list[str]) -> None:
+    assert told_apart(logs) == names
 
 
 @rows(

@@ -28,6 +28,7 @@ OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--hide-scrollbars",
     "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
     "--disable-backgrounding-occluded-windows",
+    "--blink-settings=primaryHoverType=2,availableHoverTypes=2",  # as with a mouse
     "--enable-precise-memory-info", "--remote-debugging-port=0",
 )  # fmt: skip
 

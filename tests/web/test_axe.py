@@ -1,21 +1,33 @@
-"""The page as axe-core judges it: no serious finding in any view; and all of it by the keyboard alone."""
+"""Page and site as axe-core judges them: no serious finding in any view; and all of it by the keyboard alone."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
-from interop_rows.tools import NODE_MODULES
+from environment import ROOT
+from interop_rows.tools import AXE_CORE, NODE_MODULES
 
+from eurobot_od import cli
+from tests.cli.processes import command, line
 from tests.web.browser import Page
+from tests.web.scene import channel, live_page, robot
 from tests.web.test_drives import Bench, bench
 
 AXE = NODE_MODULES / "axe-core" / "axe.min.js"
+SITE = ROOT / "build" / "site"
 SERIOUS = ("serious", "critical")
-SIZES = [(1280, 720, False), (1440, 900, True), (390, 844, False), (390, 844, True)]
+SIZES = [(1280, 720, False), (390, 844, True)]
+
+
+PAGES = ("index", "api", "any-device", "messages", "page", "reports/stock-canopen")
+"""Pages of the site with all that a page can have."""
+
+needs_axe = pytest.mark.skipif(not AXE.is_file(), reason=AXE_CORE.remedy)
 
 
 @pytest.fixture
@@ -27,22 +39,76 @@ def scene(tmp_path: Path, window: Page) -> Iterator[tuple[Page, Bench]]:
         yield window, served
 
 
-@pytest.mark.skipif(not AXE.is_file(), reason="no axe-core: tools/interop.py installs it")
-@pytest.mark.parametrize(("width", "height", "dark"), SIZES)
-def test_no_serious_finding_in_any_view(scene: tuple[Page, Bench], width: int, height: int, dark: bool) -> None:
-    page, _ = scene
-    page.size(width, height, dark)
+@contextmanager
+def a_drive(folder: Path) -> Iterator[str]:
+    with bench(folder) as served:
+        yield served.served.address
+
+
+@contextmanager
+def our_robot(folder: Path) -> Iterator[str]:
+    name = channel()
+    with robot(name), live_page(name, folder) as served:
+        yield served.address
+
+
+@contextmanager
+def two_logs(folder: Path) -> Iterator[str]:
+    logs = [str(folder / f"match-{seed}.log") for seed in (1, 2)]
+    for seed, log in enumerate(logs, 1):
+        assert cli.main(["match", "--seed", str(seed), "--duration", "6", "--log", log]) == 0
+    with command("serve", "--listen", "127.0.0.1:0", *logs) as process:
+        yield line(process, "http://").split()[0]
+
+
+def serious(page: Page) -> list[Any]:
+    """Return what axe-core finds of a page as it is."""
     page.run(AXE.read_text() + "; true")
-    found: dict[str, list[Any]] = {}
-    for name in page.run("[...document.querySelectorAll('[role=tab]')].map(tab => tab.id)"):
-        page.run(f"document.querySelector('#{name}').click()")
-        page.run(
-            "for (const each of document.querySelectorAll('.tree .object-group:first-child details')) each.open = true"
-        )
-        page.run("new Promise(done => setTimeout(done, 300))")
-        seen = page.run("axe.run().then(said => said.violations.map(each => "
-            "[each.impact, each.id, each.nodes.slice(0, 3).map(node => node.html.slice(0, 120))]))")  # fmt: skip
-        found[name] = [each for each in seen if each[0] in SERIOUS]
+    seen = page.run("axe.run().then(said => said.violations.map(each => "
+        "[each.impact, each.id, each.nodes.slice(0, 3).map(node => node.html.slice(0, 120))]))")  # fmt: skip
+    return [each for each in seen if each[0] in SERIOUS]
+
+
+@needs_axe
+@pytest.mark.parametrize(("width", "height", "dark"), SIZES)
+@pytest.mark.parametrize("shown", [a_drive, our_robot, two_logs])
+def test_no_serious_finding_in_any_view_and_none_is_wider_than_the_window(
+    shown: Callable[[Path], AbstractContextManager[str]],
+    tmp_path: Path,
+    window: Page,
+    width: int,
+    height: int,
+    dark: bool,
+) -> None:
+    window.size(width, height, dark)
+    found: dict[str, Any] = {}
+    with shown(tmp_path) as address:
+        window.may_lose_its_server = True
+        window.open(address)
+        window.wait("!live || (connection.alive && document.body.classList.contains('control'))")
+        for name in window.run("[...document.querySelectorAll('[role=tab]:not([hidden])')].map(tab => tab.id)"):
+            window.run(f"document.querySelector('#{name}').click()")
+            window.run(
+                "document.querySelectorAll('.tree details').forEach((each, place) => { each.open = place < 9; })"
+            )
+            window.run("new Promise(done => setTimeout(done, 300))")
+            found[name] = serious(window), window.run("Math.max(document.documentElement.scrollWidth - innerWidth, 0)")
+    assert {name: each for name, each in found.items() if each != ([], 0)} == {}
+
+
+@needs_axe
+@pytest.mark.skipif(not SITE.is_dir(), reason="no site: tools/make_site.py makes it")
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_the_site_follows_the_system_and_has_no_serious_finding(window: Page, dark: bool) -> None:
+    window.size(1280, 720, dark)
+    found = {}
+    for name in PAGES:
+        window.call("Page.navigate", url=(SITE / f"{name}.html").as_uri())
+        window.wait(f"location.pathname.endsWith('{name}.html') && document.body?.dataset.mdColorScheme")
+        assert window.run("document.body.dataset.mdColorScheme") == ("slate" if dark else "default")
+        window.run("new Promise(done => setTimeout(done, 300))")
+        found[name] = serious(window)
+    window.complaints.clear()  # a site that is read from the disk has no index for its search
     assert {name: each for name, each in found.items() if each} == {}
 
 

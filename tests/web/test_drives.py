@@ -20,10 +20,11 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
+from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of, units
 from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS
+from tests.eds_text import record
 from tests.rows import rows
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
@@ -83,10 +84,32 @@ def test_only_what_says_so_is_a_drive() -> None:
     assert axes_of(Dictionary.load(ROBOTS / "canopen" / "drive.eds", 2)) == []
 
 
+FACTORS = record(0x608F, "Position encoder resolution", (1, "UNSIGNED32", "2000"), (2, "UNSIGNED32", "1")) + record(
+    0x6096, "Velocity factor", (1, "UNSIGNED32", "60"), (2, "UNSIGNED32", "2000")
+)
+
+
+def test_values_are_told_in_the_units_of_the_factors_in_the_file(tmp_path: Path, window: Page) -> None:
+    file = tmp_path / "factors.eds"
+    file.write_text(EDS.read_text() + FACTORS)
+    dictionary, name = Dictionary.load(file, 5, "servo"), channel()
+    assert units(NETWORK.dictionaries[0], AXIS) == {}
+    assert units(dictionary, AXIS) == pytest.approx({"position": 1 / 2000, "velocity": 1.0})
+    with (
+        Live.node(open_bus("virtual", name), SimulatedDrive(dictionary)) as live,
+        live_page(name, tmp_path, network=Decoder([dictionary]), panels=()) as served,
+    ):
+        assert live
+        open_drives(window, served)
+        window.wait("document.querySelector('.facts').textContent.includes('position0 (0.000 turns)')")
+        assert "velocity0 (0.000 1/min)" in window.text(".facts")
+
+
 def test_the_state_machine_shows_where_the_drive_is(tmp_path: Path, window: Page) -> None:
     with bench(tmp_path) as scene:
         open_drives(window, scene.served)
         assert window.run(NOW) == "Switch on disabled"
+        assert window.run("groupColour(sources[0], 'servo')") == "", "what the device sends is not faulty"
         window.run(
             "[...document.querySelectorAll('.drive button')].find(each => each.textContent === 'Enable').click()"
         )
@@ -136,6 +159,32 @@ def test_a_jog_turns_while_its_button_is_held_and_the_plots_show_it(tmp_path: Pa
         window.call("Input.dispatchMouseEvent", type="mouseReleased", button="left", clickCount=1, **place)
         until(lambda: abs(scene.velocity) < 0.001)
         assert scene.state is State.ENABLED, "halted, not switched off"
+
+
+REFUSED = [  # what is typed as velocity, and as the person's own limit; what is said
+    ("-500", "", "velocity = -500 is not allowed; allowed: 1..12000"),
+    ("1000000000", "", "velocity = 1000000000 is not allowed; allowed: 1..12000"),
+    ("500", "300", "velocity = 500 is not allowed; allowed: 1..300"),
+    ("", "", "velocity is empty; allowed: 1..12000"),
+    ("٣", "", "velocity = ٣ is not a whole number; allowed: 1..12000"),
+    ("1_000", "", "velocity = 1_000 is not a whole number; allowed: 1..12000"),
+]
+
+
+def test_a_jog_out_of_bounds_is_refused_with_the_range(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as scene:
+        scene.drive_to("enable")
+        open_drives(window, scene.served)
+        window.wait("document.querySelector('.jog button').offsetParent")
+        for velocity, limit, said in REFUSED:
+            window.run(f"""(() => {{
+                document.querySelector('.jog input').value = {json.dumps(velocity)};
+                document.querySelector('.hint input').value = {json.dumps(limit)};
+            }})()""")
+            window.click(".jog button:nth-of-type(2)")
+            assert window.text("#toast") == said
+            assert not window.run("document.querySelector('.jog .held')")
+        assert scene.velocity == 0
 
 
 def test_a_jog_by_the_keyboard(tmp_path: Path, window: Page) -> None:

@@ -215,7 +215,7 @@ def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene
     page.run("""(() => {
         const ask = connection.ask;
         connection.ask = function (what) {
-            if (what.do === 'send') window.sends = (window.sends ?? 0) + 1;
+            if (['send', 'nmt'].includes(what.do)) window.sends = (window.sends ?? 0) + 1;
             return ask.call(this, what);
         };
         const chosen = document.querySelector('form.send select');
@@ -236,6 +236,12 @@ def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene
     assert sends(page) == 0
     page.run(f"{button}.click()")
     page.wait("document.querySelector('.answer').textContent.startsWith('sent 008#')")
+    assert sends(page) == 1
+    for view, button in (("send", ".card > .buttons button"), ("nodes", ".card .buttons button:nth-child(4)")):
+        page.click(f"#tab-{view}")
+        page.wait(f"document.querySelector('#view-{view} {button}')?.offsetParent")
+        page.click(f"#view-{view} {button}")
+        assert page.text(f"#view-{view} {button}").endswith(": press again"), "to all nodes; a reset"
     assert sends(page) == 1
 
 
@@ -506,6 +512,8 @@ def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: 
         for tab in ("plots", "nodes"):
             window.click(f"#tab-{tab}")
         window.wait("document.querySelector('#view-nodes .card[data-life=alive]')")
+        window.click("#record")
+        window.wait("connection.state.recording.on")
     window.wait("!connection.up && document.querySelector('.status.is-wrong')")
     # Nothing looks alive any more, in words, colours and signs, in the header and in the view; STOP says so at once.
     window.wait("document.querySelector('header .life').textContent === '⊘ not connected'")
@@ -521,10 +529,11 @@ def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: 
     with open_bus("virtual", name) as bus, live_page(name, tmp_path, port=port):
         window.wait("connection.alive")
         window.wait("document.querySelector('#stop').textContent === 'STOP'")
-        Driver(bus).send(STATE)
-        window.wait("plots.all[0].series[0].values.at(-1) === 700")
+        assert window.text("#toast").startswith("the server was started again: the recording ")
+        Driver(bus).send(EurobotProtocol.load().encode(KalmanPositionResponse(800, 1600, 0, Source.INTERNAL)))
+        window.wait("plots.all[0].series[0].values.at(-1) === 800")
         window.click("#tab-plots")
-        window.wait("plots.all[0].drawn()[1].at(-1) === 700")
+        window.wait("plots.all[0].drawn()[1].at(-1) === 800")
 
 
 def test_a_server_that_hangs_is_not_there(tmp_path: Path, window: Page) -> None:
@@ -557,6 +566,8 @@ def test_a_node_is_late_then_lost_then_back_everywhere(tmp_path: Path, window: P
         for expected in ("alive", "late", "lost"):
             seen.append(window.wait(f"{life} === '{expected}' && {card}.dataset.life === '{expected}' && {look}"))
         assert len(set(seen)) == 3, "told apart without colour"
+        Driver(bus).send(Frame(0x701, b"\x05"))
+        window.wait(f"document.querySelector('#view-nodes .card').dataset.life === 'alive' && {life} === 'lost'")
         Driver(bus).send(Frame(0x702, b"\x05"))
         window.wait(f"{life} === 'alive'")
         window.wait("[...sources[0].events.values()].some(each => each.text === 'drive is back')")

@@ -234,6 +234,9 @@ def test_two_logs_side_by_side_on_one_time_axis(logs: list[Path], window: Page, 
     assert window.run("plots.all[0].series.map(each => each.name)") == [
         f"{each.name}: Kalman Position Response.x" for each in logs
     ]
+    window.run("sources.forEach(each => plots.add(new FieldSeries(each.row('Kalman Position Response'), 'y')))")
+    lines = window.run("plots.all[0].lines.map(each => `${each.colour} ${each.dash}`)")
+    assert len(set(lines)) == 4, "one robot is of one colour; its values, and the logs, differ by their dashes"
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -347,6 +350,8 @@ def test_a_lost_node_greys_its_part(page: Page) -> None:
     assert "Kalman Position Response" not in page.run(lost), "the drive sends it"
     assert page.run("document.querySelectorAll('.robot.lost').length") > 0
     assert page.run("document.querySelector('.robot').classList.contains('lost')") is False
+    page.run("sources[0].rows.get(0x702).times = []")  # it was never heard
+    assert page.run("nodeNow(sources[0], sources[0].nodes.find(each => each.name === 'drive'), 3).life") == "unknown"
 
 
 @pytest.mark.parametrize("size", [(390, 844), (360, 640)], ids=str)
@@ -445,7 +450,7 @@ def test_two_fields_are_of_one_size_with_one_legend(
     assert window.run("document.querySelectorAll('.legend.hint').length") == 1
 
 
-def test_names_of_robots_do_not_cover_each_other(page: Page) -> None:
+def test_names_of_robots_cover_neither_each_other_nor_other_words(page: Page) -> None:
     # Our confederate where we are: both names would stand at the same place.
     page.run("""(() => {
         const [ours, other] = ['Kalman', 'Confederate'].map(each => sources[0].row(`${each} Position Response`));
@@ -457,10 +462,12 @@ def test_names_of_robots_do_not_cover_each_other(page: Page) -> None:
         for (let time = 0; time < clock.end; time += 0.5) {
             clock.seek(time);
             await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
-            const boxes = [...document.querySelectorAll('.field .names text')]
-                .filter(each => each.textContent && each.getAttribute('visibility') === 'visible')
-                .map(each => each.getBoundingClientRect());
-            boxes.forEach((one, place) => boxes.slice(place + 1).forEach(other => {
+            const boxes = [...document.querySelectorAll('.field .names text, .field:not(.sample) text')]
+                .filter(each => each.textContent && each.getAttribute('visibility') !== 'hidden')
+                .sort((one, two) => two.matches('.names text') - one.matches('.names text'));
+            const names = boxes.filter(each => each.matches('.names text')).length;
+            const all = boxes.map(each => each.getBoundingClientRect());
+            all.slice(0, names).forEach((one, place) => all.slice(place + 1).forEach(other => {
                 const beside = one.left >= other.right || other.left >= one.right;
                 if (!beside && one.top + 4 < other.bottom && other.top + 4 < one.bottom) covered += 1;
             }));
@@ -468,6 +475,17 @@ def test_names_of_robots_do_not_cover_each_other(page: Page) -> None:
         return covered;
     })()""")
     assert covered == 0
+
+
+def test_gotos_of_an_earlier_match_leave_the_field(page: Page) -> None:
+    page.run("clock.seek(clock.end)")
+    page.wait("document.querySelectorAll('.field .targets > *, .field .marks > *').length > 0")
+    page.run("""(() => {
+        const start = sources[0].sortedEvents().find(each => each.kind === 'start');
+        sources[0].events.set('again', {...start, key: 'again', time: clock.end, data: {...start.data, items: []}});
+        stale = true;
+    })()""")
+    page.wait("document.querySelectorAll('.field .targets > *, .field .marks > *').length === 0")
 
 
 @pytest.mark.long

@@ -113,18 +113,24 @@ def _of_debian(package: str, *programs: str) -> Tool:
 # From npm
 
 
-def _npm_present() -> bool:
-    return _on_path(["node"]) and (NODE_MODULES / "canopen").is_dir()
+def _npm_present(package: str) -> bool:
+    return _on_path(["node"]) and (NODE_MODULES / package).is_dir()
 
 
-def _install_npm() -> None:
+def _install_npm(package: str) -> None:
     NODE_MODULES.mkdir(parents=True, exist_ok=True)
-    _required("npm", "install", "--prefix", NODE_MODULES.parent, "--no-audit", "--no-fund", "canopen")
+    _required("npm", "install", "--prefix", NODE_MODULES.parent, "--no-audit", "--no-fund", package)
 
 
-def _npm_version() -> str:
-    package = json.loads((NODE_MODULES / "canopen" / "package.json").read_text())
-    return f"{package['version']} on node {run('node', '--version').stdout.strip()}"
+def _npm_version(package: str) -> str:
+    said = json.loads((NODE_MODULES / package / "package.json").read_text())
+    return f"{said['version']} on node {run('node', '--version').stdout.strip()}"
+
+
+def _of_npm(package: str) -> Tool:
+    present, version = partial(_npm_present, package), partial(_npm_version, package)
+    remedy = f"python3 tools/interop.py installs it below {OWN.relative_to(ROOT)}, if node and npm are here"
+    return Tool(f"npm {package}", "npm", present, version, partial(_install_npm, package), remedy)
 
 
 CANOPEN, CAN, REMOTE = of_python("canopen"), of_python("python-can"), of_python("python-can-remote")
@@ -139,14 +145,7 @@ OBJDICTGEN = Tool(
 )
 TSHARK = _of_debian("tshark", "tshark")
 GCC = _of_debian("gcc", "cc")
-NPM_CANOPEN = Tool(
-    "npm canopen",
-    "npm",
-    _npm_present,
-    _npm_version,
-    _install_npm,
-    f"python3 tools/interop.py installs it below {OWN.relative_to(ROOT)}, if node and npm are here",
-)
+NPM_CANOPEN, AXE_CORE = _of_npm("canopen"), _of_npm("axe-core")
 CAN_UTILS = _of_debian("can-utils", "candump", "cansend")._replace(
     present=lambda: _on_path(["candump", "cansend"]) and VCAN.exists(),
     remedy="apt-get install can-utils, on a kernel with SocketCAN: ip link add vcan0 type vcan; ip link set vcan0 up",
@@ -155,4 +154,4 @@ CAN_UTILS = _of_debian("can-utils", "candump", "cansend")._replace(
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = _of_debian("chromium", "chromium")._replace(present=lambda: any(map(shutil.which, BROWSERS)))
-"""Judges the page, in its own tests: it is asked nothing here."""
+"""Judges the page, in its own tests, as axe-core does: they are asked nothing here."""

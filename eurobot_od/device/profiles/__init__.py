@@ -17,7 +17,7 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.objects import OnTold
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.modes import MODES
-from eurobot_od.device.profiles.motion import STEP, AxisValues, Plant, ProfileValues
+from eurobot_od.device.profiles.motion import STEP, AxisValues, FileValues, Plant
 from eurobot_od.device.simulated import SimulatedDevice, fitted
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
@@ -37,17 +37,17 @@ DEFAULT_TRIGGER = 0b111
 """What causes the TPDO of an analogue input without 0x6421: both limits, and the delta."""
 
 
-def _get(values: ProfileValues, index: int, sub: int, default: int = 0) -> int:
+def _get(values: FileValues, index: int, sub: int, default: int = 0) -> int:
     value = values.get((index, sub)) if values.has((index, sub)) else None
     return default if value is None else value
 
 
-def _scaled(values: ProfileValues, kind: AnalogueInputs | AnalogueOutputs, sub: int, value: int) -> int:
+def _scaled(values: FileValues, kind: AnalogueInputs | AnalogueOutputs, sub: int, value: int) -> int:
     """Return a value by the factor and offset of its channel (CiA 401-1, objects 0x6431, 0x6432, 0x6446, 0x6447)."""
     return value * _get(values, kind.scaling, sub, 1) + _get(values, kind.offset, sub)
 
 
-def _blocks(values: ProfileValues, index: int) -> Iterator[int]:
+def _blocks(values: FileValues, index: int) -> Iterator[int]:
     return (sub for sub in BLOCKS if values.has((index, sub)))
 
 
@@ -57,7 +57,7 @@ def _blocks(values: ProfileValues, index: int) -> Iterator[int]:
 class Outputs:
     """The terminals of a module's outputs; `failed` tells whether they have their error values."""
 
-    def __init__(self, values: ProfileValues) -> None:
+    def __init__(self, values: FileValues) -> None:
         self._values = values
         self._digital = [(kind, sub) for kind in cia401.DIGITAL_OUTPUTS for sub in _blocks(values, kind.value)]
         self._analogue = [(kind, sub) for kind in cia401.ANALOGUE_OUTPUTS for sub in _blocks(values, kind.value)]
@@ -137,7 +137,7 @@ class InputFilter:
 class Inputs:
     """A module's inputs: what its objects say about their terminals, and which of them cause TPDOs."""
 
-    def __init__(self, values: ProfileValues) -> None:
+    def __init__(self, values: FileValues) -> None:
         self._values = values
         self.digital = {
             (kind.value, sub): kind for kind in cia401.DIGITAL_INPUTS for sub in _blocks(values, kind.value)
@@ -211,18 +211,12 @@ class Inputs:
         return any(by >> bit & 1 and holds for bit, holds in enumerate(held))
 
 
-class DeviceValues:
+class DeviceValues(FileValues):
     """The objects of a node as its profile sees them; they survive a reset of the device."""
 
     def __init__(self, node: SimulatedDevice) -> None:
+        super().__init__(node.dictionary)
         self._node = node
-        self._known: dict[Address, bool] = {}
-
-    def has(self, address: Address) -> bool:
-        """Tell whether the file has an object."""
-        if address not in self._known:
-            self._known[address] = self._node.dictionary.variable(address) is not None
-        return self._known[address]
 
     def get(self, address: Address) -> int | None:
         """Return its value, None if it has none, or one that is not a number."""
@@ -232,11 +226,6 @@ class DeviceValues:
     def put(self, address: Address, value: int) -> None:
         """Keep a value."""
         self._node.device.objects.put(address, value)
-
-    def unit(self, address: Address) -> str:
-        """Return the unit that the file gives it; empty without one."""
-        variable = self._node.dictionary.variable(address)
-        return "" if variable is None else str(variable.unit)
 
 
 class ProfileDevice(SimulatedDevice):

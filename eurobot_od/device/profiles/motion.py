@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import copysign, sqrt
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import Switch
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 
 STEP = 0.001
@@ -27,26 +28,36 @@ RPM = ("rpm", "rev/min", "1/min", "min-1")
 """How files write revolutions per minute."""
 
 
-class ProfileValues(Protocol):
-    """The values of a running device."""
+class FileValues:
+    """The objects of a device as a profile sees them, here those of its file."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self._dictionary = dictionary
+        self._known: dict[Address, bool] = {}
 
     def has(self, address: Address) -> bool:
         """Tell whether the file has an object."""
+        if address not in self._known:
+            self._known[address] = self._dictionary.variable(address) is not None
+        return self._known[address]
 
     def get(self, address: Address) -> int | None:
-        """Return its value, None if it has none, or one that is not a number."""
+        """Return its default, None if it has none, or one that is not a number."""
+        return self._dictionary.number(address)
 
     def put(self, address: Address, value: int) -> None:
-        """Keep a value."""
+        """Keep nothing: a file stays as it is."""
 
     def unit(self, address: Address) -> str:
         """Return the unit that the file gives it; empty without one."""
+        variable = self._dictionary.variable(address)
+        return "" if variable is None else str(variable.unit)
 
 
 class AxisValues(NamedTuple):
     """The objects of one axis; `offset` is added to the indices of the first one."""
 
-    values: ProfileValues
+    values: FileValues
     offset: int = 0
 
     def has(self, index: int, sub: int = 0) -> bool:
@@ -88,22 +99,22 @@ class Units(NamedTuple):
         the encoder's resolution 0x608F. The velocity factor 0x6096 converts position units per second into units of
         velocity.
         """
-        turn = _ratio(values, cia402.ENCODER_RESOLUTION) or TURN
-        feed = _ratio(values, cia402.FEED_CONSTANT)
+        turn = ratio_of(values, cia402.ENCODER_RESOLUTION) or TURN
+        feed = ratio_of(values, cia402.FEED_CONSTANT)
         # A feed of 1 is what a file has if nobody has set one.
-        turn = feed / (_ratio(values, cia402.GEAR_RATIO) or 1.0) if feed and feed != 1 else turn
+        turn = feed / (ratio_of(values, cia402.GEAR_RATIO) or 1.0) if feed and feed != 1 else turn
         unit = values.get(cia402.SI_VELOCITY)
         if (unit >> 16 & 0xFF, unit >> 8 & 0xFF) == (REVOLUTION, MINUTE):
             prefix = unit >> 24
             return cls(turn, turn / 60 * 10.0 ** (prefix - 0x100 if prefix > 0x7F else prefix))  # 0xFD is milli
-        factor = _ratio(values, cia402.VELOCITY_FACTOR)
+        factor = ratio_of(values, cia402.VELOCITY_FACTOR)
         if factor and factor != 1:
             return cls(turn, 1 / factor)
         written = {values.unit(index).lower() for index in (cia402.TARGET_VELOCITY, cia402.PROFILE_VELOCITY)}
         return cls(turn, turn / 60 if written & {*RPM} else 1.0)
 
 
-def _ratio(values: AxisValues, index: int) -> float:
+def ratio_of(values: AxisValues, index: int) -> float:
     """Return numerator by divisor of a factor; 0 if the axis does not have it, or if it is not positive."""
     numerator, divisor = (values.get(index, sub) for sub in (1, 2))
     return numerator / divisor if numerator > 0 and divisor > 0 else 0.0

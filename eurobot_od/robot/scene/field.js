@@ -28,6 +28,7 @@ panel("field", (setup, source) => {
     const pixel = Math.max(box.width / width, box.height / height);
     drawing.style.setProperty("--pixel", pixel);
     letter = Math.max(38, 11 * pixel);
+    told = null;                            // the words of the marks are of another size
     stale = true;
   }).observe(drawing);
 
@@ -167,7 +168,12 @@ panel("field", (setup, source) => {
     return `${robot.name} ${place.x.toFixed(0)}, ${place.y.toFixed(0)} mm`
       + (place.angle === null ? "" : `, ${Math.round(place.angle + 360) % 360}°`) + (age ? `, seen ${age.toFixed(1)} s ago` : "");
   }
-  let named = [];                           // the boxes of the names that stand already: mm, on the drawing
+  let written = [], named = [];             // the boxes of the words that stay, and with the names that stand already: mm, on the drawing
+  function boxOf(word) {
+    const {left, right, top, bottom} = word.getBoundingClientRect(), back = drawing.getScreenCTM().inverse();
+    const [one, two] = [new DOMPoint(left, top), new DOMPoint(right, bottom)].map(each => each.matrixTransform(back));
+    return {left: one.x, right: two.x, top: one.y, bottom: two.y};
+  }
   function name(label, place, away) {       // above its robot, or below, or further off where another name stands
     const half = label.textContent.length * letter * 0.3, middle = across(place.y);
     const box = y => ({left: place.x - half, right: place.x + half, top: middle + y - letter, bottom: middle + y});
@@ -216,16 +222,17 @@ panel("field", (setup, source) => {
     for (const name of ["rings", "routes", "targets", "marks"]) {
       layers[name].replaceChildren(...shown.filter(([layer]) => layer === name).map(([, drawing]) => drawn(drawing)));
     }
+    written = [...drawing.querySelectorAll("text")].filter(each => !layers.names.contains(each)).map(boxOf);
   }
   return {
     begins, legend,
     element: h("div", {class: "field-panel"}, board, drawing, h("div", {class: "aside"}, list, form, legend)),
     show(time) {
       const looks = looksAt(time);
-      named = [];
+      showItems(time);
+      named = [...written];
       board.replaceChildren(...boardAt(time));
       say(list, robots.map((robot, place) => showRobot(robot, looks[place], time)).filter(Boolean).join(" · ") || "no robot seen yet");
-      showItems(time);
       show(form, connection.control);
     },
   };

@@ -114,11 +114,8 @@ DISC, SIGN = 68, 78
 CLEAR = 120
 """Nearer to the border than this there is no room for a disc or a sign, mm."""
 
-SAME = 60
-"""Places in the same square of this size have their marks side by side, mm."""
-
 SPACING = 2 * style.MARK + 8
-"""Distance of marks side by side, mm."""
+"""Distance of signs, mm, which do not cover each other."""
 
 
 class MatchScene:
@@ -126,8 +123,7 @@ class MatchScene:
 
     def __init__(self, facts: Facts) -> None:
         self._facts, self._field = facts, facts.field
-        self._asides: dict[tuple[str, object], float] = {}
-        self._taken: Counter[tuple[str, int, int]] = Counter()
+        self._signs: dict[tuple[str, object], PaperPoint] = {}
 
     def goto(self, goto: RecordedGoto, route: Iterable[Point] = ()) -> Iterator[Item]:
         """Draw a goto: the barriers and the way while it is under way, its disc from then on."""
@@ -140,7 +136,8 @@ class MatchScene:
         place = on_paper(self._field, asked.x, asked.y)
         yield Item(TARGETS, svg.moved(place, style.target_mark(asked.angle)), sent, ended)
         # At the lower edge there is room above the place only.
-        disc = self._aside("goto", goto.number, place), -DISC if place[1] > self._field.height - CLEAR else DISC
+        away = -DISC if place[1] > self._field.height - CLEAR else DISC
+        disc = self._aside("goto", goto.number, place, away)
         words = f"{goto.words}, barriers {self._facts.words(asked.barriers)}, at {sent:.1f} s"
         running = style.goto_mark(goto.number, None, svg.title(f"{words}: under way"))
         yield _mark(place, svg.moved(disc, running), begin=sent, end=ended)
@@ -152,7 +149,7 @@ class MatchScene:
         """Draw a stop as a dot, and above it its sign; nothing if nobody knows where it was."""
         if stop.place is not None:
             place = on_paper(self._field, stop.place.x, stop.place.y)
-            sign = self._aside("stop", stop.letter, place), SIGN if place[1] < CLEAR else -SIGN
+            sign = self._aside("stop", stop.letter, place, SIGN if place[1] < CLEAR else -SIGN)
             yield _mark(
                 place,
                 svg.line(style.CENTRE, sign, stroke=style.STOP, stroke_width=5),
@@ -166,21 +163,21 @@ class MatchScene:
         burst = style.touch_mark(touch.at_fault, svg.title(touch.words))
         return _mark(on_paper(self._field, *touch.place), burst, begin=touch.time)
 
-    def _aside(self, kind: str, name: object, place: PaperPoint) -> float:
-        """Return how far from its place a mark stands: beside those of its kind that are there already."""
-        if (kind, name) not in self._asides:
-            # Squares, not distances: a chain of places each near the next one does not become one place.
-            square = kind, round(place[0] / SAME), round(place[1] / SAME)
-            self._asides[kind, name] = self._in_row(place[0], self._taken[square])
-            self._taken[square] += 1
-        return self._asides[kind, name]
+    def _aside(self, kind: str, name: object, place: PaperPoint, away: float) -> PaperPoint:
+        """Return where a sign stands, seen from its place: `away` below it, and aside if another one is there."""
+        if (kind, name) not in self._signs:
+            row = [(place[0] + each, place[1] + away) for each in self._row(place[0])]
+            free = (each for each in row if all(dist(each, other) > SPACING - 1 for other in self._signs.values()))
+            self._signs[kind, name] = next(free, row[len(self._signs) % len(row)])
+        x, y = self._signs[kind, name]
+        return x - place[0], y - place[1]
 
-    def _in_row(self, middle: float, number: int) -> float:
-        """Return how far from the middle of a row its next one is, by turns to both sides; all are on the field."""
+    def _row(self, middle: float) -> list[float]:
+        """Return how far from the middle of a row its signs are, by turns to both sides; all are on the field."""
         first, last = SPACING - middle, self._field.width - SPACING - middle
         begin, steps = min(max(0, first), last), int(self._field.width / SPACING)
         row = [each for n in range(-steps, steps + 1) if first <= (each := begin + n * SPACING) <= last] or [begin]
-        return sorted(row, key=lambda each: (abs(each - begin), each < begin))[number % len(row)]
+        return sorted(row, key=lambda each: (abs(each - begin), each < begin))
 
 
 def _mark(place: PaperPoint, *content: str, begin: float, end: float | None = None) -> Item:

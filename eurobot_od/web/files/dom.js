@@ -89,9 +89,9 @@ function askedTwice(text, act, attributes) {  // a button for what moves somethi
   }, onblur: () => { if (timer) disarm(); }}, text);
   return button;
 }
-function kept(name, otherwise) {            // what this browser remembers of the page
-  try { return JSON.parse(localStorage.getItem(`canopen-page ${name}`)) ?? otherwise; } catch { return otherwise; }
+function kept(name, otherwise, storage = localStorage) {  // what this browser, or this window, remembers of the page
+  try { return JSON.parse(storage.getItem(`canopen-page ${name}`)) ?? otherwise; } catch { return otherwise; }
 }
-function keep(name, value) {
-  try { localStorage.setItem(`canopen-page ${name}`, JSON.stringify(value)); } catch { /* a page that is a file may not */ }
+function keep(name, value, storage = localStorage) {
+  try { storage.setItem(`canopen-page ${name}`, JSON.stringify(value)); } catch { /* there is no room */ }
 }

@@ -61,6 +61,7 @@ function machineOf(machine) {
 const STATUS_BITS = ["ready to switch on", "switched on", "operation enabled", "fault", "voltage enabled", "no quick stop", "switch on disabled",
   "warning", "bit 8", "remote", "target reached", "internal limit", "bit 12", "bit 13", "bit 14", "bit 15"];
 const SHOWN_VALUES = ["position", "velocity", "torque", "following error"];
+const MOTOR = {position: "turns", velocity: "1/min"};
 const HOLDING = 150;                        // ms between two words that a button is still held
 const STEP_SPAN = 3;                        // s of a step response
 
@@ -192,15 +193,17 @@ class AxisView {
     this.state.classList.toggle("is-wrong", !known || faulty || Boolean(trouble));
     this.machine.show(known ? state : "");
   }
+  measured(name) {                          // a value, and what it is at the motor if the file says so
+    const value = this.value(name), unit = this.axis.units[name];
+    return value === undefined ? value : `${value}${unit ? ` (${(value * unit).toFixed(3)} ${MOTOR[name]})` : ""}`;
+  }
   tellFacts(word) {
-    const {modes} = this.source.machine, {revolution} = this.node.drive, mode = this.value("mode"), position = this.value("position");
-    const turns = revolution && position !== undefined ? ` (${(position / revolution).toFixed(3)} turns)` : "";
-    const facts = [["mode", modes[mode] || mode], ...SHOWN_VALUES.filter(name => name in this.axis.objects).map(name => [name, this.value(name)]),
+    const {modes} = this.source.machine, mode = this.value("mode");
+    const facts = [["mode", modes[mode] || mode], ...SHOWN_VALUES.filter(name => name in this.axis.objects).map(name => [name, this.measured(name)]),
       ["statusword", word === undefined ? undefined : hex(word, 4)]];
-    const text = facts.map(([name, value]) => `${name} ${value ?? "–"}${name === "position" ? turns : ""}`);
-    if (text.join() === this.told) return;
-    this.told = text.join();
-    this.facts.replaceChildren(...facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, `${value ?? "–"}${name === "position" ? turns : ""}`))));
+    if (facts.join() === this.told) return;
+    this.told = facts.join();
+    this.facts.replaceChildren(...facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value ?? "–"))));
     this.bits.replaceChildren(...STATUS_BITS.map((name, bit) => h("span", {class: word >> bit & 1 ? "bit on" : "bit"}, name)));
   }
   show(time) {

@@ -155,6 +155,7 @@ function start() {
   function frame() {
     const time = clock.time, now = performance.now();
     if (!live && clock.running && time >= clock.end) clock.pause();
+    if (plots.lost && (!live || connection.up)) plots.restore();
     if (clock.running || stale) {
       const tables = now - drawn > TABLES || (stale && !clock.running);
       stale = false;

@@ -4,6 +4,7 @@
 
 const WATCHED = 5000;                       // ms after which the page tells the server that an object is still plotted
 const LOWEST = 180;                         // px that a plot is high at least
+const DASHES = [[undefined, [6, 4], [2, 3]], [[10, 3, 2, 3], [10, 3, 2, 3, 2, 3], [2, 6]]];  // of the first source, and of the second
 
 function thinned(series, from, to, pixels) {  // [times, values] of a span: of each pixel the first, least, most and last
   const {times, values} = series, begin = Math.max(upTo(times, from) - 1, 0), end = Math.min(upTo(times, to) + 1, times.length);
@@ -63,12 +64,14 @@ class Plot {
     this.build();
   }
   build() {
+    plots.keep();
     if (this.chart) this.chart.destroy();
     this.chart = null;
     show(this.empty, !this.series.length);
     this.labels = this.series.map(() => h("b", {}));
     this.lines = this.drawnBy();
-    this.legend.replaceChildren(...this.series.map((each, place) => h("span", {class: this.lines[place].dash ? "line dashed" : "line"}, each.name, " ",
+    this.legend.replaceChildren(...this.series.map((each, place) => h("span", {class: "line"},
+      s("svg", {"aria-hidden": "true"}, s("line", {x2: "100%", "stroke-dasharray": this.lines[place].dash?.join(" ")})), each.name, " ",
       this.labels[place], h("button", {"aria-label": `take ${each.name} out of the plot`, onclick: () => {
         this.series.splice(place, 1);
         this.build();
@@ -124,10 +127,9 @@ class Plot {
     const drawn = [];
     for (const {row, source} of this.series) {
       const own = row && ownColours.map(each => each(row, clock.time)).find(Boolean);
-      const plain = drawn.filter(each => !each.own).length, same = drawn.filter(each => each.colour === own).length;
-      const dash = source.number ? [10, 3, 2, 3] : undefined;  // of the second log
-      drawn.push(own ? {own, colour: own, dash: dash ?? [undefined, [6, 4], [2, 3]][same % 3]}
-        : {own, colour: `--line-${plain % 8}`, dash: dash ?? (plain >= 4 ? [6, 4] : undefined)});
+      const plain = drawn.filter(each => !each.own).length, same = drawn.filter(each => each.colour === own && each.source === source).length;
+      const dashes = DASHES[Math.min(source.number, 1)], dash = dashes[(own ? same : Math.floor(plain / 4)) % dashes.length];
+      drawn.push({own, source, dash, colour: own || `--line-${plain % 8}`});
     }
     return drawn;
   }
@@ -186,7 +188,7 @@ class Plot {
 }
 
 const plots = {
-  all: [], chosen: null, zoomed: null, window: 30, marks: {A: null, B: null}, height: LOWEST, list: h("div", {class: "plots"}),
+  all: [], chosen: null, lost: kept("plots", [], sessionStorage), zoomed: null, window: 30, marks: {A: null, B: null}, height: LOWEST, list: h("div", {class: "plots"}),
   range() {
     if (this.zoomed) return this.zoomed;
     const end = live ? Math.max(clock.time, 1) : clock.end || 1;
@@ -226,9 +228,18 @@ const plots = {
     if (plot.chart) plot.chart.destroy();
     plot.element.remove();
     this.all = this.all.filter(each => each !== plot);
+    this.keep();
     if (!this.all.length) this.create(); else this.choose(this.all.at(-1));
   },
   add(series) { this.chosen.add(series); stale = true; },
+  keep() {                                  // for this window, when it is loaded again
+    if (!this.lost) keep("plots", this.all.map(plot => plot.series.map(each => [each.id, each.watched ?? null])), sessionStorage);
+  },
+  restore() {                               // once their messages are known; the others are left out
+    const lost = this.lost.map(plot => plot.map(([id, watched]) => seriesOf(id, watched)).filter(Boolean)).filter(plot => plot.length);
+    this.lost = null;
+    lost.forEach((plot, place) => { if (place) this.create(); plot.forEach(each => this.add(each)); });
+  },
   fill() {                                  // the plots share the window's height
     const top = this.list.getBoundingClientRect().top + scrollY, foot = document.querySelector("footer").offsetHeight;
     const heads = this.all.reduce((sum, each) => sum + each.element.firstChild.offsetHeight + 32, 0);
@@ -262,7 +273,7 @@ function plotsView() {
     ...[10, 30, 60, 300].map(each => h("option", {value: each, selected: each === plots.window}, `last ${each} s`)), h("option", {value: Infinity}, "all"));
   const held = h("span", {class: "held", role: "status"}), follow = h("button", {class: "main", onclick: () => plots.follow()}, live ? "Follow again" : "All");
   const cursors = cursorTools();
-  const element = h("div", {}, h("div", {class: "tools"},
+  const element = h("div", {}, h("div", {class: "tools plots-tools"},
     h("button", {onclick: () => plots.create()}, "New plot"),
     live ? windows : null,
     h("button", {onclick: () => plots.scale(0.5)}, "Zoom in"), h("button", {onclick: () => plots.scale(2)}, "Zoom out"),

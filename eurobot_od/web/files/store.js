@@ -219,8 +219,10 @@ function numberAt(series, time) {
   const count = upTo(series.times, time);
   return count ? series.number(series.values[count - 1]) : null;
 }
-function seriesOf(id) {
-  const [number, row, name] = JSON.parse(id), found = sources[number].row(row);
+function seriesOf(id, watched = null) {      // null if there is no such message
+  const [number, row, name] = JSON.parse(id);
+  if (watched) return new ObjectSeries(sources[number], name, watched);
+  const found = sources[number]?.row(row);
   return found && found.field(name) >= 0 ? new FieldSeries(found, name) : null;
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.device.profiles.axis import DriveAxis
-from eurobot_od.device.profiles.motion import AxisValues, Plant
+from eurobot_od.device.profiles.motion import AxisValues, FileValues, Plant
 from eurobot_od.od.cia402 import CONTROLWORD, State, state_of
 from eurobot_od.od.values import Address
 
@@ -51,7 +51,7 @@ ROUND_TABLE = Plant()
 """The axis without ends."""
 
 
-class Shelf:
+class Shelf(FileValues):
     """Values in a dict."""
 
     def __init__(self, values: Mapping[Address, int]) -> None:

@@ -33,6 +33,7 @@ def discs(scene: MatchScene, *gotos: RecordedGoto) -> list[tuple[float, float]]:
 ROWS = [
     ("one", [(1000, 500)], [(0, DISC)]),
     ("three, to both sides", [(1000, 500)] * 3, [(0, DISC), (SPACING, DISC), (-SPACING, DISC)]),
+    ("near each other", [(1000, 500), (1050, 530)], [(0, DISC), (SPACING, DISC)]),
     ("far apart", [(1000, 500), (2000, 500)], [(0, DISC), (0, DISC)]),
     ("at the left border", [(10, 500)] * 2, [(SPACING - 10, DISC), (2 * SPACING - 10, DISC)]),
     ("at the right border", [(2990, 500)] * 2, [(10 - SPACING, DISC), (10 - 2 * SPACING, DISC)]),
