@@ -363,7 +363,8 @@ def check_file(
     # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
     # depend on it.
     if intended is None:
-        raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{COMMISSIONING}]")
+        what = f"incomplete: no NodeID in [{COMMISSIONING}]; a DCF has one, such as `export-dcf` writes"
+        raise DictionaryError(dictionary.file, None, what)
     if intended != node_id:
         raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
     check_whole(description, refused, by_default)

@@ -212,10 +212,12 @@ def find(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
 def numbered(text: str) -> tuple[int, int | None] | None:
     """Return the index that a text names by its number, and the sub-index (None: without); None for a name.
 
-    Raises LocalError for a sub-index that cannot be.
+    Raises LocalError for a number that cannot be.
     """
     number = NUMBER.fullmatch(text.strip())
     if number is None:
+        if text.strip()[:2].lower() == "0x":
+            raise LocalError(f"{text!r} is not an index; write INDEX[:SUB], such as 0x1018 or 0x1018:1")
         return None
     index, sub = int(number["any"] or number["four"], 16), number["sub"]
     if sub is None:
