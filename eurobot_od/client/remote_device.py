@@ -34,6 +34,7 @@ from eurobot_od.client.streams import (
     AsyncEmergencyStream,
     AsyncRemotePdo,
     AsyncRemotePdos,
+    Closed,
     EmergencyStream,
     HeardEmergencies,
     MappedPdos,
@@ -450,11 +451,14 @@ HEARTBEAT_WAIT = 10.0
 """Seconds that canopen's names wait for a heartbeat by default."""
 
 
-class NmtOfNode:
+class NmtOfNode(Closed):
     """The common part of the NMT commands of both kinds of networks."""
 
     def __init__(self, device: DeviceAtNode) -> None:
         self._node = device._node
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of node {self._node.node_id}>"
 
     async def _go(self, command: NmtCommand, within: float | None) -> None:
         self._node.command(command)
