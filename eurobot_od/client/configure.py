@@ -65,6 +65,7 @@ from eurobot_od.od.values import (
     MAPPING_OFFSET,
     MAX_BITS,
     NOT_VALID,
+    PDO_PARAMETERS,
     Address,
     MappingEntry,
     TimeOfDay,
@@ -219,7 +220,6 @@ class DictionaryArea(Enum):
         return AREAS[self]
 
 
-PDO_PARAMETERS = range(0x1400, 0x1C00)
 AREAS: Mapping[DictionaryArea, Container[int]] = {
     DictionaryArea.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(PDO_PARAMETERS),
     DictionaryArea.PDO: PDO_PARAMETERS,

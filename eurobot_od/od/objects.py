@@ -323,7 +323,10 @@ def not_allowed(variable: ODVariable, value: object, allowed: str) -> FieldError
 
 
 def written(variable: ODVariable, value: Value) -> str:
-    """Write a value for a person: numbers in the form of the variable's DefaultValue, bytes in hexadecimal digits."""
+    """Write a value for a person: numbers in the form of the variable's DefaultValue, bytes in hexadecimal digits.
+
+    So are COB-IDs and mapped objects of PDOs, whatever their DefaultValue: nobody knows 0x60770010 as 1618411536.
+    """
     type_ = data_type(variable)
     if isinstance(value, bytes) and type_ == values.VISIBLE_STRING:
         value = value.decode(errors="backslashreplace").rstrip("\0")
@@ -333,7 +336,10 @@ def written(variable: ODVariable, value: Value) -> str:
     known = is_described(variable)
     if isinstance(value, float) and type_ == values.REAL32:
         return repr(_shortest(value))
-    if isinstance(value, int) and value >= 0 and (not known or like.lower().startswith(("0x", "$nodeid"))):
+    is_hex = like.lower().startswith(("0x", "$nodeid")) or (
+        type_ == values.UNSIGNED32 and variable.index in values.PDO_PARAMETERS
+    )
+    if isinstance(value, int) and value >= 0 and (not known or is_hex):
         return f"0x{value:0{2 * type_.size if known else 2}X}"
     return str(value)
 

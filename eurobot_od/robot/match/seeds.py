@@ -15,7 +15,7 @@ from math import ceil, sqrt
 from operator import attrgetter, itemgetter
 from pathlib import Path
 from statistics import fmean, quantiles, stdev
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od import plugin
 from eurobot_od.errors import LocalError
@@ -28,10 +28,12 @@ from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World
 from eurobot_od.season import campaign
 from eurobot_od.season.campaign import HERE, Workers
-from eurobot_od.season.results import Results
 from eurobot_od.support import svg
 from eurobot_od.support.files import digest_of
 from eurobot_od.support.svg import Axis
+
+if TYPE_CHECKING:  # only kept results need the extra `season`
+    from eurobot_od.season.results import Results
 
 SHIPPED = StrategyFiles()
 
