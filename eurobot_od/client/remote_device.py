@@ -361,6 +361,8 @@ class _NoMaster:
     """In place of the master of a network that is not open."""
 
     def __getattr__(self, name: str) -> NoReturn:
+        if name.startswith("__"):  # `help` looks for what every object may have
+            raise AttributeError(name)
         raise StateError("the network is not open yet: `connect` or `async with` opens it")
 
 
