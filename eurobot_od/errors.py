@@ -6,7 +6,7 @@ peer's; an exception outside this tree is a bug of ours.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -56,7 +56,7 @@ SHORTEST_PART, MOST_LIKE = 3, 6
 MOST_SHOWN = 700
 """Most characters of known names that are listed where none is like the unknown one: 200 faults would have more."""
 
-LISTED_BY = {"fault": "; `faults` lists them", "object": "; `show` lists them"}
+LISTED_BY = {"fault": "; `faults` lists them", **dict.fromkeys(("object", "setting"), "; `show --objects` lists them")}
 """What shows all names of a kind of which there may be more."""
 
 
@@ -82,36 +82,31 @@ class UnknownName(LocalError):
         super().__init__(f"unknown {kind} {name!r}{meant(str(name), self.known) or hint}")
 
 
-def meant(written: str, known: Iterable[str], alike: float = ALIKE) -> str:
+def meant(written: str, known: Sequence[str], alike: float = ALIKE) -> str:
     """Return a question for the known names that somebody may have meant; `` if none is like what was written."""
     near = _like(written[:LONGEST_NAME], known, alike)
     more = f", or one of {len(near) - MOST_LIKE} more" if len(near) > MOST_LIKE else ""
     return f"; did you mean {' or '.join(near[:MOST_LIKE])}{more}?" if near else ""
 
 
-def _like(written: str, known: Iterable[str], alike: float) -> list[str]:
+def _like(written: str, known: Sequence[str], alike: float) -> list[str]:
     """Return the known names that somebody may have meant, once each, in any letter case, the likeliest first.
 
-    That is the one that is the same but for its case; or else those that are spelled nearly so, themselves or after
+    That is the one that is the same but for its case; or else those that are spelled nearly so, or else after
     their last dot, and those with all words of what was written.
     """
     from difflib import get_close_matches  # not before it is needed: every command starts with this file
 
-    lower = {each.lower(): each for each in known}
-    wanted = written.lower()
+    wanted, *spelled = (each.lower().replace("_", " ") for each in (written, *known))
+    lower = dict(zip(spelled, known))
     if wanted in lower:
         return [lower[wanted]]
-    wanted = wanted.replace("_", " ")
-    ends: dict[str, list[str]] = {}
-    for each in lower:
-        ends.setdefault(each.rpartition(".")[2], []).append(each)
     words = wanted.split() if len(wanted) >= SHORTEST_PART else []
-    near = [
-        *get_close_matches(wanted, lower, n=3, cutoff=alike),
-        *(each for end in get_close_matches(wanted, ends, n=3, cutoff=alike) for each in ends[end]),
-        *(each for each in lower if words and all(word in each for word in words)),
-    ]
-    return [lower[each] for each in dict.fromkeys(near)]
+    near = get_close_matches(wanted, lower, n=3, cutoff=alike)
+    ends = get_close_matches(wanted, {each.rpartition(".")[2] for each in lower}, n=3, cutoff=alike)
+    near = near or [each for each in lower if each.rpartition(".")[2] in ends]
+    parts = (each for each in lower if words and all(word in each for word in words))
+    return [lower[each] for each in dict.fromkeys([*near, *parts])]
 
 
 class FieldError(LocalError):

@@ -89,7 +89,7 @@ def test_the_robot_s_messages_under_their_former_name_warn() -> None:
 
 
 def test_help_explains_every_public_name() -> None:
-    for name in eurobot_od.__all__:
+    for name in import_module("eurobot_od").__all__:
         assert len(pydoc.render_doc(getattr(eurobot_od, name)).splitlines()) > 3
 
 

@@ -197,7 +197,7 @@ class Parser(ArgumentParser):
         places = " ".join(each.dest.upper() for each in self._get_positional_actions())
         order = f"; write {self.prog} {places}" if " " in places and re.match(r"argument [^-]", message) else ""
         unknown = re.match(r"unrecognized arguments: (--[^ =]+)", message)
-        near = meant(unknown[1], self._option_string_actions) if unknown else ""
+        near = meant(unknown[1], [*self._option_string_actions]) if unknown else ""
         self.exit(2, f"{self.prog}: error: {message}{order}{near}; see {self.prog} --help\n")
 
 

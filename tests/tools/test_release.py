@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import release
 import yaml
+from wheel import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 
@@ -51,7 +52,7 @@ def test_links_of_the_readme_become_absolute() -> None:
 def test_the_small_distribution_asks_for_this_one() -> None:
     said, ours = tomllib.loads(release.small_project())["project"], release.project()
     assert said["dependencies"] == [f"eurobot-od=={ours['version']}"]
-    assert {*said["optional-dependencies"]} == {*release.EXTRAS}
+    assert {*said["optional-dependencies"]} == {*EXTRAS}
     assert said["urls"]["Homepage"] == ours["urls"]["Homepage"]
     assert said["scripts"].items() <= ours["scripts"].items()
     assert (said["license"], said["requires-python"]) == (ours["license"], ours["requires-python"])
