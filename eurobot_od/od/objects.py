@@ -281,9 +281,10 @@ def encode(variable: ODVariable, value: Value, size: int = 0) -> bytes:
             allowed = f"{size} bytes"  # if the number does not fit, this is what the error says
             return cast(int, value).to_bytes(size, "little")
         if range_ is not None and isinstance(value, Real):
-            if data_type(variable).is_integer or (variable.min, variable.max) != (None, None):
+            is_within = in_limits(variable, value)
+            if not is_within and (data_type(variable).is_integer or (variable.min, variable.max) != (None, None)):
                 allowed = f"{range_.low}..{range_.high}"
-            if not in_limits(variable, value) or (isinstance(value, bool) and data_type(variable).bits != 1):
+            if not is_within or (isinstance(value, bool) and data_type(variable).bits != 1):
                 raise ValueError
         return data_type(variable).write(value)
     except (ValueError, OverflowError):

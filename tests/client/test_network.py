@@ -215,6 +215,8 @@ def test_a_number_is_taken_as_the_integer_that_it_is() -> None:
                 velocity.value = wrong
             with pytest.raises(FieldError, match="is not allowed"):
                 temperature.value = wrong
+        with pytest.raises(FieldError, match=r"1200\.5 is not allowed; allowed: an integer"):
+            velocity.value = 1200.5
         with pytest.raises(FieldError, match="Controlword = True is not allowed; allowed: a number"):
             network[5].pdo["RPDO1"].transmit({"Controlword": True})
 
