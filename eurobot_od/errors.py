@@ -6,7 +6,7 @@ peer's; an exception outside this tree is a bug of ours.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,11 +17,17 @@ if TYPE_CHECKING:
 LONGEST_NAME = 100
 """Most characters of a name that are compared with others: the time for it grows with their square."""
 
+ALIKE = 0.75
+"""How much of two names has to be the same for one to be a slip of the other."""
+
 SHORTEST_PART, MOST_LIKE = 3, 6
 """Least characters that are looked for within known names, and most names that are suggested."""
 
-MOST_NAMES = 50
-"""Most known names that are listed where none is like the unknown one: all commands are, but not 200 faults."""
+MOST_SHOWN = 700
+"""Most characters of known names that are listed where none is like the unknown one: 200 faults would have more."""
+
+LISTED_BY = {"fault": "; `faults` lists them", **dict.fromkeys(("object", "setting"), "; `show --objects` lists them")}
+"""What shows all names of a kind of which there may be more."""
 
 
 class EurobotError(Exception):
@@ -39,31 +45,38 @@ class UnknownName(LocalError):
     """A name that is not in its list: a message, a field, a dialect, a barrier."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
-        self.kind, self.name, self.known = kind, name, tuple(map(str, known))
+        self.kind, self.name, self.known = kind, name, tuple(dict.fromkeys(map(str, known)))
         hint = f"; known: {', '.join(self.known)}" if self.known else ""
-        if near := _like(str(name)[:LONGEST_NAME], self.known):
-            more = f", or one of {len(near) - MOST_LIKE} more" if len(near) > MOST_LIKE else ""
-            hint = f"; did you mean {' or '.join(near[:MOST_LIKE])}{more}?"
-        elif len(self.known) > MOST_NAMES:
-            hint = f"; {len(self.known)} are known, and none is like it"
-        super().__init__(f"unknown {kind} {name!r}{hint}")
+        if len(hint) > MOST_SHOWN:
+            hint = f"; {len(self.known)} are known, and none is like it{LISTED_BY.get(kind, '')}"
+        super().__init__(f"unknown {kind} {name!r}{meant(str(name), self.known) or hint}")
 
 
-def _like(written: str, known: Iterable[str]) -> list[str]:
+def meant(written: str, known: Sequence[str], alike: float = ALIKE) -> str:
+    """Return a question for the known names that somebody may have meant; `` if none is like what was written."""
+    near = _like(written[:LONGEST_NAME], known, alike)
+    more = f", or one of {len(near) - MOST_LIKE} more" if len(near) > MOST_LIKE else ""
+    return f"; did you mean {' or '.join(near[:MOST_LIKE])}{more}?" if near else ""
+
+
+def _like(written: str, known: Sequence[str], alike: float) -> list[str]:
     """Return the known names that somebody may have meant, once each, in any letter case, the likeliest first.
 
-    That is the one that is the same but for its case; or else those that are spelled nearly so, and those with all
-    words of what was written.
+    That is the one that is the same but for its case; or else those that are spelled nearly so, or else after
+    their last dot, and those with all words of what was written.
     """
     from difflib import get_close_matches  # not before it is needed: every command starts with this file
 
-    lower = {each.lower(): each for each in known}
-    wanted = written.lower()
+    wanted, *spelled = (each.lower().replace("_", " ") for each in (written, *known))
+    lower = dict(zip(spelled, known))
     if wanted in lower:
         return [lower[wanted]]
     words = wanted.split() if len(wanted) >= SHORTEST_PART else []
-    parts = [each for each in lower if words and all(word in each for word in words)]
-    return [lower[each] for each in dict.fromkeys([*get_close_matches(wanted, lower, n=3, cutoff=0.75), *parts])]
+    near = get_close_matches(wanted, lower, n=3, cutoff=alike)
+    ends = get_close_matches(wanted, {each.rpartition(".")[2] for each in lower}, n=3, cutoff=alike)
+    near = near or [each for each in lower if each.rpartition(".")[2] in ends]
+    parts = (each for each in lower if words and all(word in each for word in words))
+    return [lower[each] for each in dict.fromkeys([*near, *parts])]
 
 
 class FieldError(LocalError):

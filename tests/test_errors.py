@@ -67,7 +67,12 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (
         UnknownName("fault", "nonsense", range(1000, 1214)),
         LocalError,
-        "unknown fault 'nonsense'; 214 are known, and none is like it",
+        "unknown fault 'nonsense'; 214 are known, and none is like it; `faults` lists them",
+    ),
+    (
+        UnknownName("object", "target_sped", ["Motor", "Motor.Target speed", "Motor.Target speed", "Fan.Target speed"]),
+        LocalError,
+        "unknown object 'target_sped'; did you mean Fan.Target speed or Motor.Target speed?",
     ),
     (UnknownName("barrier", 9, ["1", "2"]), LocalError, "unknown barrier 9; known: 1, 2"),
     (

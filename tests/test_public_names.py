@@ -6,6 +6,7 @@ A change of the file is a change of what docs/api.md promises. `python -m tests.
 from __future__ import annotations
 
 import inspect
+import pydoc
 import re
 import subprocess
 import sys
@@ -85,6 +86,11 @@ def test_the_robot_s_messages_under_their_former_name_warn() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         import_module("eurobot_od.robot").Protocol.load()
+
+
+def test_help_explains_every_public_name() -> None:
+    for name in import_module("eurobot_od").__all__:
+        assert len(pydoc.render_doc(getattr(eurobot_od, name)).splitlines()) > 3
 
 
 def test_dir_has_the_names_that_are_loaded_when_they_are_asked_for() -> None:

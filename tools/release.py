@@ -202,20 +202,26 @@ def sbom() -> Iterator[str]:
     yield from (f"{each} is not in it" for each in ("eurobot-od", "canopen", "python-can") if f'"{each}"' not in text)
 
 
+def small_project() -> str:
+    """Return the pyproject.toml of the small distribution, by this one's."""
+    version, text = project()["version"], WORKBENCH.read_text(encoding="utf-8")
+    extras = "\n".join(f'{each} = ["eurobot-od[{each}]=={version}"]' for each in EXTRAS)
+    for place, said in {"VERSION": version, "EXTRAS": extras, "HOMEPAGE": project()["urls"]["Homepage"]}.items():
+        text = text.replace(f"@{place}@", said)
+    return text
+
+
 def workbench() -> Iterator[str]:
     """`canopen-workbench` is a distribution that brings this one and its program."""
     source = FOLDER / "canopen-workbench"
     source.mkdir(parents=True, exist_ok=True)
-    version = project()["version"]
-    passed_on = "\n".join(f'{each} = ["eurobot-od[{each}]=={version}"]' for each in EXTRAS)
-    text = WORKBENCH.read_text(encoding="utf-8").replace("@VERSION@", version).replace("@EXTRAS@", passed_on)
-    (source / "pyproject.toml").write_text(text, encoding="utf-8")
+    (source / "pyproject.toml").write_text(small_project(), encoding="utf-8")
     shutil.copy(ROOT / "LICENSE", source)
     uv("build", "--quiet", "--out-dir", FOLDER / "dist", source)
     (small,) = (FOLDER / "dist").glob("canopen_workbench*.whl")
     python = installed(small, wheel())
     said = called(python.parent / "canopen-workbench", "--version")
-    if f"canopen-workbench {version}" not in said:
+    if f"canopen-workbench {project()['version']}" not in said:
         yield f"its program says {said!r}"
 
 

@@ -303,12 +303,12 @@ def find(command: str, robot: str | None = None) -> Command:
 def _module(command: str, robot: str | None) -> ModuleType:
     if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
         return import_module(f"eurobot_od.cli.{MODULES.get(command, command)}")
+    from eurobot_od.plugin import blaming, installed
+
     own = _find(robot).commands
     if command not in own:
-        unknown = errors.UnknownName("command", command, [*COMMANDS, *own])
-        raise unknown if own else errors.LocalError(f"{unknown} (a robot's commands need --robot)")
-    from eurobot_od.plugin import blaming
-
+        unknown, robots = errors.UnknownName("command", command, [*COMMANDS, *own]), " or ".join(installed())
+        raise unknown if own else errors.LocalError(f"{unknown} (a robot's commands need --robot {robots})")
     name = own[command].module
     with blaming(f"command {command}", name, name):
         return import_module(name)

@@ -22,6 +22,7 @@ from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.support.files import check_writable, digest_of
@@ -315,6 +316,8 @@ class Checks:
             files = [robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()]
             if not files:
                 raise LocalError("which suites? Name their files, or make them from the device's: --conformance")
+            if device := next((each for each in self.files if Path(each).suffix.lower() in SUFFIXES), None):
+                raise LocalError(f"{device} is a device's file, not a suite; write --conformance --eds 5={device}")
             read = reader.read_files(files)
         return chosen(read, self.tag, self.step)
 

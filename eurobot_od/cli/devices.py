@@ -327,6 +327,8 @@ class Target(Access):
         """The node-ID; raises LocalError, UnknownName."""
         text = self.node
         if not text.isdecimal():
+            if not self.devices.are_known:
+                raise LocalError(f"{text!r} is not a node-ID 1..127; for names there are --eds, --network and --robot")
             named = {each.name: each.node_id for each in self.devices.load()}
             if text not in named:
                 raise UnknownName("node", text, named)

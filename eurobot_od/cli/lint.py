@@ -132,7 +132,7 @@ def lint(
         print(explanation(explain.upper()))
         return ExitStatus.FINE
     if not files:
-        raise LocalError("no files to check")
+        raise LocalError("no files to check: name EDS, DCF or XDD files, or folders of them")
     if fix:  # one by one: a whole folder is not rewritten by mistake
         return _fix(files, output)
     unreadable: list[DictionaryError] = []

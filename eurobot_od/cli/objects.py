@@ -310,7 +310,8 @@ def configure(
     $ configure 5 motor.dcf --eds motor.eds -i socketcan -c can0
     $ configure 5 motor.dcf --dry-run -i socketcan -c can0
     """
-    description = from_file(file)  # never the network's: a configuration is for the one device that its DCF names
+    # never the network's file: a configuration is for the one device that its DCF names
+    description = from_file(file, target.node_id)
     with left_out() as refused:
         configuring.check_file(
             description, target.node_id, by_default=refused

@@ -40,7 +40,7 @@ from typing import (
     get_type_hints,
 )
 
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, UnknownName, meant
 
 if TYPE_CHECKING:
     from eurobot_od.plugin import Plugin
@@ -196,7 +196,9 @@ class Parser(ArgumentParser):
         """Exit, and say the order of what has no name of its own if one of that is wrong; raises SystemExit."""
         places = " ".join(each.dest.upper() for each in self._get_positional_actions())
         order = f"; write {self.prog} {places}" if " " in places and re.match(r"argument [^-]", message) else ""
-        self.exit(2, f"{self.prog}: error: {message}{order}; see {self.prog} --help\n")
+        unknown = re.match(r"unrecognized arguments: (--[^ =]+)", message)
+        near = meant(unknown[1], [*self._option_string_actions]) if unknown else ""
+        self.exit(2, f"{self.prog}: error: {message}{order}{near}; see {self.prog} --help\n")
 
 
 def summary(command: Command) -> str:
@@ -229,6 +231,8 @@ def describe(parser: Parser, command: Command) -> Call:
             return call(given)
 
         return careful
+    if parser.words and parser.words[0][:1] != "-" and parser.words[0] not in command.functions:
+        raise UnknownName("form", parser.words[0], command.functions)
     forms, calls = parser.add_subparsers(dest="form", metavar="FORM", required=True), dict[str, Call]()
     for name, each in command.functions.items():
         form = forms.add_parser(name, help=summary(each), description=summary(each))

@@ -59,6 +59,7 @@ from eurobot_od.od.values import (
     MAPPING_OFFSET,
     MAX_BITS,
     NOT_VALID,
+    PDO_PARAMETERS,
     Address,
     MappingEntry,
     TimeOfDay,
@@ -213,7 +214,6 @@ class DictionaryArea(Enum):
         return AREAS[self]
 
 
-PDO_PARAMETERS = range(0x1400, 0x1C00)
 AREAS: Mapping[DictionaryArea, Container[int]] = {
     DictionaryArea.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(PDO_PARAMETERS),
     DictionaryArea.PDO: PDO_PARAMETERS,
@@ -357,7 +357,8 @@ def check_file(
     # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
     # depend on it.
     if intended is None:
-        raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{COMMISSIONING}]")
+        what = f"incomplete: no NodeID in [{COMMISSIONING}]; a DCF has one, such as `export-dcf` writes"
+        raise DictionaryError(dictionary.file, None, what)
     if intended != node_id:
         raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
     check_whole(description, refused, by_default)

@@ -352,6 +352,8 @@ class _NoMaster:
     """In place of the master of a network that is not open."""
 
     def __getattr__(self, name: str) -> NoReturn:
+        if name.startswith("__"):  # `help` looks for what every object may have
+            raise AttributeError(name)
         raise StateError("the network is not open yet: `connect` or `async with` opens it")
 
 
@@ -470,11 +472,14 @@ HEARTBEAT_WAIT = 10.0
 """Seconds that canopen's names wait for a heartbeat by default."""
 
 
-class NmtOfNode:
+class NmtOfNode(streams.Closed):
     """The common part of the NMT commands of both kinds of networks."""
 
     def __init__(self, device: DeviceAtNode) -> None:
         self._node = device._node
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of node {self._node.node_id}>"
 
     async def _start(self, within: float | None = None) -> None:
         """Make the node OPERATIONAL: PDOs are sent and received."""

@@ -46,7 +46,7 @@ class PdoSignal(BlockingStream[PdoValue]):
     `od` is canopen's variable. Set `raw` or `phys` of one in an RPDO, then `transmit()` the PDO.
     """
 
-    od: ODVariable
+    od = ODVariable("", 0)
     _given: Value = None
 
     @property
@@ -97,9 +97,9 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
     sync_start_value = _setting(SYNC_START, "The number of the SYNC with which it starts.")
 
     def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
         self.settings: dict[int, int] = {}
         """Parameters of the communication record, by sub-index, that `save` writes."""
+        super().__init__(*given)
         self._mapped: list[ODVariable] | None = None
         self._task: PeriodicTask | None = None
 

@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from functools import partial
 from math import inf
-from typing import Any, Generic, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 from weakref import WeakSet
 
 from eurobot_od.client.configure import pdo_parameters
@@ -42,7 +42,21 @@ BACKLOG = 10_000
 """Most items that an iterator keeps for a program that is behind: 10 s of a PDO every millisecond."""
 
 
-class Stream(Generic[Item]):
+class Closed:
+    """Refuses an attribute that was not there when it was made: `pdo.enabld = True` is a slip, and would say nothing.
+
+    Its `_node` is the last one that it gets.
+    """
+
+    if not TYPE_CHECKING:  # a type checker, which refuses it anyway, would take any attribute then
+
+        def __setattr__(self, name: str, value: object) -> None:
+            if name[0] != "_" and "_node" in vars(self) and name not in vars(self) and not hasattr(type(self), name):
+                raise AttributeError(f"{self} has no attribute {name!r}")
+            object.__setattr__(self, name, value)
+
+
+class Stream(Closed, Generic[Item]):
     """Items that come again and again: the `last` one (None before the first), and the `count` of them."""
 
     def __init__(self, node: RemoteNode, name: str) -> None:
@@ -51,9 +65,12 @@ class Stream(Generic[Item]):
         self.needs = ""
         """What makes it come, if the node alone does not."""
         self.name, self.node_id = name, node.node_id
-        self._node = node
         self._functions: list[Callable[[Item], object]] = []
         self._readers: WeakSet[StreamReader[Item]] = WeakSet()
+        self._node = node
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name} of node {self.node_id}, last: {self.last}>"
 
     def on(self, function: Callable[[Item], object]) -> Callable[[Item], object]:
         """Have a function called with each item, in the order in which they come; also a decorator.
@@ -220,8 +237,8 @@ class HeardEmergencies(Stream[Emergency]):
     """The common part of both kinds of emergency streams."""
 
     def __init__(self, node: RemoteNode) -> None:
-        super().__init__(node, "emergency message")
         self.active: dict[int, Emergency] = {}
+        super().__init__(node, "emergency message")
 
     def push(self, item: Emergency) -> None:
         EMCY_LOG.info("%s", item)
@@ -307,11 +324,11 @@ class MappedPdo(Stream[PdoReading]):
     """The common part of the PDOs of both kinds of networks."""
 
     def __init__(self, node: RemoteNode, name: str, home: MappedPdos[Any]) -> None:
+        self.refused: FrameLengthError | None = None
+        """Why the last frame that could not be read was refused."""
         super().__init__(node, name)
         self._home = home
         self._signals: dict[str, Any] = {}
-        self.refused: FrameLengthError | None = None
-        """Why the last frame that could not be read was refused."""
 
     def adopt(self, binding: Binding) -> None:
         """Read frames by this mapping from now on."""
@@ -332,6 +349,10 @@ class MappedPdo(Stream[PdoReading]):
     def names(self) -> list[str]:
         """The names of the mapped objects, in the order in which they are mapped."""
         return [*self._binding.objects]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return what IPython completes after `pdo["TPDO1"]["`."""
+        return self.names
 
     def __repr__(self) -> str:
         return (

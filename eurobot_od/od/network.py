@@ -28,9 +28,9 @@ def node_file(text: str) -> NodeFile:
     """Read `FILE` or `NODE-ID=FILE`; raises DictionaryError for a node-ID that cannot be."""
     head, equals, file = text.partition("=")
     number = parse_number(head) if equals else None
-    if number is None:  # a path may have an equals sign, too
-        return NodeFile(text)
-    if number.value not in NODE_IDS:
+    if number is None and (Path(text).exists() or not Path(file).is_file()):
+        return NodeFile(text)  # a path may have an equals sign, too
+    if number is None or number.value not in NODE_IDS:
         raise DictionaryError(file, None, f"node-ID {head} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
     return NodeFile(file, number.value)
 

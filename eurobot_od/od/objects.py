@@ -212,10 +212,12 @@ def find(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
 def numbered(text: str) -> tuple[int, int | None] | None:
     """Return the index that a text names by its number, and the sub-index (None: without); None for a name.
 
-    Raises LocalError for a sub-index that cannot be.
+    Raises LocalError for a number that cannot be.
     """
     number = NUMBER.fullmatch(text.strip())
     if number is None:
+        if text.strip()[:2].lower() == "0x":
+            raise LocalError(f"{text!r} is not an index; write INDEX[:SUB], such as 0x1018 or 0x1018:1")
         return None
     index, sub = int(number["any"] or number["four"], 16), number["sub"]
     if sub is None:
@@ -279,9 +281,10 @@ def encode(variable: ODVariable, value: Value, size: int = 0) -> bytes:
             allowed = f"{size} bytes"  # if the number does not fit, this is what the error says
             return cast(int, value).to_bytes(size, "little")
         if range_ is not None and isinstance(value, Real):
-            if data_type(variable).is_integer or (variable.min, variable.max) != (None, None):
+            is_within = in_limits(variable, value)
+            if not is_within and (data_type(variable).is_integer or (variable.min, variable.max) != (None, None)):
                 allowed = f"{range_.low}..{range_.high}"
-            if not in_limits(variable, value) or (isinstance(value, bool) and data_type(variable).bits != 1):
+            if not is_within or (isinstance(value, bool) and data_type(variable).bits != 1):
                 raise ValueError
         return data_type(variable).write(value)
     except (ValueError, OverflowError):
@@ -321,7 +324,10 @@ def not_allowed(variable: ODVariable, value: object, allowed: str) -> FieldError
 
 
 def written(variable: ODVariable, value: Value) -> str:
-    """Write a value for a person: numbers in the form of the variable's DefaultValue, bytes in hexadecimal digits."""
+    """Write a value for a person: numbers in the form of the variable's DefaultValue, bytes in hexadecimal digits.
+
+    So are COB-IDs and mapped objects of PDOs, whatever their DefaultValue: nobody knows 0x60770010 as 1618411536.
+    """
     type_ = data_type(variable)
     if isinstance(value, bytes) and type_ == values.VISIBLE_STRING:
         value = value.decode(errors="backslashreplace").rstrip("\0")
@@ -331,7 +337,10 @@ def written(variable: ODVariable, value: Value) -> str:
     known = is_described(variable)
     if isinstance(value, float) and type_ == values.REAL32:
         return repr(_shortest(value))
-    if isinstance(value, int) and value >= 0 and (not known or like.lower().startswith(("0x", "$nodeid"))):
+    is_hex = like.lower().startswith(("0x", "$nodeid")) or (
+        type_ == values.UNSIGNED32 and variable.index in values.PDO_PARAMETERS
+    )
+    if isinstance(value, int) and value >= 0 and (not known or is_hex):
         return f"0x{value:0{2 * type_.size if known else 2}X}"
     return str(value)
 

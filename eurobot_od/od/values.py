@@ -290,6 +290,9 @@ MOST_SUBS = 254
 FIRST = 0x1000
 """The first index of an object; what is below describes data types (CiA 301, 7.4.1)."""
 
+PDO_PARAMETERS = range(0x1400, 0x1C00)
+"""Indices of the communication and mapping parameters of PDOs (CiA 301, Table 39)."""
+
 MANUFACTURER = range(0x2000, 0x6000)
 """Indices of manufacturer-specific objects (CiA 301, 7.4.1)."""
 

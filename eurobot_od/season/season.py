@@ -263,7 +263,7 @@ class Season:
         }
         if not self._runs:
             why = ", ".join(f"{each} is damaged" for each in self.damaged) or "no log is archived in it"
-            raise LocalError(f"{folder} is not a season: {why}; `eurobot-od archive` makes one")
+            raise LocalError(f"{folder} is not a season: {why}; `archive` makes one")
         self._verified = {RUNS}
         self.files: dict[str, list[Path]] = {}
         for table in sorted(folder.iterdir()):

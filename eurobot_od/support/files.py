@@ -19,13 +19,16 @@ from glob import escape
 from pathlib import Path
 from typing import BinaryIO
 
-from eurobot_od.errors import FileError
+from eurobot_od.errors import FileError, meant
 
 MOST = 16 << 20
 """Bytes of the largest EDS, DCF or YAML file that is read; those of real devices have some hundred thousand."""
 
 LONGEST_WAIT, WAIT = 0.5, 0.01
 """How long another program may hold the folder or the file, and the pause before looking again, in seconds."""
+
+ALIKE = 0.88
+"""How much of two files' names has to be the same: more than in other names, which have no suffix in common."""
 
 ABANDONED = 60.0
 """Seconds after which a new file that has not taken an old one's place counts as left by a crash."""
@@ -39,7 +42,16 @@ def opened(file: str | Path, buffering: int = -1) -> BinaryIO:
     try:
         return open(file, "rb", buffering)  # noqa: PTH123  # a name may hold what no path can; the caller closes
     except (OSError, ValueError) as error:
-        raise FileError(file, getattr(error, "strerror", None) or str(error)) from error
+        raise FileError(file, (getattr(error, "strerror", None) or str(error)) + _meant(file, error)) from error
+
+
+def _meant(file: str | Path, error: Exception) -> str:
+    """Return a question for the files beside one that is not there; `` if none has a name like it."""
+    folder, name = os.path.split(file)
+    try:
+        return meant(name, os.listdir(folder or "."), ALIKE) if isinstance(error, FileNotFoundError) else ""  # noqa: PTH208
+    except OSError:  # nor is the folder
+        return ""
 
 
 def read_whole(file: str | Path) -> bytes:

@@ -89,7 +89,7 @@ MISTAKES = [
     (["cdcf", "--network", DRIVE], 2, "not a network: neither a folder nor one of"),
     (["xdd", "none.eds"], 2, "none.eds: No such file or directory"),
     (["xdd", __file__], 2, "not an EDS: it describes no object"),
-    (["nonsense"], 2, "invalid choice"),
+    (["nonsense"], 2, "unknown form 'nonsense'; known: c, dbc, docs"),
 ]
 
 

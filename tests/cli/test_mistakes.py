@@ -74,6 +74,34 @@ MISTAKES = {
         "-o drive.eds is the file that is read: name another one",
     ),
     "a rule with a slip": ("lint|--select|E3008|drive.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
+    "a file with a slip": ("show|--eds|5=driv.eds", 2, "driv.eds: No such file or directory; did you mean drive.eds?"),
+    "a name where a node-ID stands": ("show|--eds|lift=drive.eds", 2, "drive.eds: node-ID lift is not in 1..127"),
+    "node and file in the wrong order": (
+        "configure|drive.dcf|2|-i|virtual",
+        2,
+        "unknown node 'drive.dcf'; known: core, drive, navigation",
+    ),
+    "... without a robot": (
+        "--robot|none|configure|drive.dcf|2|-i|virtual",
+        2,
+        "'drive.dcf' is not a node-ID 1..127; for names there are --eds, --network and --robot",
+    ),
+    "an EDS as a configuration": (
+        "configure|2|drive.eds|-i|virtual",
+        2,
+        "drive.eds: incomplete: no NodeID in [DeviceComissioning]; a DCF has one, such as `export-dcf` writes",
+    ),
+    "an EDS as a suite": (
+        "check|drive.eds|--simulate",
+        2,
+        "drive.eds is a device's file, not a suite; write --conformance --eds 5=drive.eds",
+    ),
+    "an index too high": (
+        "read|2|0x12345|--eds|2=drive.eds|-i|virtual",
+        2,
+        "'0x12345' is not an index; write INDEX[:SUB], such as 0x1018 or 0x1018:1",
+    ),
+    "a form with a slip": ("export|wiresark", 2, "unknown form 'wiresark'; did you mean wireshark?"),
     "a log that is not there": ("decode|nowhere.log", 2, "nowhere.log: No such file or directory"),
     "a file that is no log": (
         "decode|drive.eds",
@@ -97,6 +125,10 @@ USAGES = {
         "argument --duration: '10h' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
     ),
     "a number in words": ("match|--seed|one", "argument --seed: one is not a whole number"),
+    "an option with a slip": (
+        "check|--confromance|--simulate",
+        "unrecognized arguments: --confromance; did you mean --conformance?",
+    ),
     "an option without its value": ("check|--step", "argument --step: expected one argument"),
 }
 

@@ -215,6 +215,8 @@ def test_a_number_is_taken_as_the_integer_that_it_is() -> None:
                 velocity.value = wrong
             with pytest.raises(FieldError, match="is not allowed"):
                 temperature.value = wrong
+        with pytest.raises(FieldError, match=r"1200\.5 is not allowed; allowed: an integer"):
+            velocity.value = 1200.5
         with pytest.raises(FieldError, match="Controlword = True is not allowed; allowed: a number"):
             network[5].pdo["RPDO1"].transmit({"Controlword": True})
 
@@ -599,8 +601,15 @@ def test_ipython_completes_names_of_nodes_objects_and_pdos() -> None:
         assert network._ipython_key_completions_() == ["motor"]
         assert "Motor.Target speed" in network[5]._ipython_key_completions_()
         assert network[5].pdo._ipython_key_completions_() == ["RPDO1", "TPDO1"]
+        assert network[5].pdo["RPDO1"]._ipython_key_completions_() == ["Motor.Target speed"]
 
 
-def test_an_attribute_that_an_object_does_not_have_is_refused() -> None:
-    with simulated(MOTOR_EDS, node_id=5) as network, pytest.raises(AttributeError, match="valu"):
-        network[5]["Temperature"].valu = 5  # type: ignore[attr-defined]
+def test_an_attribute_that_an_object_a_pdo_or_its_commands_do_not_have_is_refused() -> None:
+    with simulated(MOTOR_EDS, node_id=5) as network:
+        pdo = network[5].pdo["TPDO1"]
+        for each in (network[5]["Temperature"], pdo, pdo["Motor.Speed"], network[5].emcy, network[5].nmt):
+            with pytest.raises(AttributeError, match="valu"):
+                setattr(each, "valu", 5)  # noqa: B010  # a type checker sees it
+        pdo.event_timer = 100
+        assert pdo.settings == {5: 100}
+        assert repr(pdo["Motor.Speed"]) == "<PdoSignal Motor.Speed in TPDO1 of node 5, last: None>"

@@ -153,6 +153,12 @@ def test_without_a_type_bytes_are_shown_as_they_are(data: bytes, value: Value, s
     assert written(thing, value) == shown
 
 
+def test_what_a_pdo_maps_is_written_in_hexadecimal_whatever_its_default() -> None:
+    thing, size = typed(datatypes.UNSIGNED32), typed(datatypes.UNSIGNED8)
+    thing.index = size.index = 0x1A00
+    assert (written(thing, 0x60770010), written(thing, 0), written(size, 3)) == ("0x60770010", "0x00000000", "3")
+
+
 def test_without_a_type_a_number_is_written_with_the_length_that_is_there() -> None:
     assert encode(undescribed((0x5000, 0)), 5, 2) == b"\5\0"
     with pytest.raises(FieldError, match="allowed: 0 bytes"):

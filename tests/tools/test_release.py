@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import release
 import yaml
+from wheel import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 
@@ -49,12 +50,22 @@ def test_links_of_the_readme_become_absolute() -> None:
 
 
 def test_the_small_distribution_asks_for_this_one() -> None:
-    text = release.WORKBENCH.read_text("utf-8").replace("@VERSION@", "1.2.3").replace("@EXTRAS@", 'web = ["x"]')
-    said = tomllib.loads(text)["project"]
-    ours = release.project()
-    assert said["dependencies"] == ["eurobot-od==1.2.3"]
+    said, ours = tomllib.loads(release.small_project())["project"], release.project()
+    assert said["dependencies"] == [f"eurobot-od=={ours['version']}"]
+    assert {*said["optional-dependencies"]} == {*EXTRAS}
+    assert said["urls"]["Homepage"] == ours["urls"]["Homepage"]
     assert said["scripts"].items() <= ours["scripts"].items()
     assert (said["license"], said["requires-python"]) == (ours["license"], ours["requires-python"])
+
+
+def test_the_address_of_the_repository_is_the_homepage_wherever_it_stands() -> None:
+    owner, name = release.project()["urls"]["Homepage"].removeprefix("https://github.com/").split("/")
+    files = [ROOT / "pyproject.toml", *ROOT.glob("*.md"), *(ROOT / ".github").rglob("*.yml"), *ROOT.glob("docs/*.md")]
+    text = "\n".join(each.read_text("utf-8") for each in files)
+    found = re.findall(r"https://(?:github\.com|raw\.githubusercontent\.com)/([\w-]*eurobot-od[\w-]*)/([\w.-]+)", text)
+    assert len(found) >= 8
+    assert {*found} == {(owner, name)}
+    assert f"https://{owner}.github.io/{name}/" in text
 
 
 def test_only_pinned_actions_run_and_only_one_job_may_publish() -> None:

@@ -110,6 +110,8 @@ def open_bus(interface: str | None = None, channel: str | int | None = None, bit
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
         why = _with_remedy(error, str(channel) if interface == SOCKETCAN else None)
+        if interface == "remote" and _number(error) == errno.ECONNREFUSED:
+            why += "; nobody shares a bus there: `node --share PORT` does, in another terminal"
         if interface is not None and interface not in BACKENDS:
             unknown = str(UnknownName("interface", interface, sorted(BACKENDS)))
             why = extras.missing(f"interface {interface}", interface) if interface in extras.brought() else unknown

@@ -18,7 +18,7 @@ from math import ceil, sqrt
 from operator import attrgetter, itemgetter
 from pathlib import Path
 from statistics import fmean, quantiles, stdev
-from typing import Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 from eurobot_od import plugin
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError
@@ -33,11 +33,13 @@ from eurobot_od.robot.world.bodies import Touch
 from eurobot_od.robot.world.world import EventKind, MatchEvent
 from eurobot_od.season import campaign
 from eurobot_od.season.campaign import HERE, Workers
-from eurobot_od.season.results import Results
 from eurobot_od.support import svg
 from eurobot_od.support.files import digest_of
 from eurobot_od.support.svg import Axis
 from eurobot_od.traffic.recorder import recording
+
+if TYPE_CHECKING:  # only kept results need the extra `season`
+    from eurobot_od.season.results import Results
 
 ARRIVED = Outcome.ARRIVED.value
 UNMEANT = tuple(outcome.value for outcome in (Outcome.NOT_POSSIBLE, Outcome.REPLACED, Outcome.LOST))

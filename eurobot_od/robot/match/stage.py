@@ -63,16 +63,8 @@ def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dicti
     for name, text in settings:
         node, _, thing = name.partition(".")
         if node not in values:
-            # The name may only lack its beginning, as in `Maximum speed` for `drive.Motion.Maximum speed`.
-            known = (
-                f"{each}.{object_.qualname}"
-                for each in dictionaries
-                for object_ in all_objects(dictionaries[each].objects)
-            )
-            whole = [each for each in (*robot_file.names(), *known) if f".{each}".lower().endswith(f".{name}".lower())]
-            if whole:
-                raise LocalError(f"unknown setting {name!r}; did you mean {' or '.join(whole)}?")
-            raise UnknownName("node or fact", node, [*dictionaries, *robot_file.SECTIONS])
+            known = (f"{at}.{each.qualname}" for at, of in dictionaries.items() for each in all_objects(of.objects))
+            raise UnknownName("setting", name, [*robot_file.names(), *known])
         address, value = given(thing, text, dictionaries[node].objects)
         values[node][address] = value
     return {node: MemoryStore(each) for node, each in values.items()}

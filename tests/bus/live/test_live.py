@@ -42,6 +42,7 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.bus.live.loose import LONG, Reports
 from tests.eds_text import DEVICE_TYPE, variable
+from tests.processes import free_port
 
 PROTOCOL = EurobotProtocol.load()
 
@@ -180,6 +181,12 @@ def test_bus_that_does_not_open_is_told_in_one_line(given: dict[str, Any], told:
         open_bus(**given)
     assert "\n" not in str(error.value)
     assert str(error.value).startswith(told)
+
+
+def test_a_shared_bus_that_nobody_shares_says_what_shares_one() -> None:
+    pytest.importorskip("can_remote", reason="the extra `remote` is not installed")
+    with pytest.raises(BusError, match="nobody shares a bus there: `node --share PORT` does"):
+        open_bus("remote", f"ws://127.0.0.1:{free_port()}/")
 
 
 @pytest.mark.parametrize(("name", "value"), [("CAN_CONFIG", "{"), ("CAN_INTERFACE", "nosuch")])

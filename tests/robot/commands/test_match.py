@@ -362,7 +362,7 @@ def test_wrong_usage_is_told_in_the_last_line(
             "unknown error of the world 'wheel_nose'; did you mean wheel_noise or wheel_scale?",
         ),
         (["--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
-        (["--set", "rive.Motion.Maximum speed=1"], 2, "unknown node or fact 'rive'; did you mean drive?"),
+        (["--set", "bdy.radius=1"], 2, "unknown setting 'bdy.radius'; did you mean body.radius?"),
         (
             ["--seeds", "2", "--set", "navigation.0x2101:1=x"],
             2,

@@ -272,3 +272,17 @@ def test_columns_stand_below_each_other() -> None:
     second = lines.index("", first + 1)
     tables = lines[:first], lines[first + 1 : second], lines[second + 1 : second + 2 + len(FIGURES)]
     assert [{len(line) for line in table} for table in tables] == [{48}, {63}, {90}]
+
+
+WITHOUT_EXTRAS = """
+import sys
+sys.modules.update(dict.fromkeys(["duckdb", "polars", "pyarrow"]))
+from eurobot_od.cli import main
+sys.exit(main(["match", "--seeds", "7-7", "--jobs", "1", "--duration", "1"]))
+"""
+
+
+def test_matches_whose_results_nobody_keeps_need_no_extra() -> None:
+    done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "1 match" in done.stdout

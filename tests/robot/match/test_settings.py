@@ -42,12 +42,12 @@ def test_the_last_of_two_counts() -> None:
 @rows(
     "name, text, error, complaint",
     [
-        ("rive.Motion.Maximum speed", "1", UnknownName, "unknown node or fact 'rive'; did you mean drive?"),
+        ("rive.Motion.Maximum speed", "1", UnknownName, "did you mean drive.Motion.Maximum speed?"),
         ("Motion.maximum speed", "1", LocalError, "did you mean drive.Motion.Maximum speed?"),
         ("Maximum speed", "1", LocalError, "did you mean drive.Motion.Maximum speed?"),
         ("radius", "250", LocalError, "did you mean body.radius or"),
-        ("bdy.radius", "250", UnknownName, "unknown node or fact 'bdy'; did you mean body?"),
-        ("velocity", "1", UnknownName, "unknown node or fact 'velocity'; known: core, drive, navigation, body, match"),
+        ("bdy.radius", "250", UnknownName, "unknown setting 'bdy.radius'; did you mean body.radius"),
+        ("velocity", "1", UnknownName, "are known, and none is like it; `show --objects` lists them"),
         ("drive.Motion.Speed", "1", UnknownName, "unknown object 'Motion.Speed'"),
         ("drive.Motion", "1", LocalError, "'Motion' is not one object but a record"),
         ("drive.Motion.Maximum speed", "fast", FieldError, "Motion.Maximum speed = 'fast' is not allowed"),
