@@ -214,8 +214,8 @@ class Inputs:
 class DeviceValues(FileValues):
     """The objects of a node as its profile sees them; they survive a reset of the device."""
 
-    def __init__(self, node: SimulatedDevice) -> None:
-        super().__init__(node.dictionary)
+    def __init__(self, node: SimulatedDevice, dictionary: Dictionary) -> None:
+        super().__init__(dictionary)
         self._node = node
 
     def get(self, address: Address) -> int | None:
@@ -261,7 +261,7 @@ class SimulatedModule(ProfileDevice):
     """
 
     def __init__(self, dictionary: Dictionary, **options: Any) -> None:
-        self._values = DeviceValues(self)
+        self._values = DeviceValues(self, dictionary)
         self._inputs: Inputs | None = None
         self._begun = False
         super().__init__(dictionary, **options)
@@ -386,7 +386,7 @@ class SimulatedDrive(ProfileDevice):
 
     def reset(self) -> None:
         """Start over, with the motor where it was switched on."""
-        values = DeviceValues(self)
+        values = DeviceValues(self, self.dictionary)
         self._beats = False
         self._axes = tuple(
             self.AXIS(AxisValues(values, offset), self._plant, partial(self._report, number))
