@@ -191,10 +191,10 @@ def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
     assert found.expected == (
         "Kalman Position Response: x 10 mm +- 5 mm, y anything, angle 90 deg .. 100 deg, source enemy 1"
     )
-    assert [str(each).partition(", came")[0] for each in found.mismatches] == [
-        "x: expected 10 mm +- 5 mm",
-        "angle: expected 90 deg .. 100 deg",
-        "source: expected enemy 1",
+    assert [(each.what, each.expected) for each in found.mismatches] == [
+        ("x", "10 mm +- 5 mm"),
+        ("angle", "90 deg .. 100 deg"),
+        ("source", "enemy 1"),
     ]
 
 
