@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.client.drive402 import Drive402
 from eurobot_od.client.master import Master
-from eurobot_od.device.profiles.motion import AxisValues, FileValues, Units, ratio_of
 from eurobot_od.errors import EurobotError, LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
@@ -145,6 +144,13 @@ def units(dictionary: Dictionary, axis: AxisAddress) -> Mapping[str, float]:
     That is in 0x608F, 0x6091 and 0x6092 for the position; a unit of velocity is one of position per second, or as
     0x6096 or 0x60A9 say.
     """
+    from eurobot_od.device.profiles.motion import (
+        AxisValues,
+        FileValues,
+        Units,
+        ratio_of,
+    )  # `serve --help` needs no devices
+
     values = AxisValues(FileValues(dictionary), axis.offset)
     if {ratio_of(values, each) for each in (cia402.ENCODER_RESOLUTION, cia402.FEED_CONSTANT)} <= {0, 1}:
         return {}  # 1 is what a file has if nobody has set one
