@@ -134,9 +134,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if is_closed_pipe(error):  # `| head` has seen enough: no error of ours
             fall_silent()
             return ExitStatus.FINE
-        if isinstance(
-            error, errors.YamlError
-        ):  # a line for each of its problems, which begins with the place, for editors
+        if isinstance(error, errors.YamlError):
+            # A line for each of its problems, which begins with the place, for editors.
             print(error, file=sys.stderr)
             return ExitStatus.WRONG_INPUT
         what = str(error)
