@@ -72,7 +72,7 @@ class BusRule(IncidentRule):
         "CiA 301, 7.3.2.2, 7.5.2.32")  # fmt: skip
     NOT_STARTED = (W, "A node stays in PRE-OPERATIONAL: it sends no PDO",
         "no master starts it, and it does not start by itself (0x1F80)",
-        "`nmt start NODE`, or `boot` for the whole network", "CiA 301, 7.3.2.2.1; CiA 302-2")  # fmt: skip
+        "`nmt NODE start`, or `boot` for the whole network", "CiA 301, 7.3.2.2.1; CiA 302-2")  # fmt: skip
 
     # Error control
     HEARTBEAT_LOST = (
