@@ -7,7 +7,7 @@ however long the log is.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import BinaryIO, NamedTuple
 
@@ -73,7 +73,7 @@ def _columns(batch: Batch) -> ColumnBatch:
     heads = [head if head.__class__ is int else None for head in batch.heads]
     # Nearly always one: a text that is the same in each row is made once.
     channels = batch.channels[:1] if batch.is_of_one_channel else batch.channels
-    columns = batch.lines, list(batch.times), channels, heads, batch.data, [False]
+    columns: tuple[Sequence[object], ...] = batch.lines, list(batch.times), channels, heads, batch.data, [False]
     made = [pl.Series(name, each, FRAMES[name]) for name, each in zip(FRAMES, columns)]
     frames = pl.DataFrame([each if len(each) > 1 else each.new_from_index(0, len(heads)) for each in made])
     if None not in heads:
