@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import inf
 from statistics import fmean, pstdev
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -371,6 +372,12 @@ GRACE = 0.02
 RESOLUTION = 0.002
 """Largest error of a driver's time in seconds: a frame was on the bus before ours only if it is earlier by more."""
 
+FRAMES_LOST = "{} frames have been lost so far because the driver's queue was full"
+"""The note about frames that a watcher has not had, with their number."""
+
+NOTED_AGAIN = 5.0
+"""Seconds after which it comes again, if more were lost but not twice as many."""
+
 
 @dataclass
 class FrameUnderWay:
@@ -408,7 +415,7 @@ class BusSource:
         self._heard = (0.0, clock())
         """The time of the last frame by the driver's clock and by ours: one value, as several threads read it."""
         self._offset, self._restarted, self._is_stamped = 0.0, False, False
-        self._overflow = 0
+        self._overflow, self._noted = 0, -inf
         self._leaving = ExitStack()
 
         def take(time: float, frame: Frame) -> None:
@@ -429,8 +436,8 @@ class BusSource:
             self.notes.append(f"{why}; it is opened again")
 
     def _note_overflow(self) -> None:
-        self._overflow = self._watch.overflow()
-        self.notes.append(f"{self._overflow} frames have been lost so far because the driver's queue was full")
+        self._overflow, self._noted = self._watch.overflow(), self._clock()
+        self.notes.append(FRAMES_LOST.format(self._overflow))
 
     def _take_foreign(self, message: can.Message | None) -> None:
         if message is None:
@@ -493,8 +500,9 @@ class BusSource:
                 self._came.popleft()
                 if raw.taken:
                     yield (min(time, behind[0]) if behind else time), raw.frame
-        # One more binary digit: told when the number has doubled, as a flood would fill the screen with notes.
-        if self._watch.overflow().bit_length() > self._overflow.bit_length():
+        # Told when the number has doubled, and else now and then: a flood would fill the screen with notes.
+        lost, told = self._watch.overflow(), self._overflow
+        if lost.bit_length() > told.bit_length() or (lost > told and self._clock() - self._noted > NOTED_AGAIN):
             self._note_overflow()
         if self._failures:
             raise self._failures[0]
