@@ -46,3 +46,7 @@ def test_a_file_in_its_normal_form_stays_as_it_is() -> None:
     made = normal(normal(f"[2000]\nObjectType=9\nSubNumber=2\n{SUBS}".encode()).text.encode())
     assert (made.changes, made.refusals, made.dropped) == ([], [], [])
     assert made.text == normal(made.text.encode()).text
+
+
+def test_a_key_of_the_commissioning_is_just_a_key_elsewhere() -> None:
+    assert "[FileInfo]\nBaudrate=5e2\n" in normal(f"[FileInfo]\nBaudrate=5e2\n[2000]\n{VARIABLE}".encode()).text
