@@ -138,6 +138,8 @@ def check(
     if list:
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE
+    if not checks.simulate:
+        checks.bus.check_named()
     from eurobot_od.check.runner import Interrupt  # suites are listed without
 
     interrupt, seeds = Interrupt(), range(seed, seed + repeat)

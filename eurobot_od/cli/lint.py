@@ -15,9 +15,8 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
 from eurobot_od.lint.model import load
-from eurobot_od.lint.rules import FILE_RULES
-from eurobot_od.lint.rules import lint as lint_file
-from eurobot_od.od.document import read_bytes
+from eurobot_od.lint.rules import FILE_RULES, lint_device
+from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
 from eurobot_od.od.values import Address
 from eurobot_od.support.texts import one_line
@@ -167,7 +166,10 @@ def _found(
         findings: list[Finding] = []
         for file in counted:
             try:
-                findings += lint_file(read_bytes(file), file)
+                device = load(read_bytes(file), file)
+                if not (device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
+                    raise DictionaryError(file, None, "not an EDS: it has no section of one")
+                findings += lint_device(device, file)
             except DictionaryError as error:  # the other files are checked all the same
                 unreadable.append(error)
         return findings, len(files) - len(unreadable), ()

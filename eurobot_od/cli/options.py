@@ -120,14 +120,19 @@ class BusOptions:
     channel: Annotated[str | None, Option("-c")] = None
     bitrate: BitRate | None = None
 
-    def open(self) -> can.BusABC:
-        """Open it; raises LocalError, BusError."""
+    def check_named(self) -> None:
+        """Raise LocalError if none is named; without that python-can complains of its file, of which few know."""
         from eurobot_od.bus import live  # takes longer than a command that is about files alone
 
-        # Asked first: without a name python-can would complain of its configuration file, of which few users know.
         if not live.is_named(self.interface):
             here = ", ".join(map(str, live.here())) or "none (`doctor` says more)"
             raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}")
+
+    def open(self) -> can.BusABC:
+        """Open it; raises LocalError, BusError."""
+        self.check_named()
+        from eurobot_od.bus import live
+
         return live.open_bus(self.interface, self.channel, self.bitrate)
 
     def reopener(self, no_reconnect: bool) -> Opener | None:

@@ -210,7 +210,7 @@ def test_relative_time(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 WRONG = [
     (["no-such-file.log"], 2, "No such file"),
-    (["log.xyz"], 2, "unknown log format 'xyz'; known: log, candump, console, busmaster"),
+    (["log.xyz"], 2, "log.xyz: not a known log; --format names its format (log, candump"),
     (["log.log", "--message", "Goto"], 2, "unknown message 'Goto'; did you mean Goto XY or Goto Confirm"),
     (["log.log", "--node", "Antrieb"], 2, "unknown node 'Antrieb'; known: core, drive, navigation"),
     (["log.log", "--where", "speed>fast"], 2, "Goto XY: speed = 'fast' is not allowed; allowed: 0..100 %"),

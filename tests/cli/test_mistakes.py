@@ -16,8 +16,9 @@ EDS = Path(__file__).parents[2] / "eds" / "canopen" / "drive.eds"
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run in a folder with one EDS, without a configuration of python-can's."""
+    """Run in a folder with one EDS and a picture, without a configuration of python-can's."""
     (tmp_path / "drive.eds").write_bytes(EDS.read_bytes())
+    (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR")
     monkeypatch.chdir(tmp_path)
     for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_CONFIG"):
         monkeypatch.delenv(name, raising=False)
@@ -73,6 +74,7 @@ MISTAKES = {
         2,
         "-o drive.eds is the file that is read: name another one",
     ),
+    "lint of what is not an EDS": ("lint|picture.png", 2, "picture.png: not an EDS: it has no section of one"),
     "a rule with a slip": ("lint|--select|E3008|drive.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
     "a file with a slip": ("show|--eds|5=driv.eds", 2, "driv.eds: No such file or directory; did you mean drive.eds?"),
     "a name where a node-ID stands": ("show|--eds|lift=drive.eds", 2, "drive.eds: node-ID lift is not in 1..127"),
@@ -104,10 +106,10 @@ MISTAKES = {
     "a form with a slip": ("export|wiresark", 2, "unknown form 'wiresark'; did you mean wireshark?"),
     "a log that is not there": ("decode|nowhere.log", 2, "nowhere.log: No such file or directory"),
     "a file that is no log": (
-        "decode|drive.eds",
+        "decode|picture.png",
         2,
-        "unknown log format 'eds'; known: log, candump, console, busmaster, gvret, ixxat, kvaser, asc, csv, trc, blf, "
-        "db, mf4, pcap, pcapng",
+        "picture.png: not a known log; --format names its format (log, candump, console, busmaster, gvret, ixxat, "
+        "kvaser, asc, csv, trc, blf, db, mf4, pcap, pcapng); SavvyCAN and python-can's `can_logconvert` convert others",
     ),
     "a node-ID too high": ("read|200|0x1000|-i|virtual", 2, "node-ID 200 is not in 1..127"),
     "a node that is not there": (
@@ -170,7 +172,7 @@ def test_a_command_for_a_bus_asks_which_and_does_nothing(words: list[str], capsy
     assert said.status == 2
     assert said.err.startswith("eurobot-od: which bus? Name it by -i and -c, such as -i socketcan -c can0; here: ")
     assert said.err.count("\n") == 1
-    assert "sent" not in said.out
+    assert said.out == ""
 
 
 # YAML: a suite's text, and all that is printed; steps stand below HEAD, from line 5 on

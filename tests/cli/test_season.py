@@ -224,7 +224,7 @@ def test_what_answers_what_is_kept_also_where_two_nodes_answer(
     "words, status, complaint",
     [
         (["none.log"], 2, "eurobot-od: none.log: No such file or directory"),
-        ([__file__], 2, "unknown log format 'py'"),
+        ([__file__], 2, "not a known log; --format names its format"),
         (["--jobs", "0", "x"], 2, "0 is not a number from 1 to 60"),
         (["--eds", "none.eds", "x"], 2, "none.eds"),
     ],

@@ -16,7 +16,7 @@ pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
 
 import pyarrow.parquet as pq
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
@@ -195,7 +195,7 @@ def test_two_copies_at_once_are_one_run(log: Path, tmp_path: Path) -> None:
 
 def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("x")
-    with pytest.raises(UnknownName, match="unknown log format 'txt'"):
+    with pytest.raises(LocalError, match=r"notes.txt: not a known log"):
         list(archive([log, tmp_path / "notes.txt"], tmp_path / "season", NETWORK))
     assert not (tmp_path / "season").exists()
 

@@ -172,15 +172,23 @@ def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+CLOSED = (errno.EBADF, errno.ENOTCONN, errno.ECONNRESET, errno.EPIPE)
+"""What the system says of a connection that the other end has closed already."""
+
+
 def shut_down(bus: can.BusABC) -> None:
-    """Shut a bus down; raises whatever its driver raises, and python-can does not try again when the bus is deleted."""
+    """Shut a bus down; raises whatever its driver raises, and python-can does not try again when the bus is deleted.
+
+    A bus server that has gone first, such as by the same Ctrl-C, is nothing to complain of.
+    """
     import can
 
     try:
         bus.shutdown()
-    except BaseException:
+    except BaseException as error:
         can.BusABC.shutdown(bus)
-        raise
+        if not (isinstance(error, OSError) and error.errno in CLOSED):
+            raise
 
 
 class Driver:

@@ -6,7 +6,7 @@ import json
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import nullcontext, redirect_stdout
+from contextlib import nullcontext, redirect_stdout, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -291,16 +291,18 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
         raise LocalError(f"--log {log}: write {SEED} where each match's seed is to stand")
     strategies, played = asked.strategies, []
     results = asked.campaign.kept(PlayedMatch, lambda: settings(options, strategies))
-    with asked.campaign.workers(len(seeds)) as workers:
+    status = ExitStatus.INTERRUPTED
+    with suppress(KeyboardInterrupt), asked.campaign.workers(len(seeds)) as workers:
         matches = play_many(options, seeds, workers, strategies, results, log)
         hidden = asked.as_json and sys.stdout.isatty()  # its lines tell how far it is
         for match in counted(matches, len(seeds), "matches", workers, hidden):
             played.append(match)
             if asked.as_json:
                 print(json.dumps(match.as_data()))
-    if not asked.as_json:
+        status = ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
+    if played and not asked.as_json:
         print(*report(played, bar_marks(sys.stdout.encoding)), sep="\n")
-    return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
+    return status
 
 
 # Many seeds, several strategies

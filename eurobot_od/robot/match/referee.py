@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import threading
 import traceback
 from collections.abc import Callable, Coroutine, Generator
@@ -143,6 +144,9 @@ PACKAGE = Path(__file__).resolve().parents[2]
 CARETS = " ~^"
 """The characters with which Python 3.11 and later underline the place in a line."""
 
+PLACE = re.compile(r'^  File "(.+)", line ([0-9]+)', re.MULTILINE)
+"""File and line of a call in a traceback."""
+
 
 def _is_foreign(file: str) -> bool:
     return not file.startswith("<") and PACKAGE not in Path(file).resolve().parents
@@ -160,6 +164,14 @@ def _last_lines(error: BaseException) -> str:
     told.stack = traceback.StackSummary.from_list(foreign or told.stack)
     lines = "".join(told.format()).strip().splitlines()
     return "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])
+
+
+def in_one_line(failure: str) -> str:
+    """Say how a match failed: in words that are given, or by the exception and the last place of a traceback."""
+    places, after = PLACE.findall(failure), failure.rpartition("\n    ")[2].splitlines()
+    end = " ".join(after[bool(places) :])  # without the line of the program that stands there
+    told = end if end.startswith("the ") else f"the strategy raised {end}"
+    return told + (" ({}:{})".format(*places[-1]) if places else "")
 
 
 async def _played(strategy: Strategy, core: Core) -> None:
@@ -338,14 +350,12 @@ class Referee:
         error = next(iter(self._elsewhere.errors), None) or (playing.exception() if has_ended else None)
         if error is None or self.failure:
             return
-        hangs = isinstance(error, Hang)
-        what = "hangs" if hangs else f"raised {type(error).__name__}"
-        await self._give_up(f"the strategy {what}: {error}", None if hangs else _last_lines(error))
+        await self._give_up(f"the strategy hangs: {error}" if isinstance(error, Hang) else _last_lines(error))
 
-    async def _give_up(self, why: str, lines: str | None = None) -> None:
-        """End the match because of a failure: `why`, and the lines that show it if they say more."""
-        self._over, self.failure = True, lines or why
-        self.timeline.tell(EventKind.FAILED, why)
+    async def _give_up(self, failure: str) -> None:
+        """End the match because of a failure, told in words or as the end of a traceback."""
+        self._over, self.failure = True, failure
+        self.timeline.tell(EventKind.FAILED, in_one_line(failure))
         try:
             await self.core.stop()
         except (RemoteError, StateError) as unseen:

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import chain, pairwise
 from math import ceil, sqrt
 from operator import attrgetter, itemgetter
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 from eurobot_od import plugin
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError
-from eurobot_od.robot.match.referee import Players, StrategyFiles
+from eurobot_od.robot.match.referee import Players, StrategyFiles, in_one_line
 from eurobot_od.robot.match.stage import EdsFiles, Performance, play_simulated
 from eurobot_od.robot.match.summary import RobotTouch, Summary, Touched, touches_of
 from eurobot_od.robot.model.options import MatchOptions
@@ -108,9 +108,7 @@ class PlayedMatch:
         """What needs a look; empty if all is well."""
         texts = [] if self.failure is None else [self.failure]
         if self.summary and self.summary.failure:
-            # The last line of a traceback is the exception; whoever plays the seed again sees the rest.
-            end = self.summary.failure.splitlines()[-1]
-            texts.append(end if end.startswith("the strategy ") else f"the strategy raised {end}")
+            texts.append(in_one_line(self.summary.failure))
         texts += [f"goto ({goto.x}, {goto.y}): {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
         texts += [f"touched {touch.thing} at {touch.time:.1f} s" for touch in self.touches if touch.is_wrong]
         pushed = any(touch.driven_into for touch in self.touches)  # even if it stood
@@ -155,13 +153,18 @@ def play(
     events: list[MatchEvent] = []
     summary, failure, driven = None, None, 0.0
     printed = Prefixed(sys.stderr, f"seed {options.seed}: ")
-    tell = partial(print, file=printed)
+    told: list[str] = []
+
+    def tell(line: str) -> None:
+        told.append(line)
+        print(line, file=printed)
+
     with recording(log, tell=tell) as write, redirect_stdout(printed):
         try:
             summary, world = play_simulated(options, events.append, write, files, *players, tell)
             driven = sum(after.distance(before.point) for (_, before), (_, after) in pairwise(world.path)) / 1000
         except (RemoteError, ProgramFailed) as error:
-            failure = str(error)
+            failure = "; ".join([*told, str(error)])  # first the cause: a node that has raised gives no answer
     return PlayedMatch(
         options.seed,
         gotos_in(events),

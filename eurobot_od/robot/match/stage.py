@@ -185,7 +185,7 @@ class Performance:
         return replace(
             self._counter.summary(seconds, bitrate),
             errors=self._observer.errors,
-            reports=[str(each) for each in reports],
+            reports=[*dict.fromkeys(blame(each, self.nodes) or str(each) for each in reports)],
             points={self.name: self._world.game.points(self.name)},
             touches=counts(touches),
             at_fault=sum(touch.at_fault for touch in touches),
@@ -242,12 +242,15 @@ def _blaming(nodes: Iterable[Node], reports: Sequence[Report], tell: Callable[[s
     try:
         yield
     finally:
-        classes = {each.name: place_of(type(each)) for each in nodes}
-        failures = [(each.error, each.name) for each in reports if each.error is not None]
-        # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.
-        lines = (f"{name}: {complaint(error, classes.get(name, name), is_foreign)}" for error, name in failures)
-        for line in dict.fromkeys(lines):
+        for line in dict.fromkeys(filter(None, [blame(each, nodes) for each in reports])):
             tell(line)
+
+
+def blame(report: Report, nodes: Iterable[Node]) -> str:
+    """Say who has raised what is reported, and in which file; `` if nobody has."""
+    # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.
+    at = next((place_of(type(each)) for each in nodes if each.name == report.name), report.name)
+    return f"{report.name}: {complaint(report.error, at, is_foreign)}" if report.error else ""
 
 
 def _rival(options: MatchOptions) -> MatchOptions:

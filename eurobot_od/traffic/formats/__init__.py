@@ -81,8 +81,8 @@ def batches(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> 
     """Yield the entries of an open log in batches; what a line or record has beyond `largest` bytes is not read.
 
     `form` is the suffix of its format; left out, the first bytes decide, or else the name. What a pipe has is yielded
-    before more is waited for. Raises UnknownName for a suffix that stands for no format, LocalError for a pipe where
-    only a file will do, and, at its end, for a log that has entries of which none can be read.
+    before more is waited for. Raises UnknownName for a `form` that is not one, LocalError for a name that says none,
+    for a pipe where only a file will do, and, at its end, for a log that has entries of which none can be read.
     """
     words, found = likely(_beginning(file)), _batches(file, form, largest)
     return _read_at_all(found, words, getattr(file, "name", None))
@@ -154,7 +154,7 @@ def _beginning(file: BinaryIO) -> bytes:
 def _said_by(beginning: bytes, name: object) -> str:
     """Return the suffix of a format, or what stands for one in the name of a file.
 
-    Standard input and other files without a name are read as candump's.
+    Standard input and other files without a name are read as candump's. Raises LocalError for a name without one.
     """
     found = CONTENT.match(beginning)
     if found is not None and found.lastgroup is not None:
@@ -163,13 +163,16 @@ def _said_by(beginning: bytes, name: object) -> str:
         return STANDARD_INPUT
     suffixes = PurePath(name.lower()).suffixes
     # For `match.asc.gz` it is `asc`; `match.gz` says nothing about its content.
-    return "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
+    suffix = "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
+    if suffix not in FORMATS:  # the file has this name, it is not a slip: no format is meant by it
+        raise LocalError(f"{name}: not a known log; {likely(beginning)}")
+    return suffix
 
 
 def _reader(suffix: str, name: object, most: int = MANY) -> Callable[[BinaryIO, int], Iterator[Batch]]:
     """Return the function that reads a format; of one without lines in batches of at most `most` entries."""
     if suffix not in FORMATS:
-        raise UnknownName("log format", suffix or str(name), FORMATS)
+        raise UnknownName("log format", suffix, FORMATS)
     if suffix in BY_NAME and not isinstance(name, str):  # SQLite and asammdf open the file themselves
         raise LocalError(f"a log in the format {suffix} must be a file")
     module, function = FORMATS[suffix]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import sys
@@ -33,9 +34,17 @@ def channel(request: pytest.FixtureRequest) -> str:
 class StuckBus(VirtualBus):
     """A bus whose driver raises when it is shut down."""
 
+    error = OSError("no answer")
+
     def shutdown(self) -> None:
         super().shutdown()
-        raise OSError("no answer")
+        raise self.error
+
+
+class ClosedBus(StuckBus):
+    """A bus whose server has gone first, by the same Ctrl-C."""
+
+    error = OSError(errno.EBADF, "Bad file descriptor")
 
 
 class StubbornDrive(Drive):
@@ -51,6 +60,14 @@ def test_an_error_at_shutdown_does_not_replace_the_cause(channel: str) -> None:
     with pytest.raises(ZeroDivisionError), live:
         raise ZeroDivisionError
     assert reports.wait_for(Event.END_FAILED).text == str(live.failure) != "None"
+
+
+def test_a_bus_that_its_server_has_closed_ends_without_a_word(channel: str) -> None:
+    reports: list[Report] = []
+    live = Live.node(ClosedBus(channel), Drive(dialects.load("drive")), report=reports.append)
+    with pytest.raises(KeyboardInterrupt), live:
+        raise KeyboardInterrupt
+    assert (reports, live.failure) == ([], None)
 
 
 def test_of_two_errors_at_the_end_the_first_is_raised(channel: str) -> None:

@@ -217,7 +217,7 @@ def test_a_strategy_that_raises_ends_the_match_with_log_and_picture(
     assert said.status == 1
     place = [f'  File "{file}", line 4, in play', "    return [][0]", "IndexError: list index out of range"]
     assert said.err.splitlines()[-3:] == place
-    assert "failed     the strategy raised IndexError: list index out of range" in said.out
+    assert f"failed the strategy raised IndexError: list index out of range ({file}:4)" in " ".join(said.out.split())
     assert "since it stopped it moved 0 mm" in said.out
     assert count(log) == total(said.out)
     assert "1 of 1 goto reached" in picture.read_text()
@@ -471,14 +471,16 @@ def test_a_seed_that_went_wrong_is_listed(capsys: pytest.CaptureFixture[str], sp
 
 @pytest.mark.long
 @pytest.mark.posix
-def test_ctrl_c_ends_many_seeds_without_a_word() -> None:
-    words = [*SCRIPT, "match", "--duration", "3", "--seeds", "1000", "--jobs", "2", "--json"]
+@pytest.mark.parametrize("form", [[], ["--json"]], ids=["table", "json"])
+def test_ctrl_c_ends_many_seeds_without_a_word_but_what_has_been_played(form: list[str]) -> None:
+    words = [*SCRIPT, "match", "--duration", "3", "--seeds", "1000", "--jobs", "2", *form]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as running:
         assert running.stdout
         assert running.stderr
-        running.stdout.readline()
+        (running.stdout if form else running.stderr).readline()
         os.killpg(running.pid, signal.SIGINT)
         said = running.stderr.read().splitlines()
+        assert form or re.search(rb"\n[0-9]+ match(es)?, seeds 1 to [0-9]+: ", running.stdout.read())
         assert [line for line in said if not re.match(rb"1000 matches, about |[0-9]+ of 1000 matches", line)] == []
         assert running.wait() == 130
 

@@ -237,11 +237,14 @@ def test_a_mistake_is_one_line_with_its_place(
 def test_what_its_node_raises_in_a_match_is_told_with_its_place(wrong: str, complaint: str, mine: Path) -> None:
     text = (mine / "lift.py").read_text()
     (mine / "lift.py").write_text(text.replace("round(self.height)", wrong, 1))
-    said = command(mine.parent, ["match", "--robot", "mine"])
-    first, last = said.stderr.splitlines()
-    assert said.returncode == 1
+    one, many = (command(mine.parent, ["match", "--robot", "mine", *more]) for more in ([], ["--seeds", "1"]))
+    first, last = one.stderr.splitlines()
+    assert (one.returncode, many.returncode) == (1, 1)
     assert complaint in first
     assert "no LiftStateResponse after" in last
+    (row,) = [line for line in many.stdout.splitlines() if line.startswith("seed 1: ")]
+    assert complaint in row
+    assert "; no LiftStateResponse after" in row
 
 
 def test_a_dialect_without_a_core_is_no_keyerror(made: Path, tmp_path: Path) -> None:

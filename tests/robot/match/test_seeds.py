@@ -130,7 +130,7 @@ from eurobot_od.robot.match.referee import StrategyFiles
 for match in play_many(MatchOptions(duration=3.0), range(1, 4), {workers}, StrategyFiles(Path({str(file)!r}))):
     print(match.wrong)
 """
-    assert run(program, 2) == ["['the strategy raised ValueError: no plan']"] * 3
+    assert run(program, 2) == [str([f"the strategy raised ValueError: no plan ({file}:4)"])] * 3
 
 
 def test_a_strategy_that_cannot_be_loaded_is_an_error_before_a_process_begins(tmp_path: Path) -> None:

@@ -74,7 +74,8 @@ def test_a_match_has_gotos_tasks_touches_stops_and_points() -> None:
 
 def test_a_strategy_that_raises_is_a_result() -> None:
     match = play(SHORT, FILES, Players(fail))
-    assert match.wrong == ["the strategy raised ValueError: no plan"]
+    line = fail.__code__.co_firstlineno + 1
+    assert match.wrong == [f"the strategy raised ValueError: no plan ({__file__}:{line})"]
     assert (match.points, match.failure) == (0, None)
 
 
