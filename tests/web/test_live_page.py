@@ -296,6 +296,12 @@ def test_objects_are_read_written_and_plotted(scene: Scene) -> None:
     page.wait("document.querySelector('#toast').textContent.includes('allowed: 0..65535')")
     page.run(f"{line}.querySelectorAll('.acts > button')[1].click()")
     page.wait("plots.all[0].series.length === 1 && plots.all[0].series[0].values.at(-1) === 200")
+    times = "plots.all[0].series[0]?.times"
+    page.wait(f"{times}.length > 2")
+    first = page.run(f"{times}.slice(0, 3)")
+    page.call("Page.reload")
+    page.wait(f"typeof plots !== 'undefined' && {times}?.length > 2")
+    assert page.run(f"{times}.slice(0, 3)") == first, "the server has what was read before"
 
 
 def test_without_control_there_is_nothing_to_change_anything_with(tmp_path: Path, window: Page) -> None:
