@@ -59,7 +59,11 @@ def test_a_browser_gets_the_values_since_its_turn_and_a_new_one_all_that_are_kep
     for turn in range(4):
         polled.take(Sample(turn, turn / 4, turn), "")
     polled.take(Sample(4, 1.0, None), "the node did not answer")
-    assert [[value for _, value in polled.shown(since)["samples"]] for since in (-1, 1, 3)] == [[0, 1, 2, 3], [2, 3], []]
+    assert [[value for _, value in polled.shown(since)["samples"]] for since in (-1, 1, 3)] == [
+        [0, 1, 2, 3],
+        [2, 3],
+        [],
+    ]
     assert polled.shown(3)["trouble"] == "the node did not answer"
 
 
