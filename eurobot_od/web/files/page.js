@@ -137,8 +137,12 @@ class Tabs {                                // which view is shown; a panel has 
 function assembled(tabs, status, line, stop, alarms) {
   const header = h("header", {}, h("div", {class: "top"}, h("h1", {}, content.title), status.element, stop.element),
     h("nav", {role: "tablist", "aria-label": "views"}, ...tabs.tabs));
-  new ResizeObserver(() => document.body.style.setProperty("--header", `${header.offsetHeight}px`)).observe(header);
-  return [header, h("main", {}, ...tabs.sections), h("footer", {}, line && line.element), toastLine, alarms];
+  const footer = h("footer", {}, line && line.element), measured = {"--header": header, "--foot": footer};
+  const observer = new ResizeObserver(() => {
+    for (const [name, each] of Object.entries(measured)) document.body.style.setProperty(name, `${each.getBoundingClientRect().height}px`);
+  });
+  for (const each of Object.values(measured)) observer.observe(each);
+  return [header, h("main", {}, ...tabs.sections), footer, toastLine, alarms];
 }
 
 function reopen(begins) {                   // a log opens where there is something to see, or where this window has left it
