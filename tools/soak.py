@@ -188,11 +188,12 @@ class Losses:
         self._open: list[tuple[float, Loss]] = []
         self._credit: list[tuple[float, int]] = []
 
-    def miss(self, numbers: range, now: float) -> None:
-        """Note numbers that did not come."""
+    def miss(self, numbers: range, now: float, is_away: bool = False) -> None:
+        """Note numbers that did not come; what was counted stands for none of those whose bus was away."""
         self.all.append(loss := Loss(numbers))
-        self._open.append((now, loss))
-        self._settle(now)
+        if not is_away:
+            self._open.append((now, loss))
+            self._settle(now)
 
     def count(self, frames: int, now: float) -> None:
         """Note how many more lost frames the process has counted."""
@@ -285,7 +286,8 @@ class Role:
         self._miss(int(first), int(last))
 
     def _miss(self, first: int, last: int) -> None:
-        self.losses.miss(range(first, last + 1), time.monotonic())
+        now = time.monotonic()
+        self.losses.miss(range(first, last + 1), now, is_away=bool(self.away) and now <= self.away[-1][1])
 
     def _watch(self, number: str) -> None:
         self._watched.take(bytes.fromhex(number))

@@ -87,6 +87,15 @@ def test_what_a_role_lacks_is_read_from_its_lines(role: Role) -> None:
     assert role.losses.all == [Loss(range(3, 6), counted=2)]
 
 
+def test_what_is_counted_stands_for_nothing_that_came_while_the_bus_was_away() -> None:
+    away = ("bus failed: pulled out; it is opened again", "bus back: after a gap of 1.0 s", "numbers 3..5 missing")
+    lines = "\n".join(("last 2, overflow 0, missed 0", *away, "last 8, overflow 4, missed 0"))
+    role = Role("node", sys.executable, "-c", f"print({lines!r})")
+    role.program.wait()
+    role.kill()
+    assert role.losses.all == [Loss(range(3, 6), counted=0)]
+
+
 def test_what_the_monitor_lacks_is_read_from_its_lines() -> None:
     numbers = [f"0.1  {NUMBERED:03X}#{number.to_bytes(4, 'little').hex().upper()}" for number in (0, 4)]
     lines = "\n".join([numbers[0], f"# {FRAMES_LOST.format(2)}", numbers[1]])
