@@ -1,8 +1,8 @@
 """A device's object dictionary: canopen's, read from the normal form of an EDS or DCF.
 
 canopen's own reader refuses or misreads much that is common practice; of the normal form (`normal`) its functions read
-all but a few attributes, which are set here. Beside canopen's `objects` there is the `device` that the normal form describes, for
-whatever writes files.
+all but a few attributes, which are set here. Beside canopen's `objects` there is the `device` that the normal form
+describes, for whatever writes files.
 
 Rule of this file: nothing is guessed. What cannot be read with certainty is left out, and `left_out` says so; a file of
 which nothing can be used is refused.
