@@ -242,8 +242,9 @@ def _blaming(nodes: Iterable[Node], reports: Sequence[Report], tell: Callable[[s
     try:
         yield
     finally:
-        classes = {each.name: place_of(type(each)) for each in nodes}
         failures = [(each.error, each.name) for each in reports if each.error is not None]
+        blamed = {name for _, name in failures}  # to find the place of a class takes a reading of its whole file
+        classes = {each.name: place_of(type(each)) for each in nodes if each.name in blamed}
         # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.
         lines = (f"{name}: {complaint(error, classes.get(name, name), is_foreign)}" for error, name in failures)
         for line in dict.fromkeys(lines):
