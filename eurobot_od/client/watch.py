@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
 from functools import partial
 from math import inf
-from statistics import median_low
 from typing import NamedTuple
 
 from eurobot_od.client.master import Guard, Master, Procedure, unguarded
@@ -74,7 +73,7 @@ class Heartbeats:
     def _due(self, periods: float) -> float:
         """Return when so many periods are over."""
         # The median: one late or lost heartbeat does not change it.
-        period = median_low(self._intervals) if self._intervals else self.period
+        period = sorted(self._intervals)[(len(self._intervals) - 1) // 2] if self._intervals else self.period
         return self.heard + periods * period if self.heard is not None and period else inf
 
     def lost(self, now: float) -> bool:

@@ -112,7 +112,7 @@ class Document(NamedTuple):
 
     `lines` is the whole text and `headers` the line numbers of all section headers, so that the text can be written
     again with single lines changed; `encoding` is the one in which that gives the same bytes. A document of an XML file
-    (`is_xml`) has no lines that could be changed.
+    (`is_xml`) has no lines that could be changed. `has_comments` tells whether a line is a comment.
     """
 
     sections: dict[str, Section]
@@ -121,6 +121,7 @@ class Document(NamedTuple):
     headers: Sequence[int] = ()
     encoding: str = "utf-8"
     is_xml: bool = False
+    has_comments: bool = False
 
     @property
     def text_encoding(self) -> str:
@@ -236,6 +237,7 @@ class _Reader:
         self._oddities = oddities
         self._before: dict[str, Entry] = {}  # what stands before the first section
         self._entries = self._before
+        self._has_comments = False
 
     def read(self, text: str, encoding: str) -> Document:
         lines, new = self._split(text), tuple.__new__  # Entry() itself takes twice as long, for ten thousand lines
@@ -253,7 +255,7 @@ class _Reader:
             elif line:
                 self._other(number, line)
                 entries = self._entries
-        return Document(self._sections, self._oddities, lines, self._headers, encoding)
+        return Document(self._sections, self._oddities, lines, self._headers, encoding, has_comments=self._has_comments)
 
     def _split(self, text: str) -> list[str]:
         """Split at LF, CRLF and CR; str.splitlines would split at form feeds and others, too."""
@@ -276,6 +278,7 @@ class _Reader:
         if text.startswith("#"):
             self._note(Odd.HASH, number, 1)
         if not text or text[0] in "#;":
+            self._has_comments |= bool(text)
             return
         if indent:
             self._note(Odd.INDENTED, number, indent + 1)

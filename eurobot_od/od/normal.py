@@ -197,7 +197,7 @@ def _comments(document: Document) -> Comments:
     """Find the comments: those right below an entry and before an empty line stay below it, others go with the next."""
     dead, beside = _dead_lines(document)
     found = Comments({}, {})
-    if not any(";" in line or "#" in line for line in document.lines) and not dead:
+    if not (document.has_comments or dead or beside):
         return found  # most large files, made by programs
     pending: list[str] = []
     last, is_right_below = 0, False

@@ -13,8 +13,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import inf
-from statistics import fmean, pstdev
+from math import fsum, inf, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live import FrameReader, Opener
@@ -78,7 +77,11 @@ class MonitorRow:
     def period(self) -> MeanPeriod | None:
         """The period; None before there is an interval."""
         intervals = [later - earlier for earlier, later in pairwise(self.times)]
-        return MeanPeriod(fmean(intervals), pstdev(intervals)) if intervals else None
+        if not intervals:
+            return None
+        mean = fsum(intervals) / len(intervals)
+        # `statistics.pstdev` counts in fractions, which is most of what a redrawn table would take.
+        return MeanPeriod(mean, sqrt(fsum((each - mean) ** 2 for each in intervals) / len(intervals)))
 
     @property
     def name(self) -> str:

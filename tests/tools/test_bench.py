@@ -14,7 +14,7 @@ import run
 from bench import command, table
 from bench.groups import GROUPS
 from bench.measure import Claim, Contender, Gap, NotHere, Quantity, Scale, Series, Verdict, Way, Wrong, compare, measure
-from bench.process import PYTHON
+from bench.process import PYTHON, until_first_line
 from bench.process import run as run_process
 from bench.rows import logs
 
@@ -146,6 +146,12 @@ def test_run_routes_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_process_that_fails_is_wrong() -> None:
     with pytest.raises(Wrong, match=r"exit status 3: no bus$"):
         run_process([PYTHON, "-c", "import sys; print('no bus', file=sys.stderr); sys.exit(3)"])
+
+
+def test_a_process_counts_until_its_first_line_which_it_has_to_write() -> None:
+    assert until_first_line([PYTHON, "-c", "import time; print('here', flush=True); time.sleep(1000)"])
+    with pytest.raises(Wrong, match="exit status 1"):
+        until_first_line([PYTHON, "-c", "print(end='no line')"])
 
 
 def test_a_program_that_does_not_end_is_killed_with_what_it_has_started(monkeypatch: pytest.MonkeyPatch) -> None:

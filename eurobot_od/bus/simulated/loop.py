@@ -73,19 +73,17 @@ class _Selector(selectors.DefaultSelector):
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         until = inf if timeout is None else self._network.now + timeout
-        ready = self._ready()
+        # Asyncio's own pipe alone is not asked for: that would cost a system call for each event.
+        is_watched = len(self.get_map()) > 1
+        ready = super().select(0) if is_watched else []
         while not (ready or self.woken) and self._network.now < until:
             # Refused rather than waited for: no event is left that could end the wait.
             if timeout is None and self._network.next_event == inf:
                 raise NothingHappens("every task waits, and no node has anything to do")
             self._network.advance(until)
-            ready = self._ready()
+            ready = super().select(0) if is_watched else ready
         self.woken = False
         return ready
-
-    def _ready(self) -> list[tuple[selectors.SelectorKey, int]]:
-        """Ask for ready files, but not for asyncio's own pipe alone: that would cost a system call for each event."""
-        return super().select(0) if len(self.get_map()) > 1 else []
 
 
 class SimulatedLoop(asyncio.SelectorEventLoop):

@@ -248,9 +248,11 @@ def _blaming(nodes: Iterable[Node], reports: Sequence[Report], tell: Callable[[s
 
 def blame(report: Report, nodes: Iterable[Node]) -> str:
     """Say who has raised what is reported, and in which file; `` if nobody has."""
+    if report.error is None:  # to find the place of a class takes a reading of its whole file
+        return ""
     # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.
     at = next((place_of(type(each)) for each in nodes if each.name == report.name), report.name)
-    return f"{report.name}: {complaint(report.error, at, is_foreign)}" if report.error else ""
+    return f"{report.name}: {complaint(report.error, at, is_foreign)}"
 
 
 def _rival(options: MatchOptions) -> MatchOptions:

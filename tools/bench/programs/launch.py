@@ -56,15 +56,15 @@ def main() -> None:
     source, target, *command = sys.argv[1:]
     seen: dict[int, int] = {}
     reading, writing = os.pipe()
-    is_ended = target == "-"
+    to_line = target == "-"
     to_file = (os.POSIX_SPAWN_OPEN, 1, target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    output = (os.POSIX_SPAWN_DUP2, writing, 1) if is_ended else to_file
+    output = (os.POSIX_SPAWN_DUP2, writing, 1) if to_line else to_file
     files = [(os.POSIX_SPAWN_OPEN, 0, source, os.O_RDONLY, 0), output]
     begin = time.perf_counter()
     process = os.posix_spawn(command[0], command, os.environ, file_actions=files)
     threading.Thread(target=watch, args=(process, seen), daemon=True).start()
     os.close(writing)
-    if is_ended and (is_ended := first_line(reading)):
+    if is_ended := to_line and first_line(reading):
         seconds = time.perf_counter() - begin
         os.kill(process, signal.SIGTERM)
     _, status, usage = os.wait4(process, 0)
@@ -72,7 +72,7 @@ def main() -> None:
         seconds = time.perf_counter() - begin
     memory = max(usage.ru_maxrss << 10, sum(seen.values()))
     cpu = usage.ru_utime + usage.ru_stime
-    code = 0 if is_ended else os.waitstatus_to_exitcode(status)
+    code = 0 if is_ended else os.waitstatus_to_exitcode(status) or int(to_line)  # one without a line has failed
     told = {"seconds": seconds, "cpu": cpu, "memory": memory, "status": code}
     print(json.dumps(told))
 

@@ -183,7 +183,7 @@ def _reported(name: str, beside: Beside) -> Series:
 
 SERIES = (
     Series("echo", "request to answer", partial(opened, nullcontext), _medians("", 1.5), often=3),
-    Series("echo", "all threads on one CPU", partial(opened, on_one_cpu), _medians("on one CPU: ", None)),
+    Series("echo", "all threads on one CPU", partial(opened, on_one_cpu), _medians("on one CPU: ", None), SELDOM),
     _reported("beside a busy thread", busy),
     _reported("busy thread, switch interval 0.5 ms", busy_but_fair),
 )

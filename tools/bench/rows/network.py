@@ -184,6 +184,7 @@ SERIES = (
         CONFIGURED,
         configured,
         (Claim(f"{CONFIGURED}, side by side: stock canopen, one by one", "ours", "stock", Way.RATIO, 1.0),),
+        SELDOM,
     ),
     Series(
         "network",
