@@ -206,7 +206,7 @@ def test_limits_and_delta_say_what_is_sent(by: int, upper: int, lower: int, delt
     assert [int.from_bytes(bytes.fromhex(each), "little") for each in sent(wire, ANALOGUE)] == values
 
 
-IO = Dictionary.load(Path(__file__).parents[2] / "docs" / "io.eds", NODE_ID)
+IO = Dictionary.load(Path(__file__).parents[3] / "docs" / "io.eds", NODE_ID)
 """A module with scaling and filters."""
 
 SCALES = [
