@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from math import inf
 from typing import Any
 
 import pytest
 
-from eurobot_od.device.timers import START, Ask, Flow, Pause, Script, Timers
+from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script, Timers
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
@@ -19,6 +21,7 @@ from eurobot_od.robot.model.messages import (
     GotoStateRequest,
     GotoStateResponse,
 )
+from tests.rows import rows
 
 
 def due(timers: Timers, now: float) -> list[float]:
@@ -280,3 +283,12 @@ def test_a_call_cancelled_before_the_start_sends_nothing_and_ends_once(failed: b
         flow.fail(StateError("the node was reset"), 0.0)
     flow.start(0.0)
     assert (sent, ended) == ([], [flow])
+
+
+@rows("ask", [Call.done, Call.cancel, lambda call: call.result(0)])
+def test_who_asks_a_call_for_anything_wants_it(ask: Callable[[Call[int]], object]) -> None:
+    call = Call[int]()
+    assert not call.is_wanted
+    with suppress(TimeoutError):  # nothing is there yet
+        ask(call)
+    assert call.is_wanted

@@ -57,6 +57,7 @@ def test_a_date(text: str, is_one: bool) -> None:
         ("01000", True),
         ("100", True),  # too short, and nothing else
         ("10", False),
+        ("018", False),
         ("12345", False),
         ("1000sub01", True),
         ("1000sub", False),

@@ -125,6 +125,7 @@ def test_a_conflict_is_flagged_where_it_is(code: str, node: str, change: Callabl
 
 SILENT = [
     ("I805", "core", entry("1402sub1", "DefaultValue", "0x80")),  # all that it receives is valid now
+    ("E810", "drive", entry("2000sub1", "ParameterName", "abscissa")),  # another maker's word for x
     ("I815", "core", entry("1801sub1", "DefaultValue", "0x001")),  # as TPDO 1 has
     ("I817", "drive", str),  # 0x2100 says the node-ID
     ("E818", "core", entry("1016sub1", "DefaultValue", "0x000203E9")),  # waits 1001, sent every 1000

@@ -101,7 +101,7 @@ NEW = """0x2200: {ParameterName: Lamps, ObjectType: RECORD}
 0x2200:1: {ParameterName: Left, DataType: BOOLEAN, AccessType: rw}
 0x2200:3: {ParameterName: Right, DataType: 0x0001, AccessType: rw}
 0x2200:255: {ParameterName: Structure, DataType: UNSIGNED32, AccessType: const}
-0x2201: {ParameterName: Fans, ObjectType: ARRAY}
+0x2201: {ParameterName: Fans, ObjectType: 0x8}
 0x2201:0: {ParameterName: Number, DataType: UNSIGNED8, AccessType: ro, DefaultValue: 0}
 0x2201:1: {ParameterName: Fan, DataType: BOOLEAN, AccessType: rw}
 0x2000:2: {ParameterName: Ramp, DataType: UNSIGNED16, AccessType: rw}

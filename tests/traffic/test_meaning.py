@@ -49,6 +49,7 @@ def goto(protocol: Protocol, **values: int) -> bytes:
 
 DAMAGED: list[tuple[str, Callable[[Protocol], Raw], list[tuple[Damage, str]], bool]] = [
     ("unknown", lambda _: Frame(0x123, b"\1"), [(Damage.UNKNOWN_IDENTIFIER, "123#01")], False),
+    ("nobody's", lambda _: Frame(0x7FE), [(Damage.UNKNOWN_IDENTIFIER, "7FE#")], False),
     (
         "too short",
         lambda p: Frame(0x008, goto(p)[:3]),

@@ -184,6 +184,11 @@ def test_services_are_where_the_file_puts_them(cob_id: int, data: str, name: str
     assert (meaning.name, meaning.text, meaning.defects) == (name, text, ())
 
 
+def test_a_service_says_what_it_says_as_data_too() -> None:
+    meaning = Decoder([dictionary(MOVED)])(Frame(0x7B0, bytes.fromhex("1081010000000000")))
+    assert meaning.fields == {"node": 5, "code": 0x8110, "register": 1, "words": "overrun", "info": bytes(5)}
+
+
 @pytest.mark.parametrize("cob_id", [0x001, 0x002])
 def test_a_channel_that_is_off_is_none(cob_id: int) -> None:
     assert Decoder([dictionary(MOVED)])(Frame(cob_id)).name != "SDO"

@@ -16,6 +16,7 @@ from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning
+from eurobot_od.traffic.transfers import LssConfiguration
 from tests.device.shelf import Shelf
 from tests.rows import rows
 from tests.sdo.line import WAIT, Line
@@ -315,7 +316,10 @@ def test_a_block_that_its_master_left_poisons_nothing_after_it(
     decoder: Decoder, frames: list[Frame], wait: float, words: str
 ) -> None:
     following = Following(decoder)
-    meanings = [following(number / 1000 + wait * (number > 4), "can0", each) for number, each in enumerate(frames)]
+    meanings = [
+        following(number / 1000 + wait * (number > 4), f"can{0 * number}", each)  # each line has its own text
+        for number, each in enumerate(frames)
+    ]
     (said,) = [each for each in meanings if each.defects]
     assert words in said.text
     assert [defect.text.partition(": ")[2] for defect in said.defects] == [CUT]
@@ -328,15 +332,20 @@ def test_a_block_that_its_master_left_poisons_nothing_after_it(
 SHORT = "C6001F010A000000 A4001F017F000000 0101020304050607 8201020300000000"
 
 
+SIZE_UNSAID = SHORT.replace("C6001F010A", "C4001F0100")
+TAKEN, END_TAKEN = "A2027F0000000000", "A100000000000000"
+
+
 @pytest.mark.parametrize(
-    ("rest", "wrong"),
+    ("frames", "wrong"),
     [
-        (f"A2027F0000000000 {READ_IT} {VALUE}", "the write of 0x1F00:01 before did not end; 10 of 10 bytes came"),
-        (f"A2027F0000000000 A100000000000000 {READ_IT} {VALUE}", "the end of its blocks is not in the log"),
+        (f"{SHORT} {TAKEN}", "the write of 0x1F00:01 before did not end; 10 of 10 bytes came"),
+        (f"{SIZE_UNSAID} {TAKEN}", "the write of 0x1F00:01 before did not end; 14 bytes came"),
+        (f"{SHORT} {TAKEN} {END_TAKEN}", "the end of its blocks is not in the log"),
     ],
 )
-def test_a_block_without_its_end_or_the_answer_to_it(decoder: Decoder, rest: str, wrong: str) -> None:
-    meanings = decoded(decoder, frames_of(f"{SHORT} {rest}"))
+def test_a_block_without_its_end_or_the_answer_to_it(decoder: Decoder, frames: str, wrong: str) -> None:
+    meanings = decoded(decoder, frames_of(f"{frames} {READ_IT} {VALUE}"))
     assert [defect.text.partition(": ")[2] for each in meanings for defect in each.defects] == [wrong]
     assert "value of 0x1018:01" in meanings[-1].text
 
@@ -345,3 +354,12 @@ def test_a_size_that_the_object_cannot_have_is_said(decoder: Decoder) -> None:
     frames = frames_of(KILLED.replace("001F01", "181001"), Frame(0x702, b"\0"))
     (said,) = [each for each in decoded(decoder, frames) if each.defects]
     assert said.defects[0].text.endswith("did not end; 21 of 1000 bytes came; the object has 4")
+
+
+@rows("error, taken", [("00", {10: {0: 0x123, 1: 4}}), ("01", {})])
+def test_who_confirms_its_node_id_is_known_by_what_it_was_selected_by(error: str, taken: object) -> None:
+    configuration = LssConfiguration()
+    for asked in ("4023010000", "4104000000", "110A"):
+        configuration.take(False, bytes.fromhex(asked).ljust(8, b"\0"))
+    configuration.take(True, bytes.fromhex(f"11{error}").ljust(8, b"\0"))
+    assert configuration.taken == taken

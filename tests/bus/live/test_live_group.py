@@ -132,7 +132,7 @@ class Once(Lost):
 
     channel_info = "once"
 
-    def __init__(self, sent: list[int], *heard: int) -> None:
+    def __init__(self, sent: list[int], *heard: can.Message) -> None:
         super().__init__()
         self.sent, self.heard = sent, iter(heard)
 
@@ -140,13 +140,43 @@ class Once(Lost):
         self.sent.append(msg.arbitration_id)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        return next((can.Message(arbitration_id=each, is_extended_id=False) for each in self.heard), None), False
+        return next(self.heard, None), False
+
+
+BEAT = can.Message(arbitration_id=0x70A, is_extended_id=False)
+FOREIGN = (
+    can.Message(arbitration_id=0x70A),  # 29 bits
+    can.Message(arbitration_id=0x20, is_extended_id=False, is_error_frame=True),
+    can.Message(arbitration_id=0x70A, is_extended_id=False, is_fd=True),
+)
+
+
+def test_what_is_not_a_classic_frame_of_11_bits_is_not_heard() -> None:
+    seconds, group = count(0.0, 0.25), NodeGroup([])
+    with LiveGroup(Once([], *FOREIGN, BEAT), group, lambda: next(seconds)) as live:
+        live.run(10.0)
+    assert live.received == 1
+
+
+class Kept(Once):
+    """A bus that cannot be shut down."""
+
+    def shutdown(self) -> None:
+        raise OSError("not yours")
+
+
+def test_a_bus_that_cannot_be_shut_down_is_told_in_one_line() -> None:
+    with (
+        pytest.raises(BusError, match=r"^the bus once cannot be shut down: not yours$"),
+        LiveGroup(Kept([]), NodeGroup([])),
+    ):
+        pass
 
 
 def test_a_bus_on_which_nothing_more_is_heard_is_reported() -> None:
     told, seconds = list[Report](), count(0.0, 0.25)
     group = NodeGroup([SimulatedDevice(Dictionary.read(BEATING.encode(), Path("a.eds"), 5))])
-    with LiveGroup(Once([], 0x70A, 0x70A), group, lambda: next(seconds), report=told.append) as live:
+    with LiveGroup(Once([], BEAT, BEAT), group, lambda: next(seconds), report=told.append) as live:
         live.run(20.0)
     assert [(each.event, each.name) for each in told] == [(Event.BUS_SILENT, "once")]
 

@@ -36,7 +36,7 @@ from eurobot_od.robot.nodes.drive import Drive
 from eurobot_od.robot.nodes.estimate import PUSHED, Estimate
 from eurobot_od.robot.nodes.motion import AT_REST, Odometry, WheelCommand
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
+from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels, put
 from tests.rows import rows
 
 FACTS = robot_file.read()
@@ -341,6 +341,13 @@ def test_a_goto_is_not_possible_while_the_place_is_unknown() -> None:
     seat = Seat().say(GOTO)
     assert (seat.confirms, seat.remaining) == (1, GotoFault.NOT_POSSIBLE)
     assert set(seat.run(1.0).wheels.commands) <= {AT_REST}
+
+
+def test_nor_is_one_while_the_place_is_less_certain_than_the_setting_asks() -> None:
+    seat = configured()
+    put(seat.drive, "Estimate.Largest deviation", 1)
+    assert seat.drive.estimate.spread > 1
+    assert seat.say(GOTO).remaining is GotoFault.NOT_POSSIBLE
 
 
 def test_direction_and_route_of_the_2014_robot() -> None:

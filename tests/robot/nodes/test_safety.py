@@ -1225,6 +1225,18 @@ def test_20_a_recovery_that_is_to_start_over_does(bench: Bench) -> None:
     assert bench.pose() == bench.drive.facts.start(TeamColour.RED)
 
 
+@pytest.mark.parametrize(("setting", "found"), [(1400, False), (1600, True)])
+def test_20_a_robot_that_was_moved_farther_than_the_setting_is_not_recovered(
+    bench: Bench, setting: int, found: bool
+) -> None:
+    shut_down_far_off(bench)
+    put(bench.core, "Recovery.Displacement", setting)
+    bench.drive.estimate = Estimate(bench.drive.estimate.tuning, bench.pose().moved(-1500.0, 0.0))
+    recovered = bench.core.recover()
+    bench.run(15.0)
+    assert isinstance(recovered.exception(0), PlaceLost) is not found
+
+
 def test_19_a_match_lasts_as_long_as_the_setting_says(bench: Bench) -> None:
     bench.core.start_match()
     bench.run(89.9)

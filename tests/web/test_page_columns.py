@@ -44,6 +44,12 @@ def test_values_are_numbers_words_and_nothing_for_unknown() -> None:
     assert found["texts"] == []
 
 
+def test_a_field_has_the_least_and_the_greatest_value_that_it_may_have() -> None:
+    (goto,) = (each for each in data_of()["messages"] if each["name"] == "Goto XY")
+    limits = {each["name"]: (each.get("low"), each.get("high")) for each in goto["fields"]}
+    assert (limits["x"], limits["angle"]) == ((0, 3000), (0, 359))
+
+
 @pytest.mark.parametrize("frames", [(SHORT, GOTO), (GOTO, SHORT)])
 def test_a_frame_that_cannot_be_read_is_text_among_values(frames: tuple[Frame, Frame]) -> None:
     found = row(data_of(*enumerate(frames)), "Goto XY")

@@ -19,6 +19,7 @@ from tests.client.servo import DOCS, EDS, SERVO
 from tests.device.master import NodeWire
 
 STATUS, RPDO_POSITION, TPDO_POSITION = 0x6041, 0x305, 0x285
+HOMING_ATTAINED = 1 << 12
 
 
 def wired(kind: type[SimulatedDrive] = SimulatedDrive) -> NodeWire:
@@ -75,6 +76,19 @@ def test_a_set_point_of_a_pdo_comes_with_its_target() -> None:
     wire.send(set_point(0x1F, 5000))  # the controlword is mapped first
     wire.run(2)
     assert wire.read(0x6064) == 5000
+
+
+def test_the_controlword_of_the_mode_before_starts_a_homing_only_when_it_is_written_again() -> None:
+    wire = wired()
+    enable(wire)
+    wire.write(0x6040, 0, 0x1F, size=2)
+    wire.write(0x6098, 0, 35, size=1)  # home is here: it is attained at once
+    wire.write(0x6060, 0, 6, size=1)
+    wire.run(1)
+    assert not wire.read(STATUS) & HOMING_ATTAINED
+    wire.write(0x6040, 0, 0x1F, size=2)
+    wire.run(1)
+    assert wire.read(STATUS) & HOMING_ATTAINED
 
 
 def test_position_and_statusword_go_out_as_they_change() -> None:

@@ -152,12 +152,12 @@ def test_a_change_of_an_input_is_sent() -> None:
 
 
 MASKS = [
-    # global, any change, rising, falling: what a square wave of bit 0 sends after the first frame
-    (1, 0xFF, 0, 0, ["01", "00", "01", "00", "01"]),
+    # global, any change, rising, falling: what a square wave of bit 1 sends after the first frame, while bit 0 is on
+    (1, 0xFF, 0, 0, ["03", "01", "03", "01", "03"]),
     (0, 0xFF, 0xFF, 0xFF, []),
-    (1, 0xFE, 0, 0, []),
-    (1, 0, 1, 0, ["01", "01", "01"]),
-    (1, 0, 0, 1, ["00", "00"]),
+    (1, 0xFD, 0, 0, []),
+    (1, 0, 2, 0, ["03", "03", "03"]),
+    (1, 0, 0, 2, ["01", "01"]),
 ]
 
 
@@ -165,12 +165,12 @@ MASKS = [
 def test_the_masks_say_which_edge_is_sent(
     enabled: int, change: int, rising: int, falling: int, frames: list[str]
 ) -> None:
-    wire, _ = module({FIRST_IN: square(0, 1, 0.2)}, start=False)
+    wire, _ = module({FIRST_IN: square(1, 3, 0.2)}, start=False)
     for index, value in ((0x6006, change), (0x6007, rising), (0x6008, falling)):
         wire.write(index, 1, value, size=1)
     wire.write(0x6005, 0, enabled, size=1)
     wire.command(NmtCommand.START)
-    assert sent(wire, INPUTS) == ["00"]  # the first is sent whatever the masks say
+    assert sent(wire, INPUTS) == ["01"]  # the first is sent whatever the masks say
     wire.run(0.55)
     assert sent(wire, INPUTS) == frames
 
@@ -206,7 +206,7 @@ def test_limits_and_delta_say_what_is_sent(by: int, upper: int, lower: int, delt
     assert [int.from_bytes(bytes.fromhex(each), "little") for each in sent(wire, ANALOGUE)] == values
 
 
-IO = Dictionary.load(Path(__file__).parents[2] / "docs" / "io.eds", NODE_ID)
+IO = Dictionary.load(Path(__file__).parents[3] / "docs" / "io.eds", NODE_ID)
 """A module with scaling and filters."""
 
 SCALES = [
@@ -246,7 +246,7 @@ def spike(begin: float, end: float) -> Waveform:
     [
         (0b00, 0.011, ["00", "03", "00"]),
         (0b01, 0.011, ["00", "02", "00"]),  # the first bit is filtered, and so short a pulse is not seen
-        (0b01, 0.101, ["00", "02", "03", "01", "00"]),  # a longer one comes later, and goes later
+        (0b10, 0.101, ["00", "01", "03", "02", "00"]),  # a longer one comes later, and goes later
     ],
 )
 def test_a_filtered_input_shows_what_stays(filtered: int, length: float, seen: list[str]) -> None:
