@@ -184,15 +184,11 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     players = asked.strategies.load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
-    began: list[float] = []
     with recording(asked.log, asked.log_failure, complain) as write_frame:
 
         def watch(time: float, frame: Frame) -> None:
             write_frame(time, frame)
-            if not began:
-                began.append(time)
-            if asked.field is not None:
-                frames.append((time, frame))
+            frames.append((time, frame))
 
         show = events.append if asked.as_json else partial(_show, in_colour(sys.stdout))
         # What a strategy prints is not to get into the JSON.
@@ -211,9 +207,9 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
             print(json.dumps({"timeline": timeline, "summary": found.as_data()}, indent=2))
         else:
             print(f"\n{found}")
-    if asked.log is not None and began:
+    if asked.log is not None and frames:
         # After the log, which is whole only now.
-        _keep_truth(asked.log, world, began[0])
+        _keep_truth(asked.log, world, frames[0][0])
     return status_of(found)
 
 
@@ -355,7 +351,9 @@ def _draw_side_by_side(asked: AskedMatch, options: MatchOptions) -> None:
         seen: list[tuple[float, Frame]] = []
         watch, players = partial(_append, seen), StrategyFiles(file, asked.against).load()
         with redirect_stdout(sys.stderr):
-            _, world = stage.play_simulated(options, lambda _: None, watch, None, *players)
+            _, world = stage.play_simulated(
+                options, lambda _: None, watch, None, *players
+            )
         matches[file.stem] = seen_match(seen, options, world)
     assert asked.field is not None
     write_whole(asked.field, side_by_side(matches, f"Match, seed {options.seed}"))
