@@ -351,9 +351,7 @@ def _draw_side_by_side(asked: AskedMatch, options: MatchOptions) -> None:
         seen: list[tuple[float, Frame]] = []
         watch, players = partial(_append, seen), StrategyFiles(file, asked.against).load()
         with redirect_stdout(sys.stderr):
-            _, world = stage.play_simulated(
-                options, lambda _: None, watch, None, *players
-            )
+            _, world = stage.play_simulated(options, lambda _: None, watch, None, *players)
         matches[file.stem] = seen_match(seen, options, world)
     assert asked.field is not None
     write_whole(asked.field, side_by_side(matches, f"Match, seed {options.seed}"))
