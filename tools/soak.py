@@ -60,6 +60,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoConfirm, KalmanPositionRequest, KalmanPositionResponse, StopDrive
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.traffic.monitor import FRAMES_LOST, NOTED_AGAIN
 
 FINE, WRONG = 0, 1
 
@@ -126,7 +127,7 @@ LEAK = 512
 ARENA = 2048
 """KiB that a process may grow whatever it has received: the allocator takes memory in pieces."""
 
-CREDIT = 5.0
+CREDIT = NOTED_AGAIN + 1.0
 """Seconds for which a counted loss explains missing numbers: a full queue takes some to reach the number behind it."""
 
 SETTING = (0x2101, 1)
@@ -213,8 +214,9 @@ class Losses:
 class Role:
     """A process that may end and be started again; what it has said, which numbers it lacks, and how it has lived.
 
-    `away` are the times, in seconds, between which its bus was gone; `losses` the numbers that did not come while it
-    ran, `before` those that were sent before the first that it saw, and `pauses` the times between which it was not up.
+    `came_up` is when a node was on the bus. `away` are the times, in seconds, between which its bus was gone; `losses`
+    the numbers that did not come while it ran, `before` those that were sent before the first that it saw, and `pauses`
+    the times between which it was not up.
     """
 
     def __init__(self, name: str, *command: str) -> None:
@@ -234,6 +236,7 @@ class Role:
         """Start the process; what is noted of its lines has to be there before its first one."""
         self._begin: tuple[Usage, int] | None = None
         self._up: float | None = None
+        self.came_up = float("inf")
         self._counted = 0
         self.program = Program(*self._command, took=self._take)
 
@@ -296,7 +299,8 @@ class Role:
         self._counted = max(self._counted, counted)
 
     def _come_up(self) -> None:
-        self.pauses[-1][1] = time.monotonic() + MARGIN
+        self.came_up = time.monotonic()
+        self.pauses[-1][1] = self.came_up + MARGIN
 
     def _lose_bus(self) -> None:
         self.away.append([time.monotonic() - MARGIN, float("inf")])
@@ -310,7 +314,7 @@ class Role:
         (re.compile(r"^numbers (\d+)\.\.(\d+) missing$"), _report_missing),
         (re.compile(r"^on the bus$"), _come_up),
         (re.compile(rf"{NUMBERED:03X}#([0-9A-F]{{8}})"), _watch),
-        (re.compile(r"(\d+) frames have found no room"), _note_overflow),
+        (re.compile(FRAMES_LOST.format(r"(\d+)")), _note_overflow),
         (re.compile(r"it is opened again"), _lose_bus),
         (re.compile(r"after a gap of"), _find_bus),
     )
@@ -439,11 +443,15 @@ class Soak:
     # Conditions
 
     def goes_on(self) -> Condition:
-        """Return whether from now on all nodes run and send heartbeats, and a goto is confirmed."""
-        since = time.monotonic()
+        """Return whether from now on all nodes run, and then send heartbeats, and a goto is confirmed.
+
+        A node watches another from the first heartbeat that it has heard (CiA 301, 7.2.8.3.2.2).
+        """
+        begin = time.monotonic()
         wanted = {GOTO_CONFIRM, *HEARTBEATS}
 
         def all_is_well() -> bool:
+            since = max(begin, *(each.came_up for each in self.roles.values()))
             heard = {cob_id for cob_id, (at, data) in list(self._heard.items()) if at > since and data != BOOT_UP}
             return heard >= wanted and all(each.is_running for each in self.everybody)
 

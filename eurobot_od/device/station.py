@@ -189,8 +189,6 @@ class NodeGroup:
         self._wakeups: dict[Node, float] = {}
         self._waiting: deque[tuple[Node | None, Frame]] = deque()
         self._now = 0.0
-        for node in self.nodes:
-            self._note(node)
 
     @property
     def next_wakeup(self) -> float:

@@ -1,8 +1,8 @@
 """A device's object dictionary: canopen's, read from the normal form of an EDS or DCF.
 
-canopen's own reader refuses or misreads much that is common practice; of the normal form (`normal`) it reads all but a
-few attributes, which are set here. Beside canopen's `objects` there is the `device` that the normal form describes, for
-whatever writes files.
+canopen's own reader refuses or misreads much that is common practice; of the normal form (`normal`) its functions read
+all but a few attributes, which are set here. Beside canopen's `objects` there is the `device` that the normal form
+describes, for whatever writes files.
 
 Rule of this file: nothing is guessed. What cannot be read with certainty is left out, and `left_out` says so; a file of
 which nothing can be used is refused.
@@ -10,9 +10,9 @@ which nothing can be used is refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import cia401, cia402, standard, values
 from eurobot_od.od import objects as od
-from eurobot_od.od.description import DescribedDevice
-from eurobot_od.od.document import Document, parse, read_bytes
+from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, ObjectCode
+from eurobot_od.od.document import Document, Section, parse, read_bytes
 from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
@@ -50,7 +50,7 @@ class Dictionary:
         self.file, self.name = file, name or encodable(file.stem)
         self._normal = normal
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
-        self.objects = _imported(file, normal, self.node_id)
+        self.objects = _imported(file, normal, self.device, self.node_id)
         if not self.members:
             for each in normal.refusals:
                 raise DictionaryError(file, None, str(each))
@@ -343,8 +343,42 @@ def _on_first_axis(index: int) -> int:
     return first.start + (index - first.start) % cia402.AXIS_STEP if index >= first.start else index
 
 
-def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:
-    """Have canopen read a normal form, and set what it does not read."""
+class _Read:
+    """A `configparser` as far as canopen asks one about a variable, over a section that is read already."""
+
+    @staticmethod
+    def get(section: Section, key: str, fallback: str | None = None) -> str | None:
+        entry = section.entries.get(key.lower())
+        return fallback if entry is None else entry.value
+
+    @staticmethod
+    def has_option(section: Section, key: str) -> bool:
+        return key.lower() in section.entries
+
+
+def _add(objects: ObjectDictionary, each: DescribedObject, node_id: int, left_out: Container[object]) -> None:
+    """Add an object of a normal form, as canopen reads it, with its sub-indices."""
+    from canopen.objectdictionary import ODArray, ODRecord, eds
+
+    read = partial(eds.build_variable, _Read, node_id=node_id, index=each.index)
+    kinds: dict[ObjectCode | None, type[ODArray | ODRecord]] = {ObjectCode.ARRAY: ODArray, ObjectCode.RECORD: ODRecord}
+    kind = kinds.get(each.code)
+    if each.section and kind:
+        whole = kind(each.section.text("parametername"), each.index)
+        whole.storage_location = _Read.get(each.section, "StorageLocation")  # type: ignore[assignment]
+        for sub, member in each.subs.items():
+            if (each.index, sub) not in left_out:
+                whole.add_member(read(section=member.section, subindex=sub))
+        objects.add_object(whole)
+    elif each.section and each.code in SIMPLE:
+        objects.add_object(read(section=each.section))
+
+
+def _imported(file: Path, normal: Normal, device: DescribedDevice, node_id: int) -> ObjectDictionary:
+    """Have canopen read a normal form, and set what it does not read.
+
+    Only what is said of the device goes through its `configparser`, which takes half of the time.
+    """
     import configparser
     import logging
 
@@ -352,7 +386,11 @@ def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:
 
     logging.getLogger("canopen").addHandler(logging.NullHandler())  # an error is reported once: by what is raised
     try:
-        objects: ObjectDictionary = eds.import_eds(StringIO(normal.usable), node_id)  # type: ignore[no-untyped-call]
+        objects: ObjectDictionary = eds.import_eds(StringIO(normal.about), node_id)  # type: ignore[no-untyped-call]
+        left_out = {(each.index, each.sub) for each in normal.refusals}
+        for described in device.objects.values():
+            if (described.index, None) not in left_out:
+                _add(objects, described, node_id, left_out)
     except (ValueError, KeyError, configparser.Error, ObjectDictionaryError) as error:
         raise DictionaryError(file, None, f"canopen cannot read it: {error}") from error
     objects.node_id = node_id

@@ -108,13 +108,12 @@ class Normal(NamedTuple):
         return self.read or DescribedDevice(parse(self.text))
 
     @property
-    def usable(self) -> str:
-        """The text without the sections that `refusals` are about."""
-        if not self.refusals:
-            return self.text
-        subs = ("(?:sub[0-9A-F]+)?" if each.sub is None else f"sub{each.sub:X}" for each in self.refusals)
-        names = (f"{each.index:04X}{sub}" for each, sub in zip(self.refusals, subs))
-        return re.sub(rf"(?ms)^\[(?:{'|'.join(names)})\]$.*?(?=^\[|\Z)", "", self.text)
+    def about(self) -> str:
+        """What the text says of the device: all but its objects."""
+        first = AN_OBJECT.search(self.text)
+        start = first.start() if first else len(self.text)
+        end = self.text.find(f"\n[{cia306.COMMISSIONING}]", start)
+        return self.text[:start] + (self.text[end:] if end >= 0 else "")
 
 
 def normal(
@@ -359,7 +358,7 @@ class _Writer:
             # configparser, with which canopen reads, takes the colon for the `=` and has another key.
             elif ":" in key:
                 self._line(entry, f";{entry.key}={entry.value}")
-            elif (name == "DeviceInfo" and key in spelled and key not in INFO_TEXTS) or key in ("nodeid", "baudrate"):
+            elif key in spelled and ((name == "DeviceInfo" and key not in INFO_TEXTS) or key in ("nodeid", "baudrate")):
                 number = plain_number(entry.value)
                 # canopen reads NodeID with any base and Baudrate as decimal digits only.
                 text = None if number is None or NODE_ID in number else number

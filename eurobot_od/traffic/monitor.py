@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import inf
 from statistics import fmean, pstdev
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -371,6 +372,15 @@ GRACE = 0.02
 RESOLUTION = 0.002
 """Largest error of a driver's time in seconds: a frame was on the bus before ours only if it is earlier by more."""
 
+FRAMES_LOST = "{} frames have been lost so far because the driver's queue was full"
+"""The note about frames that a watcher has not had, with their number."""
+
+NOTED_AGAIN = 5.0
+"""Seconds after which it comes again, if more were lost but not twice as many."""
+
+APART = 0.1
+"""Seconds by which two clocks of a driver, or ours, may differ; a clock that is set goes back by more."""
+
 
 @dataclass
 class FrameUnderWay:
@@ -408,7 +418,7 @@ class BusSource:
         self._heard = (0.0, clock())
         """The time of the last frame by the driver's clock and by ours: one value, as several threads read it."""
         self._offset, self._restarted, self._is_stamped = 0.0, False, False
-        self._overflow = 0
+        self._overflow, self._noted, self._given = 0, -inf, 0.0
         self._leaving = ExitStack()
 
         def take(time: float, frame: Frame) -> None:
@@ -429,8 +439,8 @@ class BusSource:
             self.notes.append(f"{why}; it is opened again")
 
     def _note_overflow(self) -> None:
-        self._overflow = self._watch.overflow()
-        self.notes.append(f"{self._overflow} frames have been lost so far because the driver's queue was full")
+        self._overflow, self._noted = self._watch.overflow(), self._clock()
+        self.notes.append(FRAMES_LOST.format(self._overflow))
 
     def _take_foreign(self, message: can.Message | None) -> None:
         if message is None:
@@ -481,23 +491,37 @@ class BusSource:
             time, raw = self._came[0]
             if not isinstance(raw, FrameUnderWay):
                 self._came.popleft()
-                yield time, raw
+                yield self._in_order(time), raw
                 continue
-            behind = self._came[1] if len(self._came) > 1 else None
-            if behind and behind[0] < time - RESOLUTION and not isinstance(behind[1], FrameUnderWay):
-                del self._came[1]  # read late, it was on the bus before
-                yield behind[0], behind[1]
-            elif raw.taken is None or (behind is None and self._clock() - raw.entered < GRACE):
+            place = self._received()
+            behind, late = self._came[place] if place else (time, None)
+            if behind < time - RESOLUTION and late is not None and not isinstance(late, FrameUnderWay):
+                del self._came[place]  # read late, it was on the bus before
+                yield self._in_order(behind), late
+            elif raw.taken is None or (late is None and self._clock() - raw.entered < GRACE):
                 break
             else:
                 self._came.popleft()
                 if raw.taken:
-                    yield (min(time, behind[0]) if behind else time), raw.frame
-        # One more binary digit: told when the number has doubled, as a flood would fill the screen with notes.
-        if self._watch.overflow().bit_length() > self._overflow.bit_length():
+                    yield self._in_order(min(time, behind)), raw.frame
+        # Told when the number has doubled, and else now and then: a flood would fill the screen with notes.
+        lost, told = self._watch.overflow(), self._overflow
+        if lost.bit_length() > told.bit_length() or (lost > told and self._clock() - self._noted > NOTED_AGAIN):
             self._note_overflow()
         if self._failures:
             raise self._failures[0]
+
+    def _received(self) -> int:
+        """Return the place of the first frame that is not ours behind one that is, 0 without one."""
+        places = range(1, len(self._came))  # not the frames: another thread adds some meanwhile
+        return next((each for each in places if not isinstance(self._came[each][1], FrameUnderWay)), 0)
+
+    def _in_order(self, time: float) -> float:
+        """Return a frame's time, or that of the one before: two that send at once are not stamped in their order."""
+        if time < self._given < time + APART:
+            return self._given
+        self._given = time
+        return time
 
     def close(self) -> None:
         """Close the bus."""

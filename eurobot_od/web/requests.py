@@ -31,7 +31,7 @@ from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, moves, quick_stops
-from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
+from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Sample, Session
 
 Arguments = Mapping[str, Any]
 """The fields of a request besides its name."""
@@ -107,17 +107,17 @@ class Requests:
             now = self.session.now
             self.session.polled = {key: each for key, each in self.session.polled.items() if each.wanted_until > now}
             for each in self.session.polled.values():
-                await self._ask(partial(self._read_polled, each))
-                each.turn = self.session.turn + 1  # also for a browser that already has the present turn
+                value, trouble = await self._ask(partial(self._read_polled, each))
+                # The next turn: also for a browser that already has the present one.
+                each.take(Sample(self.session.turn + 1, self.session.now, value), trouble)
             await asyncio.sleep(POLL_PERIOD)
 
-    def _read_polled(self, each: PolledObject) -> None:
+    def _read_polled(self, each: PolledObject) -> tuple[Any, str]:
         try:
             data = read_object(self.master.node(each.node_id), each.thing)
-            each.value, each.trouble = _plain(objects.decode(each.thing, data)), ""
+            return _plain(objects.decode(each.thing, data)), ""
         except EurobotError as error:
-            each.value, each.trouble = None, str(error)
-        each.time = self.session.now
+            return None, str(error)
 
     # What requests name
 

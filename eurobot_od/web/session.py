@@ -8,10 +8,11 @@ from __future__ import annotations
 import json
 import secrets
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, field
+from itertools import islice, takewhile
 from pathlib import Path
 from queue import Empty, Full, Queue
 from threading import Lock
@@ -102,24 +103,43 @@ POLLED_FOR = 15.0
 """Seconds for which an object is polled after a request; a page that still plots it asks again before that."""
 
 
+MOST_SAMPLES = 10_000
+"""Most values of a polled object that a page can still ask for: those of 40 minutes."""
+
+
+class Sample(NamedTuple):
+    """A `value` that was read at a `time`; a snapshot has it that is newer than a `turn` of the session."""
+
+    turn: int
+    time: float
+    value: Any
+
+
 @dataclass
 class PolledObject:
-    """An object of a node, its last value with the time of reading it, and until when it is read.
+    """An object of a node, its last values, what was wrong with the last reading, and until when it is read.
 
     `turn` is the session's turn of the last reading, for snapshots.
     """
 
     node_id: int
     thing: ODVariable
-    time: float = 0.0
-    value: Any = None
+    samples: deque[Sample] = field(default_factory=lambda: deque(maxlen=MOST_SAMPLES))
     trouble: str = ""
     turn: int = -1
     wanted_until: float = 0.0
 
-    def shown(self) -> dict[str, Any]:
-        """Return it as data."""
-        return {"time": round(self.time, 4), "value": self.value, "trouble": self.trouble}
+    def take(self, sample: Sample, trouble: str) -> None:
+        """Take in a reading."""
+        self.turn, self.trouble = sample.turn, trouble
+        if not trouble:
+            self.samples.append(sample)
+
+    def shown(self, since: int) -> dict[str, Any]:
+        """Return as data what is newer than a turn."""
+        new = takewhile(lambda sample: sample.turn > since, reversed(self.samples))
+        samples = [(round(time, 4), value) for _, time, value in new]
+        return {"samples": samples[::-1], "trouble": self.trouble}
 
 
 # The session
@@ -309,7 +329,7 @@ class Session:
                 for name, node in self._traffic.nodes.items()
             ],
             "events": [event_data(event) for turn, event in self._events.values() if turn > since],
-            "objects": {key: each.shown() for key, each in self.polled.items() if each.turn > since},
+            "objects": {key: each.shown(since) for key, each in self.polled.items() if each.turn > since},
             **more,
         }
         rows = ",".join(self._row(key) for key, turn in self._changed.items() if turn > since)

@@ -108,6 +108,13 @@ def test_heartbeats_tell_the_state() -> None:
     assert wire.wait(1.0).frames == [error_control(2, NmtState.STOPPED)]
 
 
+def test_a_watched_node_may_get_another_time_but_not_a_second_one() -> None:
+    wire = wired("core")
+    entry = wire.read(0x1016, 1)
+    wire.write(0x1016, 1, entry + 1)
+    assert wire.refused((0x1016, 2), entry, size=4) == AbortCode.INCOMPATIBLE
+
+
 # Resets
 
 SETTING: Address = (0x2101, 1)
@@ -198,6 +205,7 @@ def test_what_was_measured_is_not_stored() -> None:
 
 def test_restored_defaults_take_effect_with_a_reset() -> None:
     wire, store = stored((SETTING, 333, 2), ((0x2100, 1), 42, 1))
+    assert wire.read(0x2100, 1) == 42
     wire.write(0x1011, 1, LOAD)
     assert wire.read(*SETTING) == 333
     wire.command(NmtCommand.RESET_NODE)

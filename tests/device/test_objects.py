@@ -70,11 +70,6 @@ def test_a_refused_write_names_the_cause_and_changes_nothing(
     assert wire.device.objects.values == before
 
 
-def test_one_node_is_not_watched_twice() -> None:
-    wire = wired("core")
-    assert wire.refused((0x1016, 2), wire.read(0x1016, 1), size=4) == AbortCode.INCOMPATIBLE
-
-
 def test_a_setting_takes_effect_at_once() -> None:
     wire = wired()
     wire.write(0x2101, 1, 321, size=2)

@@ -13,6 +13,7 @@ from eurobot_od.device.station import OnError, Station
 from eurobot_od.errors import ListenerError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Report
+from eurobot_od.od.values import NOT_VALID
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, GotoConfirm, GotoXY, StopDrive
 from eurobot_od.robot.nodes import Drive
@@ -61,6 +62,15 @@ def test_what_comes_for_the_node_goes_to_it_and_its_answer_to_the_mailboxes(stat
     station.gatekeeper.receive(PROTOCOL.encode(GotoXY(500, 500, 0, 50)), 0.5)
     answers = [PROTOCOL.encode(GotoConfirm()), PROTOCOL.encode(CheckDriveResponse())]
     assert sent(station) == [*answers, BOOT_UP]  # the most urgent first
+
+
+def test_a_message_that_a_master_moves_comes_to_the_node_at_its_new_place(station: Station) -> None:
+    station.start(0.0)
+    for entry in (NOT_VALID | 0x123, 0x123):  # a valid PDO cannot be changed
+        station.gatekeeper.receive(Frame(0x602, bytes.fromhex("23031401") + entry.to_bytes(4, "little")), 0.5)
+    sent(station)
+    station.gatekeeper.receive(PROTOCOL.encode(GotoXY(500, 500, 0, 50))._replace(cob_id=0x123), 0.5)
+    assert sent(station) == [PROTOCOL.encode(GotoConfirm())]
 
 
 def test_the_station_wakes_when_its_node_wants_to(station: Station) -> None:
@@ -155,6 +165,7 @@ def test_a_node_that_fails_is_restarted_after_pauses_that_grow_until_it_is_stead
             f"node failed: drive: ZeroDivisionError: division by zero; it is restarted in {pause} s"
         )
     assert station.failure is None
+    assert station.gatekeeper.statistics().listeners[0].failed == 4
 
 
 def test_a_node_that_fails_is_ended() -> None:

@@ -90,12 +90,15 @@ def test_files_of_a_network_are_beside_it(folder: Path) -> None:
     assert list(node.patch) == [str(folder / "own" / "a.yaml"), str(Path("/b.yaml"))]
 
 
-def test_a_network_file_gives_names_and_node_ids(folder: Path) -> None:
+@rows("bit_rate", [1, 1000])
+def test_a_network_file_gives_names_node_ids_and_the_bit_rate(folder: Path, bit_rate: int) -> None:
     (folder / "plain.eds").write_text(DEVICE_TYPE)
     (folder / "network.yaml").write_text(
-        "nodes:\n  left: {file: plain.eds, node_id: 7}\n  off: {file: plain.eds, node_id: 8}"
+        f"bit_rate: {bit_rate}\nnodes:\n  left: {{file: plain.eds, node_id: 7}}\n  off: {{file: plain.eds, node_id: 8}}"
     )
-    found = load(read_network(folder / "network.yaml").nodes)
+    network = read_network(folder / "network.yaml")
+    assert network.bit_rate == bit_rate
+    found = load(network.nodes)
     assert [(each.node_id, each.name) for each in found] == [(7, "left"), (8, "off")]
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from eurobot_od.od.description import ObjectCode
-from eurobot_od.od.normal import Change, Dropped, normal
+from eurobot_od.od.normal import Change, Dropped, in_normal_form, normal
 from tests.rows import rows
 
 LISTS = Change(1, "lists of objects added")
@@ -46,3 +48,82 @@ def test_a_file_in_its_normal_form_stays_as_it_is() -> None:
     made = normal(normal(f"[2000]\nObjectType=9\nSubNumber=2\n{SUBS}".encode()).text.encode())
     assert (made.changes, made.refusals, made.dropped) == ([], [], [])
     assert made.text == normal(made.text.encode()).text
+
+
+def test_a_key_of_the_commissioning_is_just_a_key_elsewhere() -> None:
+    assert "[FileInfo]\nBaudrate=5e2\n" in normal(f"[FileInfo]\nBaudrate=5e2\n[2000]\n{VARIABLE}".encode()).text
+
+
+ODD = f"""[DeviceInfo]
+VendorName=a maker ; of things
+VendorNumber=010
+a:b=c
+[Tools]
+x:y=1
+key=2
+key=3
+[2000]
+Denotation=of one
+SubNumber=2
+ParameterName=list
+ObjectType=0x8
+{SUBS}[2000sub1]
+ParameterName=y
+"""
+WRITTEN = f"""[FileInfo]
+
+[DeviceInfo]
+; of things
+VendorName=a maker
+VendorNumber=8
+;a:b=c
+
+[DummyUsage]
+{"".join(f"Dummy000{code}=0" + chr(10) for code in range(1, 8))}
+[Comments]
+Lines=0
+
+[Tools]
+;x:y=1
+key=2
+
+[MandatoryObjects]
+SupportedObjects=0
+
+[OptionalObjects]
+SupportedObjects=0
+
+[ManufacturerObjects]
+SupportedObjects=1
+1=0x2000
+
+;key=3
+[2000]
+Denotation=of one
+SubNumber=2
+ParameterName=list
+ObjectType=0x8
+
+[2000sub0]
+{VARIABLE}
+[2000sub1]
+{VARIABLE};[2000sub1]
+;ParameterName=y
+"""
+
+
+def test_a_whole_file_with_its_comments_and_what_cannot_be_an_entry() -> None:
+    made = normal(ODD.encode())
+    assert made.text == WRITTEN
+    assert made.device.objects.keys() == {0x2000}
+
+
+def test_a_file_of_another_encoding_is_written_in_utf_8_and_said_so_at_its_beginning() -> None:
+    text, changes = in_normal_form(f"[2000]\n{VARIABLE.replace('x', 'Gerät')}".encode("latin-1"))
+    assert "ParameterName=Gerät\n".encode() in text
+    assert changes[0] == Change(1, "Latin-1 written as UTF-8")
+
+
+def test_the_objects_of_connected_modules_are_written_in_place_of_their_section() -> None:
+    made = normal(Path(__file__).with_name("samples").joinpath("coupler.eds").read_bytes(), modules=["1"])
+    assert made.has_modules

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from enum import IntEnum
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
 
 import pytest
+from canopen.sdo import constants
 from canopen.sdo.exceptions import SdoAbortedError
 
 from eurobot_od.client.network import SimulatedNetwork
@@ -29,6 +31,7 @@ from eurobot_od.sdo.wire import (
     ClientCommand,
     Initiate,
     Reason,
+    ServerCommand,
     block,
     carrying,
     code_and_reason,
@@ -51,6 +54,13 @@ def test_every_abort_code_has_canopens_words(code: int) -> None:
 
 def test_a_code_of_a_devices_own_has_none() -> None:
     assert reason(0xDEADBEEF) == "unknown code"
+
+
+@rows("ours, prefix", [(ClientCommand, "REQUEST"), (ServerCommand, "RESPONSE")])
+def test_command_specifiers_are_canopens(ours: type[IntEnum], prefix: str) -> None:
+    words = {name: frozenset(name.split("_")) for name in dir(constants)}
+    theirs = {words[name] - {prefix}: getattr(constants, name) >> 5 for name in words if name.startswith(prefix)}
+    assert {frozenset(each.name.replace("ABORT", "ABORTED").split("_")): each.value for each in ours} == theirs
 
 
 @pytest.mark.parametrize(
@@ -172,8 +182,8 @@ def off(index: int, cob_id: int) -> bytes:
 
 Made: TypeAlias = Callable[[Path], SimulatedDevice]
 
-FIRMWARE, TEXT, SAVE = "002200", "032300", int.from_bytes(b"save", "little")
-"""The index and sub-index of a DOMAIN and of a text of the module, as in a frame; the signature of 0x1010."""
+FIRMWARE, SAVE = "002200", int.from_bytes(b"save", "little")
+"""The index and sub-index of a DOMAIN of the module, as in a frame; the signature of 0x1010."""
 
 PROVOKED: Mapping[Reason, tuple[Made, Sequence[bytes | NmtCommand]]] = {
     Reason.TOGGLE_BIT: (module, [read(0x2200), raw("70")]),
@@ -191,7 +201,7 @@ PROVOKED: Mapping[Reason, tuple[Made, Sequence[bytes | NmtCommand]]] = {
     Reason.READ_ONLY: (module, [write(0x2301, 0, 1, size=1)]),
     Reason.LONGER_THAN_TYPE: (module, [write(0x2302, 0, 6, size=4)]),
     Reason.SHORTER_THAN_TYPE: (module, [write(0x1017, 0, 6, size=1)]),
-    Reason.OUT_OF_MEMORY: (module, [raw("21" + TEXT + "01000100")]),
+    Reason.OUT_OF_MEMORY: (module, [raw("21" + FIRMWARE + "01000001")]),
     Reason.ABOVE_LIMIT: (module, [write(0x2302, 0, 10, size=1)]),
     Reason.BELOW_LIMIT: (module, [write(0x2302, 0, 4, size=1)]),
     Reason.NO_VALUE: (module, [read(0x2304)]),

@@ -11,6 +11,9 @@ import pytest
 import soak
 from programs import Program
 from soak import CREDIT, Life, Loss, Losses, Role, Soak, Told, Usage
+from soak_node import NUMBERED
+
+from eurobot_od.traffic.monitor import FRAMES_LOST
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="what a process has is Linux's to say")
 
@@ -82,6 +85,15 @@ def role() -> Iterator[Role]:
 def test_what_a_role_lacks_is_read_from_its_lines(role: Role) -> None:
     assert (role.last, role.before) == (8, [range(2)])
     assert role.losses.all == [Loss(range(3, 6), counted=2)]
+
+
+def test_what_the_monitor_lacks_is_read_from_its_lines() -> None:
+    numbers = [f"0.1  {NUMBERED:03X}#{number.to_bytes(4, 'little').hex().upper()}" for number in (0, 4)]
+    lines = "\n".join([numbers[0], f"# {FRAMES_LOST.format(2)}", numbers[1]])
+    role = Role("monitor", sys.executable, "-c", f"print({lines!r})")
+    role.program.wait()
+    role.kill()
+    assert role.losses.all == [Loss(range(1, 4), counted=2)]
 
 
 AGAIN = """

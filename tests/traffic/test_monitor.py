@@ -322,7 +322,7 @@ def test_what_is_sent_stands_where_it_was_on_the_bus() -> None:
 
         def send(self, msg: can.Message, timeout: float | None = None) -> None:
             # The answer is there before `send` returns, and before both something that was read late.
-            for at, cob_id in ((100.4, 0x702), (100.5, 0x581)):
+            for at, cob_id in ((100.4, 0x702), (100.5, 0x581)) if msg.arbitration_id == 0x601 else ():
                 self.came.append(can.Message(timestamp=at, arbitration_id=cob_id, is_extended_id=False))
 
     now = [0.0]
@@ -331,7 +331,22 @@ def test_what_is_sent_stands_where_it_was_on_the_bus() -> None:
     found: list[Timed] = []
     receive(source, found, 1)
     now[0] = 0.5
-    source.send(Frame(0x601), 1.0)
-    receive(source, found, 4)
-    assert found == [(100.0, Frame(0x701)), (100.4, Frame(0x702)), (100.5, Frame(0x601)), (100.5, Frame(0x581))]
+    for frame in (REQUEST, Frame(0x601)):
+        source.send(frame, 1.0)
+    receive(source, found, 5)
+    assert [(time, raw[0]) for time, raw in found] == [
+        (100.0, 0x701), (100.4, 0x702), (100.5, REQUEST.cob_id), (100.5, 0x601), (100.5, 0x581),
+    ]  # fmt: skip
+    source.close()
+
+
+def test_times_go_back_only_with_a_clock_that_is_set() -> None:
+    stamps = (5.0, 4.9997, 5.001, 3.0, 3.1)
+    source = BusSource(
+        Driver(*(can.Message(timestamp=at, arbitration_id=0x701, is_extended_id=False) for at in stamps))
+    )
+    found: list[Timed] = []
+    with pytest.raises(BusError):
+        receive(source, found, 6)
+    assert [time for time, _ in found] == [5.0, 5.0, 5.001, 3.0, 3.1]
     source.close()

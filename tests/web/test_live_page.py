@@ -32,6 +32,7 @@ from tests.cli.processes import command, line
 from tests.conftest import EDS, with_entry
 from tests.web.browser import Browser, Page
 from tests.web.scene import LONG, Served, channel, live_page, robot
+from tests.web.test_drives import bench
 
 GOAL = (700, 1600)
 NEAR = 60.0
@@ -296,6 +297,12 @@ def test_objects_are_read_written_and_plotted(scene: Scene) -> None:
     page.wait("document.querySelector('#toast').textContent.includes('allowed: 0..65535')")
     page.run(f"{line}.querySelectorAll('.acts > button')[1].click()")
     page.wait("plots.all[0].series.length === 1 && plots.all[0].series[0].values.at(-1) === 200")
+    times = "plots.all[0].series[0]?.times"
+    page.wait(f"{times}.length > 2")
+    first = page.run(f"{times}.slice(0, 3)")
+    page.call("Page.reload")
+    page.wait(f"typeof plots !== 'undefined' && {times}?.length > 2")
+    assert page.run(f"{times}.slice(0, 3)") == first, "the server has what was read before"
 
 
 def test_without_control_there_is_nothing_to_change_anything_with(tmp_path: Path, window: Page) -> None:
@@ -558,6 +565,9 @@ def test_a_node_is_late_then_lost_then_back_everywhere(tmp_path: Path, window: P
             "document.querySelector('header .life').dataset.life",
             "document.querySelectorAll('#view-nodes .card')[1]",
         )
+        edge = f"getComputedStyle({card}).borderLeftColor"
+        sign = "getComputedStyle(document.querySelector('header .sign')).color"
+        colours = [window.run(f"[{edge}, {sign}]")]
         assert window.run(f"{card}.dataset.life") == "unknown"
         assert "never heard" in window.run(f"{card}.textContent")
         seen = []
@@ -565,13 +575,27 @@ def test_a_node_is_late_then_lost_then_back_everywhere(tmp_path: Path, window: P
         look = f"getComputedStyle({card}).borderLeftStyle + {card}.querySelector('.sign').textContent"
         for expected in ("alive", "late", "lost"):
             seen.append(window.wait(f"{life} === '{expected}' && {card}.dataset.life === '{expected}' && {look}"))
+            colours.append(window.run(f"[{edge}, {sign}]"))
+        assert [len(set(each)) for each in zip(*colours)] == [4, 4], "unknown, alive, late and lost, in card and header"
         assert len(set(seen)) == 3, "told apart without colour"
         Driver(bus).send(Frame(0x701, b"\x05"))
         window.wait(f"document.querySelector('#view-nodes .card').dataset.life === 'alive' && {life} === 'lost'")
-        Driver(bus).send(Frame(0x702, b"\x05"))
+        for node in (1, 2):  # also the first again: a busy machine has lost it meanwhile
+            Driver(bus).send(Frame(0x700 + node, b"\x05"))
         window.wait(f"{life} === 'alive'")
         window.wait("[...sources[0].events.values()].some(each => each.text === 'drive is back')")
         assert "drive is lost" in window.run("[...sources[0].events.values()].map(each => each.text)")
+
+
+def test_the_tpdo_of_a_device_without_groups_has_no_edge(tmp_path: Path, window: Page) -> None:
+    window.may_lose_its_server = True
+    with bench(tmp_path) as scene:
+        window.open(scene.served.address)
+        scene.ask(do="send frame", frame="185#370600000000")
+        window.click("#tab-messages")
+        window.wait("document.querySelector('.messages tbody th')?.textContent === 'servo.TPDO1'")
+        edge = window.run("getComputedStyle(document.querySelector('.messages tbody th')).borderLeftColor")
+    assert edge == "rgba(0, 0, 0, 0)", "as if it were faulty"
 
 
 def test_foreign_frames_are_named_once_in_grey(tmp_path: Path, window: Page) -> None:

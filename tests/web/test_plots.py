@@ -52,6 +52,12 @@ def test_every_sample_is_kept_and_saved(page: Page) -> None:
     assert [int(line.split(",")[1]) for line in text.splitlines()[1:]] == values
 
 
+def test_no_sample_is_dropped_when_the_adapters_clock_is_set_back(page: Page) -> None:
+    last = page.run(f"{ROW}.times.at(-1)")
+    page.run(f"{ROW}.append({last} - 1, [7, 1000, 0, 0], '')")
+    assert page.run(f"[{ROW}.times.at(-1), {ROW}.columns[0].at(-1)]") == [last, 7]
+
+
 def test_a_text_has_no_button(page: Page) -> None:
     chips = f"new MessageLine({ROW}).element.querySelectorAll('.value[role=button]').length"
     before = page.run(chips)

@@ -20,7 +20,7 @@ from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web import requests as module
 from eurobot_od.web.requests import Requests
-from eurobot_od.web.session import PolledObject, Session
+from eurobot_od.web.session import PolledObject, Sample, Session
 from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.web.scene import LONG, channel
 
@@ -49,8 +49,22 @@ def test_an_object_is_read_where_a_file_says_that_the_sdo_server_is(tmp_path: Pa
 
 
 def test_its_time_is_told_to_a_tenth_of_a_millisecond() -> None:
-    polled = PolledObject(5, find_one("0x1017", None), time=1.23456, value=1000)
-    assert polled.shown() == {"time": 1.2346, "value": 1000, "trouble": ""}
+    polled = PolledObject(5, find_one("0x1017", None))
+    polled.take(Sample(0, 1.23456, 1000), "")
+    assert polled.shown(-1) == {"samples": [(1.2346, 1000)], "trouble": ""}
+
+
+def test_a_browser_gets_the_values_since_its_turn_and_a_new_one_all_that_are_kept() -> None:
+    polled = PolledObject(5, find_one("0x1017", None))
+    for turn in range(4):
+        polled.take(Sample(turn, turn / 4, turn), "")
+    polled.take(Sample(4, 1.0, None), "the node did not answer")
+    assert [[value for _, value in polled.shown(since)["samples"]] for since in (-1, 1, 3)] == [
+        [0, 1, 2, 3],
+        [2, 3],
+        [],
+    ]
+    assert polled.shown(3)["trouble"] == "the node did not answer"
 
 
 def test_what_was_read_is_new_also_to_a_browser_that_has_the_present_turn(requests: Requests) -> None:

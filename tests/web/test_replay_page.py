@@ -322,6 +322,13 @@ def test_it_opens_where_somebody_is_seen_first(page: Page) -> None:
     page.wait("document.querySelector('.robot[visibility=visible]')")
 
 
+def test_a_reload_keeps_the_place_in_the_log(page: Page) -> None:
+    page.run("clock.seek(4.25); plots.put('A', 3); plots.zoom([2, 5])")
+    page.call("Page.reload")
+    page.wait(f"typeof plots !== 'undefined' && {SHOWN} === 4.25")
+    assert page.run("[plots.marks.A, plots.zoomed]") == [3, [2, 5]]
+
+
 ENEMY = "sources[0].row('Enemy 1 Position Response')"
 
 

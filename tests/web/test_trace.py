@@ -201,6 +201,9 @@ def test_a_log_has_a_trace_too(tmp_path: Path, window: Page) -> None:
     assert window.run("traces[0].lines().map(each => `${each[2]}#${each[4].replaceAll(' ', '')}`)") == [
         str(each) for each in frames
     ]
-    window.run("clock.seek(2)")
+    for time in ("0", "clock.end"):
+        window.run(f"clock.seek({time})")
+        window.wait(f"{LINES}.some(each => Math.abs(each.frame.time - {time}) < 0.1)")
+    assert window.run("document.documentElement.scrollHeight - innerHeight") == 0, "the player covers no line"
     window.run(f"{LINES}[3].click()")
     window.wait("Math.abs(Number(document.body.dataset.time) - traces[0].marked.time) < 0.001")

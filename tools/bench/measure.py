@@ -97,18 +97,22 @@ class Series:
     """Contenders that are measured in turns, and what is claimed of them.
 
     `open` prepares, gives the contenders by name, and cleans up; it may raise NotHere or Wrong. What takes next to no
-    time is measured in `often` times as many rounds, as it takes more of them to meet a quiet moment.
+    time is measured in `often` times as many rounds, as it takes more of them to meet a quiet moment; what takes
+    seconds varies little, and has fewer (SELDOM); what is the same each time has one (ONCE).
     """
 
     group: str
     name: str
     open: Callable[[Scale], AbstractContextManager[Mapping[str, Contender]]]
     claims: tuple[Claim, ...]
-    often: int = 1
+    often: float = 1
 
     def rounds(self, scale: Scale) -> int:
         """Return the number of rounds."""
-        return scale.rounds if scale.short else scale.rounds * self.often
+        return scale.rounds if scale.short else max(1, round(scale.rounds * self.often))
+
+
+SELDOM, ONCE = 0.4, 0
 
 
 class Gap(NamedTuple):

@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -50,7 +49,7 @@ def run(
     target: str | Path = os.devnull,
     variables: Mapping[str, str] = NO_VARIABLES,
 ) -> Figures:
-    """Run a command with its input, output and further variables; raises Wrong if it fails."""
+    """Run a command, with output `-` until its first line; raises Wrong if it fails."""
     launcher = [PYTHON, "-I", "-S", str(PROGRAMS / "launch.py"), str(source), str(target)]
     with started([*launcher, *map(str, command)], {**ENVIRONMENT, **variables}) as process:
         out, said = process.communicate()
@@ -85,18 +84,7 @@ def limited(process: subprocess.Popen[Any]) -> Iterator[None]:
 
 def until_first_line(command: Words) -> Figures:
     """Run a command until it has written its first line, then end it; raises Wrong if it writes none."""
-    variables = ENVIRONMENT | {"PYTHONUNBUFFERED": "1"}  # into a pipe the first line would come with the last one
-    begin = time.perf_counter()
-    with started([str(word) for word in command], variables) as process:
-        assert process.stdout is not None  # both are pipes
-        assert process.stderr is not None
-        line = process.stdout.readline()
-        seconds = time.perf_counter() - begin
-        process.send_signal(signal.SIGTERM)
-        said = process.stderr.read()
-    if not line:
-        raise Wrong(_failure(command, process.returncode, said))
-    return {Quantity.TIME: seconds}
+    return run(command, target="-", variables={"PYTHONUNBUFFERED": "1"})  # else the first line came with the last one
 
 
 def _failure(command: Words, status: int, said: str) -> str:

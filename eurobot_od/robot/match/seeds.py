@@ -157,7 +157,7 @@ def play(
 
     def tell(line: str) -> None:
         told.append(line)
-        print(line, file=printed)
+        printed.write(f"{line}\n")
 
     with recording(log, tell=tell) as write, redirect_stdout(printed):
         try:

@@ -59,6 +59,7 @@ LIKELY = (
     (rb"PK\x03\x04", "it is a zip archive: unpack it first"),
     (rb"BZh|\xfd7zXZ|\x28\xb5\x2f\xfd", "it is packed: `bunzip2`, `unxz` or `unzstd` unpacks it (gzip is read)"),
     (rb"\s*<\?xml", "it is XML: export the frames as ASC or BLF from the program that made it"),
+    (rb"MDF {5}", "it is MF4 with measured values alone: record the frames of the bus, too"),
     (rb".*(?i:canalyser)", "it looks like IXXAT's canAnalyser: export it as ASC, or convert it with SavvyCAN"),
 )
 """How logs begin that are of formats not read here."""

@@ -89,7 +89,10 @@ def _row(row: Sequence[Any]) -> tuple[float, str, Raw]:
 
 
 def read_mf4(file: BinaryIO, _: int = LARGEST) -> Entries:
-    """Read an MF4 file; raises LocalError if that needs an extra, and ends where python-can gives up."""
+    """Read an MF4 file; raises LocalError if that needs an extra, and ends where python-can gives up.
+
+    One without frames has an entry that says so.
+    """
     import can
 
     extras.caught_up("asammdf", "can.io.mf4")
@@ -102,6 +105,9 @@ def read_mf4(file: BinaryIO, _: int = LARGEST) -> Entries:
         raise LocalError(f"{file.name}: {extras.missing('asammdf', 'mf4')}") from None
     except Exception as error:  # what a reader raises for a damaged file is not documented: struct.error, KeyError
         yield number + 1, time, "", Foreign(Damage.CUT_OFF, shortened(f"python-can reads no further: {error}"))
+    else:
+        if not number:  # most MF4 files are of measured values
+            yield 1, 0.0, "", Foreign(Damage.CUT_OFF, "no frame of a bus is recorded here")
 
 
 def _entry(message: can.Message) -> tuple[float, str, Raw]:

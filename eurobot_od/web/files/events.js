@@ -76,8 +76,9 @@ function timeline() {
 function compareView() {
   const {count, differences} = content.comparison;
   const kinds = [...new Set(differences.map(each => each.kind))].map(kind => `${differences.filter(each => each.kind === kind).length} ${kind}`);
-  const told = count === 0 ? "The logs do not differ." : `${count} differences: ${kinds.join(", ")}${count > differences.length ? `, of the first ${differences.length}` : ""}.`;
-  return {element: h("div", {}, h("p", {class: "hint"}, `${sources[1].name} against ${sources[0].name}, as \`compare\` says it. ${told}`),
+  const of = (most, words) => count > most ? `, ${words} the first ${most}` : "";
+  const told = count === 0 ? "The logs do not differ." : `${count} differences: ${kinds.join(", ")}${of(differences.length, "of")}${of(MOST_LISTED, "here")}.`;
+  return {element: h("div", {}, h("p", {class: "hint"}, `${sources[1].name} against ${sources[0].name}, as the command compare says it. ${told}`),
     h("ol", {class: "events"}, ...differences.slice(0, MOST_LISTED).map(each => h("li", {}, h("button", {onclick: () => { clock.pause(); clock.seek(each.time); }},
       h("span", {class: "at"}, `${each.time.toFixed(3)} s`), h("span", {class: "kind"}, each.kind), h("span", {}, `${each.name}: ${each.text}`)))))), show() {}};
 }

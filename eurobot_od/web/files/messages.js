@@ -52,6 +52,7 @@ class MessageLine {
     const texts = {count: String(now.count), period: ms(now.period), jitter: ms(now.jitter), age: Math.max(now.age, 0).toFixed(1),
       length: String(now.data.length / 2), data: RADICES[radix].bytes(now.data), bad: this.wrong ? String(this.wrong) : ""};
     for (const [name, text] of Object.entries(texts)) say(this.cells[name], text);
+    this.element.classList.toggle("aperiodic", !periodic);
     this.element.classList.toggle("is-wrong", Boolean(now.defects) && !this.row.foreign);
     this.element.classList.toggle("lost", isLost(this.row.source, this.row, time));
     this.element.classList.toggle("old", now.age > Math.max(3 * (now.period || 0), 1));

@@ -137,15 +137,26 @@ class Tabs {                                // which view is shown; a panel has 
 function assembled(tabs, status, line, stop, alarms) {
   const header = h("header", {}, h("div", {class: "top"}, h("h1", {}, content.title), status.element, stop.element),
     h("nav", {role: "tablist", "aria-label": "views"}, ...tabs.tabs));
-  new ResizeObserver(() => document.body.style.setProperty("--header", `${header.offsetHeight}px`)).observe(header);
-  return [header, h("main", {}, ...tabs.sections), h("footer", {}, line && line.element), toastLine, alarms];
+  const footer = h("footer", {}, line && line.element), measured = {"--header": header, "--foot": footer};
+  const observer = new ResizeObserver(() => {
+    for (const [name, each] of Object.entries(measured)) document.body.style.setProperty(name, `${each.getBoundingClientRect().height}px`);
+  });
+  for (const each of Object.values(measured)) observer.observe(each);
+  return [header, h("main", {}, ...tabs.sections), footer, toastLine, alarms];
+}
+
+function reopen(begins) {                   // a log opens where there is something to see, or where this window has left it
+  const log = JSON.stringify([sources.map(each => each.name), clock.end]), left = kept("place", {}, sessionStorage);
+  if (left.log === log) { clock.seek(left.time); Object.assign(plots, left.plots); }
+  else if (begins < Infinity) clock.seek(begins);
+  addEventListener("pagehide", () => keep("place", {log, time: clock.time, plots: {zoomed: plots.zoomed, marks: plots.marks}}, sessionStorage));
 }
 
 function start() {
   const panels = content.panels.filter(each => panelMakers.has(each.name)).map(each => ({name: each.name, title: each.title,
     panel: true, make: () => perSource(source => panelMakers.get(each.name)(each.setup, source))}));
   const tabs = new Tabs([...panels, ...VIEWS.filter(view => view.if !== false)]);
-  if (!live && tabs.begins() < Infinity) clock.seek(tabs.begins());   // a log opens where there is something to see
+  if (!live) reopen(tabs.begins());
   const status = statusLine(), line = live ? null : timeline(), stop = stopButton();
   const alarms = h("div", {id: "alarms", class: "heard-only", role: "alert"});
   document.body.append(...assembled(tabs, status, line, stop, alarms));

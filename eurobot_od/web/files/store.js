@@ -28,8 +28,7 @@ class Row {
     this.latest = null;
   }
   append(time, values, text) {              // live: a frame
-    if (time < this.times.at(-1)) return;
-    this.times.push(time);
+    this.times.push(Math.max(time, this.times.at(-1) ?? time));  // in order, also when the adapter's clock is set
     this.columns.forEach((column, field) => column.push(values ? values[field] : null));
     if (!this.fields.length) this.texts.push(text);
     if (this.times.length > SAMPLES) [this.times, this.texts, ...this.columns].forEach(each => each.splice(0, SAMPLES / TRIMMED));
@@ -145,13 +144,15 @@ class Source {
       this.dropped += KEPT / TRIMMED;
     }
   }
-  takeObject(key, {time, value, trouble}) {
+  takeObject(key, {samples, trouble}) {
     if (!this.objects.has(key)) this.objects.set(key, {times: [], values: [], trouble: ""});
     const kept = this.objects.get(key);
     kept.trouble = trouble;
-    if (value === null || time <= kept.times.at(-1)) return;
-    kept.times.push(time);
-    kept.values.push(value);
+    for (const [time, value] of samples) {
+      if (time <= kept.times.at(-1)) continue;  // it was in the last snapshot, too
+      kept.times.push(time);
+      kept.values.push(value);
+    }
     if (kept.times.length > SAMPLES) [kept.times, kept.values].forEach(list => list.splice(0, SAMPLES / TRIMMED));
   }
 }

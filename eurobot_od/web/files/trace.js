@@ -34,7 +34,7 @@ const FILTERS = {                           // what a frame must have, by the na
 
 class Trace {
   constructor(source) {
-    Object.assign(this, {source, chosen: {}, found: [], seen: 0, following: live, fixed: false, marked: null, shownTop: -1});
+    Object.assign(this, {source, chosen: {}, found: [], seen: 0, following: live, fixed: false, marked: null, shownTop: -1, at: null});
     this.rows = h("div", {class: "lines"});
     this.space = h("div", {class: "space"}, this.rows);
     this.box = h("div", {class: "frames", tabindex: 0, role: "region", "aria-label": `frames of ${source.name}`,
@@ -129,7 +129,7 @@ class Trace {
   }
   mark(frame) {
     this.marked = frame;
-    if (!live) { clock.pause(); clock.seek(frame.time); }
+    if (!live) { clock.pause(); clock.seek(this.at = frame.time); }
     this.draw(false);
   }
   draw(toEnd = this.following && !this.fixed) {
@@ -190,7 +190,10 @@ class Trace {
     this.offer(this.nodes, allNodes(this.source).map(each => each.name));
     this.offer(this.messages, this.source.sorted().map(each => each.name));
     if (this.following || this.fixed || this.taken !== this.source.frames) this.take();
-    if (!live && clock.running) this.box.scrollTop = upTo(this.found.map(each => each.time), time) * LINE - this.box.clientHeight / 2;
+    this.draw();
+    if (live || this.at === time) return;   // a log is seen where its time is
+    this.at = time;
+    this.box.scrollTop = upTo(this.found.map(each => each.time), time) * LINE - this.box.clientHeight / 2;
     this.draw();
   }
 }

@@ -1,14 +1,20 @@
-"""What a driver does with a frame: takes it, has no room for it now, or has failed."""
+"""Opening a bus; what a driver does with a frame: takes it, has no room for it now, or has failed."""
 
 from __future__ import annotations
 
 import errno
 import logging
+import socket
+import sys
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any
 
 import can
 import pytest
+from can.interfaces import BACKENDS
+from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Driver, open_bus
@@ -17,6 +23,7 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.support import connections
 from eurobot_od.support.connections import STEADY
+from tests.processes import free_port
 
 FRAME = Frame(0x123, b"\1\2")
 
@@ -69,9 +76,151 @@ class Nameless(Bus):
 
 
 def test_a_bus_without_a_name_has_that_of_its_channel(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(can.interfaces.BACKENDS, "slcan", (__name__, "Nameless"))
+    monkeypatch.setitem(BACKENDS, "slcan", (__name__, "Nameless"))
     bus = open_bus("slcan", "/dev/ttyACM0")
     assert bus.channel_info == "slcan /dev/ttyACM0"
+
+
+@pytest.fixture(autouse=True)
+def _no_configuration(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Keep the user's own configuration of python-can away."""
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE", "CAN_CONFIG"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+
+
+# What drivers raise when they do not open, by the channel.
+FAILURES: dict[str, Exception] = {
+    "unplugged": OSError(19, "No such device"),
+    "missing": ImportError("no driver:\n  install one"),
+    "mute": RuntimeError(),
+}
+
+
+class RecordingBus(VirtualBus):
+    """A driver that keeps what it is opened with, and fails on some channels."""
+
+    def __init__(self, channel: Any = None, **options: Any) -> None:
+        self.options = {"channel": channel} | options
+        if channel in FAILURES:
+            self._is_shutdown = True
+            raise FAILURES[channel]
+        super().__init__(channel)
+
+
+@pytest.fixture
+def _recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let python-can know the driver above as `recording`."""
+    monkeypatch.setitem(BACKENDS, "recording", (__name__, RecordingBus.__name__))
+    monkeypatch.setattr("can.util.VALID_INTERFACES", can.VALID_INTERFACES | {"recording"})
+
+
+# Environment, configuration file (None: there is none), what the caller names, and what the driver is opened with.
+CONFIGURED: list[tuple[dict[str, str], str | None, dict[str, Any], dict[str, Any]]] = [
+    ({"CAN_INTERFACE": "recording", "CAN_CHANNEL": "a"}, None, {}, {"channel": "a", "bitrate": 500_000}),
+    ({"CAN_INTERFACE": "recording", "CAN_BITRATE": "250000"}, None, {}, {"channel": None, "bitrate": 250_000}),
+    ({"CAN_INTERFACE": "recording", "CAN_CHANNEL": "a"}, None, {"channel": "b"}, {"channel": "b", "bitrate": 500_000}),
+    (
+        {"CAN_BITRATE": "250000"},
+        None,
+        {"interface": "recording", "bitrate": 125_000},
+        {"channel": None, "bitrate": 125_000},
+    ),
+    (
+        {"CAN_INTERFACE": "virtual", "CAN_CHANNEL": "a"},
+        None,
+        {"interface": "recording"},
+        {"channel": "a", "bitrate": 500_000},
+    ),
+    (
+        {"CAN_CONFIG": '{"interface": "recording", "channel": "a", "extra": 1}'},
+        None,
+        {},
+        {"channel": "a", "bitrate": 500_000, "extra": 1},
+    ),
+    ({}, "interface = recording\nchannel = a\nbitrate = 100000", {}, {"channel": "a", "bitrate": 100_000}),
+    ({"CAN_CHANNEL": "b"}, "interface = recording\nchannel = a", {}, {"channel": "b", "bitrate": 500_000}),
+]
+
+
+@pytest.mark.usefixtures("_recording")
+@pytest.mark.parametrize(("environment", "file", "given", "opened"), CONFIGURED)
+def test_python_cans_configuration_is_honoured(
+    environment: dict[str, str],
+    file: str | None,
+    given: dict[str, Any],
+    opened: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    if file is not None:
+        (tmp_path / "can.conf").write_text(f"[default]\n{file}\n")
+    with open_bus(**given) as bus:
+        assert isinstance(bus, RecordingBus)
+        assert bus.options == opened
+
+
+# What is left is the in-process bus: environment, what the caller names, and the channel.
+BY_DEFAULT: list[tuple[dict[str, str], dict[str, Any], str]] = [
+    ({}, {}, "eurobot"),
+    ({}, {"channel": "a"}, "a"),
+    ({}, {"bitrate": 125_000}, "eurobot"),
+    ({"CAN_CHANNEL": "a"}, {}, "a"),
+    ({"CAN_CHANNEL": "a"}, {"channel": "b"}, "b"),
+    ({"CAN_INTERFACE": "virtual"}, {"channel": "b"}, "b"),
+]
+
+
+@pytest.mark.parametrize(("environment", "given", "channel"), BY_DEFAULT)
+def test_default_is_the_in_process_bus(
+    environment: dict[str, str], given: dict[str, Any], channel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    with open_bus(**given) as bus:
+        assert bus.channel_info == f"Virtual bus channel {channel}"
+
+
+NO_BUSES: list[tuple[dict[str, Any], str]] = [
+    ({"interface": "nosuch"}, "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
+    ({"interface": "nosuch", "channel": "x"}, "cannot open the nosuch bus x: unknown interface 'nosuch'; known: "),
+    ({"interface": "socketcan", "channel": "nosuch0"}, "cannot open the socketcan bus nosuch0: "),
+    ({"interface": "slcan", "channel": "/dev/nosuch"}, "cannot open the slcan bus /dev/nosuch: "),
+    ({"interface": "recording", "channel": "unplugged"}, "cannot open the recording bus unplugged: [Errno 19] No such"),
+    ({"interface": "recording", "channel": "missing"}, "cannot open the recording bus missing: no driver: install one"),
+    ({"interface": "recording", "channel": "mute"}, "cannot open the recording bus mute: RuntimeError"),
+]
+
+
+@pytest.mark.usefixtures("_recording")
+@pytest.mark.parametrize(("given", "told"), NO_BUSES)
+def test_bus_that_does_not_open_is_told_in_one_line(given: dict[str, Any], told: str) -> None:
+    with pytest.raises(BusError) as error:
+        open_bus(**given)
+    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(told)
+
+
+def test_a_shared_bus_that_nobody_shares_says_what_shares_one() -> None:
+    pytest.importorskip("can_remote", reason="the extra `remote` is not installed")
+    with pytest.raises(BusError, match="nobody shares a bus there: `node --share PORT` does"):
+        open_bus("remote", f"ws://127.0.0.1:{free_port()}/")
+
+
+@pytest.mark.parametrize(("name", "value"), [("CAN_CONFIG", "{"), ("CAN_INTERFACE", "nosuch")])
+def test_configuration_that_is_none_is_told_in_one_line(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CAN_INTERFACE", "virtual")
+    monkeypatch.setenv(name, value)
+    with pytest.raises(BusError, match=r"^cannot open the configured bus: .+$"):
+        open_bus()
+
+
+def test_an_interface_of_an_extra_says_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(BACKENDS, "remote", raising=False)  # as if python-can-remote were not installed
+    with pytest.raises(BusError, match=r"cannot open the remote bus: interface remote is not installed; .*pip install"):
+        open_bus("remote")
 
 
 @pytest.mark.parametrize("number", [None, errno.ENOBUFS, errno.EAGAIN, errno.ETIMEDOUT])
@@ -206,6 +355,30 @@ def test_a_bus_that_is_closed_while_it_opens_is_not_read() -> None:
         scene.on_open = scene.connection.close
         assert not scene.connection.reopen()
         assert not scene.connection.up
+
+
+class Receiving(SocketcanBus):
+    """A socket of another kind that loses what it has no room for: its counters are those of any socket."""
+
+    def __init__(self) -> None:
+        self.socket = socket.socket(type=socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self._is_shutdown = True  # nothing that is python-can's own
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts them")
+def test_the_frames_for_which_the_kernel_had_no_room_are_counted() -> None:
+    bus = Receiving()
+    with bus.socket:
+        bus.socket.setblocking(False)
+        for _ in range(1000):
+            bus.socket.sendto(bytes(4000), bus.socket.getsockname())
+        read = 0
+        with suppress(BlockingIOError):
+            while bus.socket.recv(1):
+                read += 1
+        assert 0 < read < 1000
+        assert Driver(bus).overflow == 1000 - read
 
 
 class CountingBus(VirtualBus):

@@ -1,4 +1,4 @@
-"""Live operation: opening a bus, nodes on it, and drivers and listeners that do not behave."""
+"""Live operation: nodes on a bus, and drivers and listeners that do not behave."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from typing import Any
 
 import can
 import pytest
-from can.interfaces import BACKENDS
 from can.interfaces.virtual import VirtualBus
 
-from eurobot_od.bus.live import FrameReader, Live, open_bus
+from eurobot_od.bus.live import FrameReader, Live
 from eurobot_od.bus.live.buses import FIRST_PAUSE, LONGEST_PAUSE
-from eurobot_od.bus.live.reader import ENDURED, POLL
+from eurobot_od.bus.live.reader import POLL
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import BusError, FieldError, StateError
 from eurobot_od.frame import Frame
@@ -42,7 +41,6 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.bus.live.loose import LONG, Reports
 from tests.eds_text import DEVICE_TYPE, variable
-from tests.processes import free_port
 
 PROTOCOL = EurobotProtocol.load()
 
@@ -56,145 +54,6 @@ def channel(request: pytest.FixtureRequest) -> str:
 
 def virtual(channel: str) -> can.BusABC:
     return can.Bus(channel, interface="virtual")
-
-
-# Opening a bus
-
-
-@pytest.fixture(autouse=True)
-def _no_configuration(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Keep the user's own configuration of python-can away."""
-    for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE", "CAN_CONFIG"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("HOME", str(tmp_path))
-
-
-# What drivers raise when they do not open, by the channel.
-FAILURES: dict[str, Exception] = {
-    "unplugged": OSError(19, "No such device"),
-    "missing": ImportError("no driver:\n  install one"),
-    "mute": RuntimeError(),
-}
-
-
-class RecordingBus(VirtualBus):
-    """A driver that keeps what it is opened with, and fails on some channels."""
-
-    def __init__(self, channel: Any = None, **options: Any) -> None:
-        self.options = {"channel": channel} | options
-        if channel in FAILURES:
-            self._is_shutdown = True
-            raise FAILURES[channel]
-        super().__init__(channel)
-
-
-@pytest.fixture
-def _recording(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let python-can know the driver above as `recording`."""
-    monkeypatch.setitem(can.interfaces.BACKENDS, "recording", (__name__, RecordingBus.__name__))
-    monkeypatch.setattr("can.util.VALID_INTERFACES", can.VALID_INTERFACES | {"recording"})
-
-
-# Environment, configuration file (None: there is none), what the caller names, and what the driver is opened with.
-CONFIGURED: list[tuple[dict[str, str], str | None, dict[str, Any], dict[str, Any]]] = [
-    ({"CAN_INTERFACE": "recording", "CAN_CHANNEL": "a"}, None, {}, {"channel": "a", "bitrate": 500_000}),
-    ({"CAN_INTERFACE": "recording", "CAN_BITRATE": "250000"}, None, {}, {"channel": None, "bitrate": 250_000}),
-    ({"CAN_INTERFACE": "recording", "CAN_CHANNEL": "a"}, None, {"channel": "b"}, {"channel": "b", "bitrate": 500_000}),
-    (
-        {"CAN_BITRATE": "250000"},
-        None,
-        {"interface": "recording", "bitrate": 125_000},
-        {"channel": None, "bitrate": 125_000},
-    ),
-    (
-        {"CAN_INTERFACE": "virtual", "CAN_CHANNEL": "a"},
-        None,
-        {"interface": "recording"},
-        {"channel": "a", "bitrate": 500_000},
-    ),
-    (
-        {"CAN_CONFIG": '{"interface": "recording", "channel": "a", "extra": 1}'},
-        None,
-        {},
-        {"channel": "a", "bitrate": 500_000, "extra": 1},
-    ),
-    ({}, "interface = recording\nchannel = a\nbitrate = 100000", {}, {"channel": "a", "bitrate": 100_000}),
-    ({"CAN_CHANNEL": "b"}, "interface = recording\nchannel = a", {}, {"channel": "b", "bitrate": 500_000}),
-]
-
-
-@pytest.mark.usefixtures("_recording")
-@pytest.mark.parametrize(("environment", "file", "given", "opened"), CONFIGURED)
-def test_python_cans_configuration_is_honoured(
-    environment: dict[str, str],
-    file: str | None,
-    given: dict[str, Any],
-    opened: dict[str, Any],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-) -> None:
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    if file is not None:
-        (tmp_path / "can.conf").write_text(f"[default]\n{file}\n")
-    with open_bus(**given) as bus:
-        assert isinstance(bus, RecordingBus)
-        assert bus.options == opened
-
-
-# What is left is the in-process bus: environment, what the caller names, and the channel.
-BY_DEFAULT: list[tuple[dict[str, str], dict[str, Any], str]] = [
-    ({}, {}, "eurobot"),
-    ({}, {"channel": "a"}, "a"),
-    ({}, {"bitrate": 125_000}, "eurobot"),
-    ({"CAN_CHANNEL": "a"}, {}, "a"),
-    ({"CAN_CHANNEL": "a"}, {"channel": "b"}, "b"),
-    ({"CAN_INTERFACE": "virtual"}, {"channel": "b"}, "b"),
-]
-
-
-@pytest.mark.parametrize(("environment", "given", "channel"), BY_DEFAULT)
-def test_default_is_the_in_process_bus(
-    environment: dict[str, str], given: dict[str, Any], channel: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    with open_bus(**given) as bus:
-        assert bus.channel_info == f"Virtual bus channel {channel}"
-
-
-NO_BUSES: list[tuple[dict[str, Any], str]] = [
-    ({"interface": "nosuch"}, "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
-    ({"interface": "nosuch", "channel": "x"}, "cannot open the nosuch bus x: unknown interface 'nosuch'; known: "),
-    ({"interface": "socketcan", "channel": "nosuch0"}, "cannot open the socketcan bus nosuch0: "),
-    ({"interface": "slcan", "channel": "/dev/nosuch"}, "cannot open the slcan bus /dev/nosuch: "),
-    ({"interface": "recording", "channel": "unplugged"}, "cannot open the recording bus unplugged: [Errno 19] No such"),
-    ({"interface": "recording", "channel": "missing"}, "cannot open the recording bus missing: no driver: install one"),
-    ({"interface": "recording", "channel": "mute"}, "cannot open the recording bus mute: RuntimeError"),
-]
-
-
-@pytest.mark.usefixtures("_recording")
-@pytest.mark.parametrize(("given", "told"), NO_BUSES)
-def test_bus_that_does_not_open_is_told_in_one_line(given: dict[str, Any], told: str) -> None:
-    with pytest.raises(BusError) as error:
-        open_bus(**given)
-    assert "\n" not in str(error.value)
-    assert str(error.value).startswith(told)
-
-
-def test_a_shared_bus_that_nobody_shares_says_what_shares_one() -> None:
-    pytest.importorskip("can_remote", reason="the extra `remote` is not installed")
-    with pytest.raises(BusError, match="nobody shares a bus there: `node --share PORT` does"):
-        open_bus("remote", f"ws://127.0.0.1:{free_port()}/")
-
-
-@pytest.mark.parametrize(("name", "value"), [("CAN_CONFIG", "{"), ("CAN_INTERFACE", "nosuch")])
-def test_configuration_that_is_none_is_told_in_one_line(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CAN_INTERFACE", "virtual")
-    monkeypatch.setenv(name, value)
-    with pytest.raises(BusError, match=r"^cannot open the configured bus: .+$"):
-        open_bus()
 
 
 # Nodes
@@ -387,39 +246,6 @@ def test_what_no_adapter_can_receive_is_counted_and_acted_on_by_nobody(channel: 
         assert answers.get(LONG) is not None
         assert drive.foreign == 1
     assert drive.gatekeeper.statistics().listeners[0].failed == 0
-
-
-class Babble(VirtualBus):
-    """A driver that can make no sense of what comes, so many times, and as often again after each good frame."""
-
-    def __init__(self, channel: str, times: int) -> None:
-        self.left = self.times = times
-        super().__init__(channel)
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        if self.left:
-            self.left -= 1
-            raise ValueError("invalid frame")
-        message = super().recv(timeout)
-        self.left = 0 if message is None else self.times
-        return message
-
-
-def test_a_driver_that_can_make_no_sense_of_a_frame_is_read_on(channel: str) -> None:
-    gatekeeper = Gatekeeper(PROTOCOL)
-    queue = gatekeeper.add_queue(StopDrive)
-    with virtual(channel) as other, Live(Babble(channel, ENDURED - 1), gatekeeper) as live:
-        for count in (1, 2, 3):  # those between two good frames count, not all of them together
-            other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
-            assert queue.get(LONG) is not None
-            assert live.foreign >= count * (ENDURED - 1)
-        assert live.failure is None
-
-
-def test_a_driver_that_never_makes_sense_has_failed(channel: str) -> None:
-    reports = Reports()
-    with Live(Babble(channel, ENDURED), Gatekeeper(PROTOCOL, report=reports)):
-        assert reports.wait_for(What.BUS_FAILED).text.endswith("failed: invalid frame")
 
 
 def test_bus_off_is_told_with_what_helps_and_the_drive_brakes(channel: str) -> None:
@@ -708,9 +534,3 @@ def test_what_the_driver_has_not_taken_is_tried_again_and_is_not_kept_for_too_lo
     while live._sender.pause < LONGEST_PAUSE:
         live._sender.retry()
     assert live._next_look() == 5.0 + MAILBOX_WAIT
-
-
-def test_an_interface_of_an_extra_says_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(BACKENDS, "remote", raising=False)  # as if python-can-remote were not installed
-    with pytest.raises(BusError, match=r"cannot open the remote bus: interface remote is not installed; .*pip install"):
-        open_bus("remote")

@@ -15,7 +15,7 @@ from eurobot_od.gatekeeper import Event
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
-from eurobot_od.traffic.monitor import BusSource
+from eurobot_od.traffic.monitor import NOTED_AGAIN, BusSource
 from tests.bus.live.loose import Reports, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the counters are Linux's")
@@ -76,13 +76,17 @@ def test_what_overflows_while_the_node_is_switched_off_is_counted_too(bus: Count
 
 
 def test_the_monitor_notes_what_is_missing(bus: CountingBus) -> None:
-    source = BusSource(bus)
+    now = 100.0
+    source = BusSource(bus, lambda: now)
     assert list(source.poll()) == []
     assert source.notes == []
-    bus.flood(1000)
-    assert list(source.poll()) == []
-    bus.flood(10)
+    bus.flood(800)  # and a few more are not twice as many in binary digits
+    for seconds in (0.0, 1.0, 1.0 + NOTED_AGAIN, 2.0 + NOTED_AGAIN):
+        now = 100.0 + seconds
+        assert list(source.poll()) == []
+        bus.flood(10)
     source.close()
-    first, last = (int(note.partition(" ")[0]) for note in source.notes)
-    assert first > 0
-    assert last == first + 10
+    lost = [int(note.partition(" ")[0]) for note in source.notes]
+    assert lost[0] > 0
+    # What is lost in between is told now and then, and at the end: 20 more, and 20 more.
+    assert [each - lost[0] for each in lost] == [0, 20, 40]

@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.buses import Connection
-from eurobot_od.bus.live.reader import HEARD_AGAIN, BusSilence, Reader
+from eurobot_od.bus.live.reader import ENDURED, HEARD_AGAIN, BusSilence, Reader
 from eurobot_od.gatekeeper import Report
 from tests.rows import rows
 
@@ -68,9 +68,10 @@ class Scene:
 
 
 def test_a_frame_has_the_time_of_our_clock_or_the_drivers() -> None:
-    script = (5.0, message(0x7FF, AHEAD, bytes(8)))
-    assert Scene(script).received == [(0x7FF, bytes(8), 5.0)]
-    assert Scene(script, clock=False).received == [(0x7FF, bytes(8), AHEAD)]
+    for cob_id in (0x000, 0x7FF):
+        script = (5.0, message(cob_id, AHEAD, bytes(8)))
+        assert Scene(script).received == [(cob_id, bytes(8), 5.0)]
+        assert Scene(script, clock=False).received == [(cob_id, bytes(8), AHEAD)]
 
 
 @pytest.mark.parametrize(
@@ -93,6 +94,21 @@ def test_nor_is_what_no_adapter_can_receive() -> None:
     high.arbitration_id, negative.arbitration_id, long.data = 0x800, -1, bytearray(9)
     scene = Scene(*((1.0, each) for each in (high, negative, long)))
     assert (scene.foreign, scene.received) == ([high, negative, long], [])
+
+
+GARBLED: tuple[float, Exception] = (1.0, ValueError("invalid frame"))
+
+
+def test_a_driver_that_can_make_no_sense_of_a_frame_is_read_on() -> None:
+    several = [GARBLED] * (ENDURED - 1)
+    scene = Scene(*several, (1.0, message(0x100)), *several, (1.0, message(0x101)), *several)
+    assert [cob_id for cob_id, *_ in scene.received] == [0x100, 0x101]
+    assert scene.foreign == [None] * 3 * (ENDURED - 1)
+    assert scene.failure is None
+
+
+def test_a_driver_that_never_makes_sense_has_failed() -> None:
+    assert str(Scene(*[GARBLED] * ENDURED).failure) == "the bus script failed: invalid frame"
 
 
 def test_what_came_while_the_process_stood_still_is_passed_over_and_counted_but_for_what_lasts() -> None:

@@ -171,8 +171,10 @@ def test_with_option_code_0_the_motor_coasts(word: int, option: int, after: Stat
     assert bench.state is after
     bench.run(0.01)
     assert 0 < bench[0x606C] < TOP  # by friction alone
+    assert bench.axis.busy
     bench.run(0.1)
     assert bench[0x606C] == 0
+    assert not bench.axis.busy
 
 
 def test_quick_stop_with_option_code_0_disables_at_once() -> None:

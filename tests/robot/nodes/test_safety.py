@@ -25,6 +25,7 @@ from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
+    CheckNaviRequest,
     CheckNaviResponse,
     ConfederatePositionResponse,
     EmergencyShutdown,
@@ -1436,11 +1437,14 @@ def test_a_navigation_that_answers_nothing_but_sends_heartbeats_is_told_and_take
     bench = match_under_way()
     others = (Enemy1PositionResponse, Enemy2PositionResponse, ConfederatePositionResponse)
     bench.lose(CheckNaviResponse, NaviPositionResponse, *others)
+    silent_since = bench.now
     call = bench.core.goto(*FAR)
     bench.run(8.0)
     assert call.result(0).outcome is Outcome.ARRIVED
-    (told,) = [text for text in map(str, bench.network.reports) if "the navigation is lost" in text]
-    assert "it does not answer" in told
+    (told,) = [each for each in bench.network.reports if "the navigation is lost" in str(each)]
+    assert "it does not answer" in str(told)
+    asked = [time - silent_since for time in bench.times(CheckNaviRequest) if silent_since < time < told.timestamp]
+    assert asked == pytest.approx([2.0, 3.0, 4.0], abs=0.1)
     assert bench.core.open_calls == 0
     bench.lose()
     bench.run(2.0)

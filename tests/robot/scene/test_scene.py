@@ -8,7 +8,8 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.scene.recording import PathPoint, RecordedGoto, RecordedStop
-from eurobot_od.robot.scene.scene import CLEAR, DISC, MARKS, SIGN, SPACING, Item, MatchScene, looks
+from eurobot_od.robot.scene.scene import CLEAR, DISC, MARKS, SIGN, SPACING, Item, MatchScene, ground, looks
+from eurobot_od.robot.scene.style import MARK
 from tests.rows import rows
 
 FACTS = robot_file.read()
@@ -69,6 +70,32 @@ def test_a_stop_stands_where_the_robot_was_or_nowhere() -> None:
         "below: above it there is the border"
     )
     assert list(scene.stop(RecordedStop("B", 7.0, "Stop Drive", "commanded", None))) == []
+
+
+@rows("scale", [1.0, 1.5, 2.0, 3.0])
+@rows("kind", ["goto", "stop"])
+def test_no_sign_covers_the_name_of_a_start_zone(kind: str, scale: float) -> None:
+    """Signs are drawn larger around their place, and words from their corner on."""
+    names = [
+        (float(x), float(y), anchor == "end", len(words) * 0.5 * 38 * scale)
+        for x, y, anchor, words in re.findall(
+            r'x="(\S+)" y="(\S+)"[^>]*anchor="(\w+)"[^>]*>(start \w+)<', ground(FACTS)
+        )
+    ]
+    assert len(names) == 2
+    covered = []
+    for x, y in [(x, y) for x in range(0, int(WIDTH) + 1, 60) for y in range(int(HEIGHT) - 500, int(HEIGHT) + 1, 20)]:
+        stop = RecordedStop("A", 6.0, "Emergency Stop", "enemy", PathPoint(6, x, y, None))
+        scene, place = MatchScene(FACTS), (x, HEIGHT - y)
+        (item,) = (
+            each for each in (scene.goto(goto(1, x, y)) if kind == "goto" else scene.stop(stop)) if each.layer == MARKS
+        )
+        sign = [here + scale * (there - here) for here, there in zip(place, place_of(item))]
+        for left, top, leftwards, width in names:
+            begin = left - width if leftwards else left
+            beside = max(begin - sign[0], sign[0] - begin - width, top - sign[1], sign[1] - top - 38 * scale)
+            covered += [(place, sign)] if beside < MARK * scale else []
+    assert covered == []
 
 
 def test_robots_look_as_the_start_configuration_says() -> None:

@@ -295,6 +295,15 @@ def test_mf4(tmp_path: Path) -> None:
     assert found[-1][3] == Frame(EXTENDED | 0x18FF0001, b"\xaa")
 
 
+def test_an_mf4_file_of_measured_values_alone_is_not_an_empty_log(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf", reason="the extra mf4 is not installed")
+    with asammdf.MDF() as measured:
+        measured.append(asammdf.Signal([20.5, 20.7], [0.0, 1.0], name="Temperature"))
+        measured.save(file := tmp_path / "measured.mf4")
+    with file.open("rb") as opened, pytest.raises(LocalError, match=r"nothing in it .*MF4 with measured values alone"):
+        list(formats.entries(opened))
+
+
 def test_mf4_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("can.io.mf4.asammdf", None)
     file = tmp_path / "bus.mf4"

@@ -1,5 +1,7 @@
 """Runs a command; prints its wall and CPU time, peak memory and exit status as JSON: `launch.py INPUT OUTPUT WORD...`
 
+With `-` as OUTPUT the command is ended after its first line, at which its time is taken.
+
 Rule of this file: it uses little of the standard library, and nothing else. A process begins with its parent's peak
 memory, so a large program cannot measure a small one.
 """
@@ -8,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import threading
 import time
@@ -40,22 +43,37 @@ def watch(process: int, seen: dict[int, int]) -> None:
         time.sleep(PAUSE)
 
 
+def first_line(file: int) -> bool:
+    """Wait for a line; False if there is none."""
+    while said := os.read(file, 1):
+        if said == b"\n":
+            return True
+    return False
+
+
 def main() -> None:
     """Run the command."""
     source, target, *command = sys.argv[1:]
     seen: dict[int, int] = {}
-    files = [
-        (os.POSIX_SPAWN_OPEN, 0, source, os.O_RDONLY, 0),
-        (os.POSIX_SPAWN_OPEN, 1, target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600),
-    ]
+    reading, writing = os.pipe()
+    is_ended = target == "-"
+    to_file = (os.POSIX_SPAWN_OPEN, 1, target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    output = (os.POSIX_SPAWN_DUP2, writing, 1) if is_ended else to_file
+    files = [(os.POSIX_SPAWN_OPEN, 0, source, os.O_RDONLY, 0), output]
     begin = time.perf_counter()
     process = os.posix_spawn(command[0], command, os.environ, file_actions=files)
     threading.Thread(target=watch, args=(process, seen), daemon=True).start()
+    os.close(writing)
+    if is_ended and (is_ended := first_line(reading)):
+        seconds = time.perf_counter() - begin
+        os.kill(process, signal.SIGTERM)
     _, status, usage = os.wait4(process, 0)
-    seconds = time.perf_counter() - begin
+    if not is_ended:
+        seconds = time.perf_counter() - begin
     memory = max(usage.ru_maxrss << 10, sum(seen.values()))
     cpu = usage.ru_utime + usage.ru_stime
-    told = {"seconds": seconds, "cpu": cpu, "memory": memory, "status": os.waitstatus_to_exitcode(status)}
+    code = 0 if is_ended else os.waitstatus_to_exitcode(status)
+    told = {"seconds": seconds, "cpu": cpu, "memory": memory, "status": code}
     print(json.dumps(told))
 
 

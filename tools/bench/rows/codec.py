@@ -204,8 +204,8 @@ def opened(make: Callable[[], Statements], scale: Scale) -> Iterator[Mapping[str
     yield {name: partial(statement.timed, calls) for name, statement in make().items()}
 
 
-def _series(name: str, make: Callable[[], Statements], *claims: Claim) -> Series:
-    return Series("codec", name, contextmanager(partial(opened, make)), claims, often=3)
+def _series(name: str, make: Callable[[], Statements], *claims: Claim, often: float = 3) -> Series:
+    return Series("codec", name, contextmanager(partial(opened, make)), claims, often)
 
 
 def _claim(task: str, peer: str, label: str, wanted: float | None = None) -> Claim:
@@ -241,7 +241,7 @@ def _slices(task: str, message: Message) -> Series:
     first, *others = dialects.names()
     name = f"{task} {type(message).__name__}"
     claims = (Claim(f"{name}: {other} against {first}", other, first, Way.RATIO) for other in others)
-    return _series(f"{name} in slices", partial(slices, task, message), *claims)
+    return _series(f"{name} in slices", partial(slices, task, message), *claims, often=1)
 
 
 SERIES = (

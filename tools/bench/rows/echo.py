@@ -17,7 +17,7 @@ from statistics import fmean, median
 
 import can
 
-from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
+from bench.measure import SELDOM, Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
 from bench.shared import new_bus, new_channel, protocol
 from eurobot_od.bus.live import Live
 from eurobot_od.gatekeeper import Gatekeeper
@@ -178,7 +178,7 @@ def _medians(prefix: str, wanted: float | None) -> tuple[Claim, ...]:
 
 def _reported(name: str, beside: Beside) -> Series:
     claims = _claim(f"{name}, median", "drive"), _claim(f"{name}, mean", "drive", quantity=Quantity.MEAN)
-    return Series("echo", name, partial(opened, beside), claims)
+    return Series("echo", name, partial(opened, beside), claims, SELDOM)
 
 
 SERIES = (

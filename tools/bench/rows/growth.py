@@ -15,8 +15,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from bench.eds import make_eds
-from bench.measure import Claim, Contender, NotHere, Quantity, Scale, Series, Way
-from bench.process import OURS, run
+from bench.measure import SELDOM, Claim, Contender, NotHere, Quantity, Scale, Series, Way
+from bench.process import OURS, run, until_first_line
 from bench.traffic import random_traffic, write_candump
 
 TIMES = (1, 10, 100)
@@ -26,19 +26,22 @@ LINES, OBJECTS = 1000, 50
 COMMANDS: Mapping[str, str] = {
     "decode": "decode {log}",
     "archive": "archive {log} -o",
+    "serve": "serve --listen 127.0.0.1:0 {log}",
     "monitor": "monitor --plain --speed max {log}",
     "lint": "lint {eds}",
     "show --objects": "show --objects --eds 5={eds}",
     "match --seeds": "match --jobs 1 --duration 1 --seeds {times}",
 }
-"""The commands; `{log}`, `{eds}` and `{times}` grow."""
+"""The commands; `{log}`, `{eds}` and `{times}` grow. `serve` reads all before it says where it is."""
+
+NEEDED = {"archive": "polars", "serve": "aiohttp"}
 
 
 @contextmanager
 def opened(command: str, scale: Scale) -> Iterator[Mapping[str, Contender]]:
     """Make the inputs, and give the command on each."""
-    if command == "archive" and find_spec("polars") is None:
-        raise NotHere("polars not installed")
+    if command in NEEDED and find_spec(NEEDED[command]) is None:
+        raise NotHere(f"{NEEDED[command]} not installed")
     with tempfile.TemporaryDirectory() as name:
         folder, found = Path(name), dict[str, Contender]()
         for times in TIMES:
@@ -52,8 +55,9 @@ def opened(command: str, scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 def once(command: str, words: Sequence[str]) -> Mapping[Quantity, float]:
     """Run a command; each archive goes into a folder of its own."""
+    measure = until_first_line if command == "serve" else run
     with tempfile.TemporaryDirectory() as name:
-        return run([*OURS, *words, *[str(Path(name, "season"))] * (command == "archive")])
+        return measure([*OURS, *words, *[str(Path(name, "season"))] * (command == "archive")])
 
 
 def _claims(command: str) -> Iterator[Claim]:
@@ -64,5 +68,6 @@ def _claims(command: str) -> Iterator[Claim]:
 
 
 SERIES = tuple(
-    Series("growth", f"growth of {command}", partial(opened, command), tuple(_claims(command))) for command in COMMANDS
+    Series("growth", f"growth of {command}", partial(opened, command), tuple(_claims(command)), SELDOM)
+    for command in COMMANDS
 )

@@ -19,10 +19,10 @@ from typing import Any
 
 import can
 
-from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from bench.measure import SELDOM, Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.process import CANTOOLS, OURS, PROGRAMS, PYTHON, run
 from bench.shared import protocol
-from bench.traffic import Timed, random_traffic, recorded_traffic, write_candump
+from bench.traffic import Timed, random_traffic, write_candump
 from eurobot_od.export.dbc import dbc_text
 
 SAMPLES = 1000
@@ -33,8 +33,6 @@ TSHARK = shutil.which("tshark")
 
 UNKNOWN = ":: Unknown frame id"
 """What cantools says of CANopen's own services."""
-
-Traffic = Callable[[int], Iterable[Timed]]
 
 
 # Whether the output is right
@@ -79,12 +77,12 @@ def decoded(log: Path, peer: Path, count: int) -> Figures:
 
 
 @contextmanager
-def candump(traffic: Traffic, full: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
+def candump(full: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
     """Write a candump log and give the programs that decode it."""
     count = scale.of(full, 200)
     with _folder() as (folder, dbc):
         log, peer = folder / "traffic.log", folder / "peer"
-        write_candump(log, traffic(count))
+        write_candump(log, random_traffic(count))
         yield {
             "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log, peer),
             "loop": partial(run, [PYTHON, PROGRAMS / "peer_loop.py", log, dbc], target=folder / "loop"),
@@ -153,33 +151,30 @@ def other_format(suffix: str, scale: Scale) -> Iterator[Mapping[str, Contender]]
 # Rows
 
 
-def _candump(
-    name: str,
-    count: int,
-    wanted: float | None = None,
-    traffic: Traffic = random_traffic,
-    ahead: float | None = None,
-) -> Series:
-    claims = (
+def _candump(name: str, count: int, wanted: float | None, *claims: Claim, often: float = 1) -> Series:
+    beside_cantools = (
         Claim(f"{name}: cantools decode", "ours", "cantools", Way.TIMES_AS_FAST, wanted),
-        Claim(f"{name}: thirty lines over cantools' API", "ours", "loop", Way.TIMES_AS_FAST, ahead),
-        *([Claim(f"{name}: tshark", "ours", "tshark", Way.TIMES_AS_FAST, ahead)] if TSHARK else []),
         Claim(f"{name}, memory", "ours", "cantools", Way.RATIO, None, Quantity.MEMORY),
     )
-    return Series("logs", name, partial(candump, traffic, count), claims)
+    return Series("logs", name, partial(candump, count), (*beside_cantools, *claims), often)
 
 
 def _other(suffix: str) -> Series:
     name = f"decode 100 000 frames of {suffix}"
     claim = Claim(f"{name}: python-can and cantools", "ours", "peer", Way.TIMES_AS_FAST, 1)
-    return Series("logs", name, partial(other_format, suffix), (claim,))
+    return Series("logs", name, partial(other_format, suffix), (claim,), SELDOM)
 
 
+LINES = "decode 100 000 lines"
 SERIES = (
-    _candump("decode 1000 lines", 1000),
-    _candump("decode 100 000 lines", 100_000, ahead=1),
-    _candump("decode 1 000 000 lines", 1_000_000, 6),
-    _candump("decode 100 000 lines of one match repeated", 100_000, traffic=recorded_traffic),
+    _candump(
+        LINES,
+        100_000,
+        None,
+        Claim(f"{LINES}: thirty lines over cantools' API", "ours", "loop", Way.TIMES_AS_FAST, 1),
+        *([Claim(f"{LINES}: tshark", "ours", "tshark", Way.TIMES_AS_FAST, 1)] if TSHARK else []),
+    ),
+    _candump("decode 1 000 000 lines", 1_000_000, 6, often=SELDOM),
     Series(
         "logs",
         "decode --statistics of 100 000 lines",

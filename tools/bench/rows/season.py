@@ -14,7 +14,7 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
-from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
+from bench.measure import SELDOM, Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
 from bench.process import CANTOOLS, OURS, PROGRAMS, PYTHON, run
 from bench.shared import protocol
 from bench.traffic import random_traffic, write_candump
@@ -63,12 +63,11 @@ def opened(scale: Scale) -> Iterator[Mapping[str, Contender]]:
             "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log),
             "by hand": partial(by_hand, log, dbc),
             "ours": partial(archived, log, count),
-            "cantools, ten times": partial(run, [*CANTOOLS, "decode", "-s", dbc], long),
             "ours, ten times": partial(archived, long, TIMES * count),
         }
 
 
-NAME, LONG = "archive 1 000 000 lines", "archive 10 000 000 lines"
+NAME = "archive 1 000 000 lines"
 
 SERIES = (
     Series(
@@ -79,18 +78,10 @@ SERIES = (
             Claim(f"{NAME}: cantools decode -s", "ours", "cantools", Way.TIMES_AS_FAST, 15),
             Claim(f"{NAME}: python-can, cantools, pyarrow", "ours", "by hand", Way.TIMES_AS_FAST),
             Claim(f"{NAME}, CPU: cantools", "ours", "cantools", Way.TIMES_AS_FAST, None, Quantity.CPU_TIME),
-            Claim(f"{LONG}: cantools decode -s", "ours, ten times", "cantools, ten times", Way.TIMES_AS_FAST, 15),
-            Claim(
-                f"{LONG}, CPU: cantools",
-                "ours, ten times",
-                "cantools, ten times",
-                Way.TIMES_AS_FAST,
-                None,
-                Quantity.CPU_TIME,
-            ),
             Claim("archive ten times the lines", "ours, ten times", "ours", Way.RATIO, TIMES),
             Claim("archive ten times the lines, CPU", "ours, ten times", "ours", Way.RATIO, None, Quantity.CPU_TIME),
             Claim("archive ten times the lines, memory", "ours, ten times", "ours", Way.RATIO, 1.2, Quantity.MEMORY),
         ),
+        SELDOM,
     ),
 )

@@ -141,8 +141,15 @@ def test_a_master_moves_sync() -> None:
     assert [frame.cob_id for frame in wire.send(Frame(0x0F1, b"\x07")).frames] == [STATE]
 
 
-@pytest.mark.parametrize(("entry", "why"), [(1 << 30 | 0x0F0, "it sends none"), (1 << 29 | 0x0F0, "a 29-bit one")])
-def test_a_sync_that_the_device_has_not_is_refused(entry: int, why: str) -> None:
+REFUSED_SYNCS = [
+    (1 << 30 | 0x0F0, "it sends none"),
+    (1 << 29 | 0x0F0, "a 29-bit one"),
+    (0x701, "that of a heartbeat"),
+]
+
+
+@rows("entry, why", REFUSED_SYNCS)
+def test_a_sync_that_the_device_cannot_have_is_refused(entry: int, why: str) -> None:
     assert synchronous().refused((0x1005, 0), entry, size=4) == AbortCode.VALUE, why
 
 
