@@ -42,7 +42,7 @@ COMMANDS = {
     "compare": "compare two logs: what differs, is missing, is late",
     "replay": "replay a log onto a bus with its recorded timing",
     "diagnose": "say what is wrong on a bus, or in a log, and what to do",
-    "monitor": "watch a bus, or a log, as a live table",
+    "monitor": "watch a bus, or a log, as a live table, and record it",
     "serve": "show a bus, or logs, in a browser",
     "load": "compute how full a bus is, and how late each message can be",
     "lint": "check EDS, DCF and XDD files, one by one or as a network",
@@ -339,7 +339,7 @@ def _overview(robot: Plugin) -> ArgumentParser:
         return [f"  {name:{width}}  {text}" for name, text in commands.items()]
 
     ours = ["", f"{robot.name}:", *listed(own)] if own else []
-    explained = f"`{program()} COMMAND --help` explains it."
+    explained = f"`{program()} COMMAND --help` explains it. Without an adapter `node --share PORT` makes a bus."
     parser = Parser(
         program(),
         description="A CANopen workbench for any device's EDS, and for robots that are plugged in.",

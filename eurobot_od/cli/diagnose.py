@@ -23,10 +23,8 @@ from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident, lines
 from eurobot_od.traffic.monitor import BusSource
 
-BY_WORD = {word: level for level, word in LEVELS.items()}
-"""What `--fail-on` takes; "never" beside them."""
-
-NEVER = "never"
+WORDS = (*LEVELS.values(), "never")
+"""What `--fail-on` takes, worst first."""
 
 POLL = 0.02
 """Seconds between two looks at a bus."""
@@ -42,7 +40,7 @@ def diagnose(
     duration: Annotated[Seconds, Option("--for")] = inf,
     as_json: Json = False,
     report: Annotated[Path | None, Option(metavar="FILE")] = None,
-    fail_on: Annotated[str, Option(choices=(*BY_WORD, NEVER))] = "warning",
+    fail_on: Annotated[str, Option(choices=WORDS)] = "warning",
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
@@ -79,10 +77,8 @@ def diagnose(
     if report:
         title = ", ".join(Path(each).name for each in logs) or "a bus"
         write(report, FORMS[form](list(blocks(title, said, found, diagnosis))))
-    worst = found[0].rule.severity if found else None
-    order = list(LEVELS)
-    fails = worst is not None and fail_on != NEVER and order.index(worst) <= order.index(BY_WORD[fail_on])
-    return ExitStatus.FOUND if fails else ExitStatus.FINE
+    reached = WORDS[WORDS.index(LEVELS[found[0].rule.severity]) : -1] if found else ()
+    return ExitStatus.FOUND if fail_on in reached else ExitStatus.FINE
 
 
 def _read(diagnosis: Diagnosis, logs: Sequence[str], reading: Reading) -> None:

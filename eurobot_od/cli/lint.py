@@ -167,7 +167,8 @@ def _found(
         for file in counted:
             try:
                 device = load(read_bytes(file), file)
-                if not (device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
+                is_named = file.lower().endswith(SUFFIXES)  # of these, what is missing are findings
+                if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
                     raise DictionaryError(file, None, "not an EDS: it has no section of one")
                 findings += lint_device(device, file)
             except DictionaryError as error:  # the other files are checked all the same

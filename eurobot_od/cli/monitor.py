@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
 from math import inf
+from pathlib import Path
 from typing import Annotated, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live import BITRATE
@@ -22,11 +23,13 @@ from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, NoReconnect, positive
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
+from eurobot_od.frame import Frame
 from eurobot_od.support import extras
 from eurobot_od.support.progress import redraws
 from eurobot_od.traffic.decoding import TextOutput
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.monitor import SORTS, BusSource, Controls, LogSource, Traffic, named, plain_table, selected
+from eurobot_od.traffic.recorder import recording
 from eurobot_od.traffic.statistics import NOTHING, tables
 
 Source: TypeAlias = BusSource | LogSource
@@ -52,13 +55,14 @@ def monitor(
     plain: bool = False,
     statistics: bool = False,
     ask: bool = False,
+    log: Annotated[Path | None, Option(metavar="FILE")] = None,
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
     dbc: DbcFiles = (),
     bus: BusOptions,
 ) -> None:
-    """Watch a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as plain lines.
+    """Watch or record a bus, or play logs, as a live table of messages; without a terminal or rich, as plain lines.
 
     It goes on until the logs or the user end it, and prints the table once more.
 
@@ -69,9 +73,11 @@ def monitor(
     plain: print lines as decode does, and the table at the end
     statistics: also print load, gaps, response times and bounds at the end
     ask: read the devices' present PDO parameters by SDO; without files, of all that answer
+    log: write all frames there, in the format of its suffix
 
     $ monitor run.log --eds 5=motor.eds
     $ monitor --plain --eds 5=motor.eds -i socketcan -c can0
+    $ monitor --log bus.log -i socketcan -c can0
     """
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")
@@ -90,9 +96,10 @@ def monitor(
             source = BusSource(bus.open(), opener=bus.reopener(no_reconnect))
         stack.enter_context(closing(source))
         session = Monitor(traffic, controls, source)
+        record = stack.enter_context(recording(log, tell=complain))
         took, refresh = stack.enter_context((on_screen if rich else _lines)(session))
         with suppress(KeyboardInterrupt):  # the usual way to end it
-            session.run(took, refresh)
+            session.run(took, refresh, record)
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     print("\n".join(plain_table(rows, source.now)))
     if statistics:
@@ -107,8 +114,8 @@ class Monitor(NamedTuple):
     controls: Controls
     source: Source
 
-    def run(self, took: Took, refresh: Refresh) -> None:
-        """Take in frames and refresh what is shown until the source or the user ends it.
+    def run(self, took: Took, refresh: Refresh, record: Callable[[float, Frame], None]) -> None:
+        """Take in frames, record them and refresh what is shown until the source or the user ends it.
 
         While it is paused, frames are still taken in, but only a key changes what is shown.
         """
@@ -116,6 +123,8 @@ class Monitor(NamedTuple):
         with keys() as wait:
             while self.controls.running and not self.source.ended:
                 for time, raw in self.source.poll():
+                    if isinstance(raw, Frame):
+                        record(time, raw)
                     took(time, self.traffic.take(time, raw, self.source.place, self.source.channel))
                 # A key may be the one that ends the pause, or that scrolls in it.
                 if pressed or not self.controls.paused:

@@ -12,7 +12,7 @@ from typing import Any
 import can
 import pytest
 
-from eurobot_od.cli.diagnose import BY_WORD, NEVER
+from eurobot_od.cli.diagnose import WORDS
 from tests.cli.console import run
 from tests.rows import rows
 from tests.traffic.diagnosis.defects import beats, log
@@ -55,15 +55,15 @@ def test_the_first_line_is_the_verdict(
     assert said.status == status
 
 
-@rows("level, status", [("error", 0), ("warning", 0), ("note", 1), (NEVER, 0)])
+@rows("level, status", [("error", 0), ("warning", 0), ("note", 1), ("never", 0)])
 def test_the_lowest_level_that_fails(
     files: dict[str, str], capsys: pytest.CaptureFixture[str], level: str, status: int
 ) -> None:
     assert run(capsys, "diagnose", files["note"], "--fail-on", level, *WORKBENCH).status == status
 
 
-def test_each_level_can_fail() -> None:
-    assert list(BY_WORD) == ["error", "warning", "note"]
+def test_each_level_can_fail_or_none() -> None:
+    assert WORDS == ("error", "warning", "note", "never")
 
 
 def test_an_incident_names_place_cause_remedy_and_clause(

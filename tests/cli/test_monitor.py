@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
+from eurobot_od.traffic.formats import read
 from tests.rows import rows
 
 LOG = """\
@@ -40,6 +41,13 @@ def test_filter_and_sort(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["monitor", str(log), "--speed", "max", "--filter", "drive", "--sort", "age"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == ["10.000000", "10.500000", "ID", "702", "00C"]
+
+
+def test_what_is_watched_is_recorded(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["monitor", str(log), "--speed", "max", "--filter", "none", "--log", str(tmp_path / "b.asc")]) == 0
+    capsys.readouterr()
+    with log.open("rb") as before, (tmp_path / "b.asc").open("rb") as after:
+        assert [raw for *_, raw in read(after)] == [raw for *_, raw in read(before)]
 
 
 def test_damage_is_named_by_its_log_and_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

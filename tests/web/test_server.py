@@ -521,7 +521,7 @@ STARTS = [
         present(BOTH | {"navigation": "firmware2014"}, False),
         "no goto: the navigation speaks another dialect than the page's EDS files",
     ),
-    (present(BOTH, False), "no goto: the drive's place is unknown; have a core configure the start"),
+    (present(BOTH, False), "no goto: the drive's place is unknown; send Start Configuration Set first"),
     (present(BOTH, True), None),
 ]
 

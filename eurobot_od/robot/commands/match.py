@@ -184,15 +184,11 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     players = asked.strategies.load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
-    began: list[float] = []
     with recording(asked.log, asked.log_failure, complain) as write_frame:
 
         def watch(time: float, frame: Frame) -> None:
             write_frame(time, frame)
-            if not began:
-                began.append(time)
-            if asked.field is not None:
-                frames.append((time, frame))
+            frames.append((time, frame))
 
         show = events.append if asked.as_json else partial(_show, in_colour(sys.stdout))
         # What a strategy prints is not to get into the JSON.
@@ -211,9 +207,9 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
             print(json.dumps({"timeline": timeline, "summary": found.as_data()}, indent=2))
         else:
             print(f"\n{found}")
-    if asked.log is not None and began:
+    if asked.log is not None and frames:
         # After the log, which is whole only now.
-        _keep_truth(asked.log, world, began[0])
+        _keep_truth(asked.log, world, frames[0][0])
     return status_of(found)
 
 

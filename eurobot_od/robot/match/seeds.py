@@ -157,7 +157,7 @@ def play(
 
     def tell(line: str) -> None:
         told.append(line)
-        print(line, file=printed)
+        printed.write(f"{line}\n")
 
     with recording(log, tell=tell) as write, redirect_stdout(printed):
         try:
@@ -536,7 +536,7 @@ def compared(played: Played) -> Iterator[str]:
             differences = [measure.of(after) - measure.of(before) for before, after in zip(played[first], played[name])]
             mean, half = interval(differences)
             # If the interval contains 0, it does not even tell which of the two is better.
-            verdict = "" if abs(mean) > half else ", which may be chance"
+            verdict = "" if abs(mean) > half else ", which may be chance" if half else ", the same at each seed"
             more, fewer = sum(each > 0 for each in differences), sum(each < 0 for each in differences)
             what = f"{measure.name} {mean:+.2f} ± {half:.2f}{verdict}"
             yield f"{name} against {first}: {what}; more at {more} seeds, fewer at {fewer}"

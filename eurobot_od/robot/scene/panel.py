@@ -112,7 +112,7 @@ class FieldPanel(Panel):
                 return f"no goto: the {node} speaks another dialect than the page's EDS files"
         if not self._answers(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, control):
             return "no goto: the drive does not say where it is"
-        return "" if self._place_known else "no goto: the drive's place is unknown; have a core configure the start"
+        return "" if self._place_known else "no goto: the drive's place is unknown; send Start Configuration Set first"
 
     def _answers(self, request: Message, answer: type[Message], control: Control) -> bool:
         # A new one for each question: an answer to an earlier one must not count.

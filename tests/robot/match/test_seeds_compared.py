@@ -35,6 +35,7 @@ def test_a_line_for_each_seed_and_the_differences_at_the_same_seeds() -> None:
     assert {each.partition(".")[2] for each in lines[2].split()[-3:]} == {"00"}  # the metres have as many digits each
     assert "quick against slow: points +3.25 ± 0.49; more at 4 seeds, fewer at 0" in lines
     assert "same against slow: points +0.00 ± 1.13, which may be chance; more at 2 seeds, fewer at 2" in lines
+    assert "same against slow: touches +0.00 ± 0.00, the same at each seed; more at 0 seeds, fewer at 0" in lines
 
 
 def test_the_picture_has_a_dot_for_each_match_and_says_whose() -> None:

@@ -80,7 +80,7 @@ def monitor(sender: Sender) -> int:
     sender.start()
     sender.then(lambda: watched.controls.key("q"))
     with command.on_screen(watched) as (took, refresh):
-        watched.run(took, refresh)
+        watched.run(took, refresh, lambda *_: None)
     source.close()
     return sum(row.count for row in watched.traffic.rows.values())
 
