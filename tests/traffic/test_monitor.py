@@ -342,7 +342,9 @@ def test_what_is_sent_stands_where_it_was_on_the_bus() -> None:
 
 def test_times_go_back_only_with_a_clock_that_is_set() -> None:
     stamps = (5.0, 4.9997, 5.001, 3.0, 3.1)
-    source = BusSource(Driver(*(can.Message(timestamp=at, arbitration_id=0x701, is_extended_id=False) for at in stamps)))
+    source = BusSource(
+        Driver(*(can.Message(timestamp=at, arbitration_id=0x701, is_extended_id=False) for at in stamps))
+    )
     found: list[Timed] = []
     with pytest.raises(BusError):
         receive(source, found, 6)
