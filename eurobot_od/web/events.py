@@ -6,7 +6,7 @@ No clock and no bus: what frames mean goes in, and the time in seconds.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 from eurobot_od.client.watch import Life
 from eurobot_od.frame import Frame
@@ -15,6 +15,7 @@ from eurobot_od.od.cia402 import AXIS_STEP, MOST_AXES, STATUSWORD, State
 from eurobot_od.od.values import Address
 from eurobot_od.pdo.binding import Binding, Placed
 from eurobot_od.sdo.wire import code_and_reason
+from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from eurobot_od.traffic.monitor import NodeHealth
 from eurobot_od.traffic.services import EMCY_NAME, object_words
@@ -44,18 +45,13 @@ STATUSWORDS = {(STATUSWORD + axis * AXIS_STEP, 0): axis + 1 for axis in range(MO
 """The axis of each statusword."""
 
 
-Carrier: TypeAlias = tuple[Binding | None, Sequence[Placed]]
-"""A message, and the statuswords in it."""
-
-NO_CARRIER: Carrier = (None, ())
-
-
 class BusEvents:
     """Makes events: NMT commands, EMCY, boot-ups, aborts of SDO transfers, states of drives, nodes lost and back."""
 
     def __init__(self, decoder: Decoder) -> None:
         self._nodes = {each.node_id: each for each in decoder.dictionaries}
-        self._carriers: dict[int, Carrier] = {
+        # Messages, and the statuswords in them; not by identifiers alone: what is damaged has none.
+        self._carriers: dict[int | Damage, tuple[Binding, Sequence[Placed]]] = {
             each.cob_id: (each, [word for word in each.placed if word.address in STATUSWORDS])
             for each in decoder.protocol.bindings
             if each.senders
@@ -69,12 +65,11 @@ class BusEvents:
             yield from _service(number, time, meaning)
             yield from self._transfer(number, time, meaning)
             return
-        raw = meaning.raw
-        binding, words = self._carriers.get(raw.cob_id, NO_CARRIER) if isinstance(raw, Frame) else NO_CARRIER
+        raw, carrier = meaning.raw, self._carriers.get(meaning.raw[0])
         # A device that was mapped otherwise since has another type of message.
-        if isinstance(raw, Frame) and binding is not None and type(meaning.message) is binding.type:
+        if carrier and isinstance(raw, Frame) and type(meaning.message) is carrier[0].type:
             frame = int.from_bytes(raw.data, "little")
-            for each in words:
+            for each in carrier[1]:
                 yield from self._drive(number, time, meaning.sender, each.address, frame >> each.offset & each.mask)
 
     def _transfer(self, number: int, time: float, meaning: Meaning) -> Iterator[PageEvent]:

@@ -107,9 +107,9 @@ class Requests:
             now = self.session.now
             self.session.polled = {key: each for key, each in self.session.polled.items() if each.wanted_until > now}
             for each in self.session.polled.values():
-                value, trouble = await self._ask(partial(self._read_polled, each))
+                value, each.trouble = await self._ask(partial(self._read_polled, each))
                 # The next turn: also for a browser that already has the present one.
-                each.take(Sample(self.session.turn + 1, self.session.now, value), trouble)
+                each.samples += [] if each.trouble else [Sample(self.session.turn + 1, self.session.now, value)]
             await asyncio.sleep(POLL_PERIOD)
 
     def _read_polled(self, each: PolledObject) -> tuple[Any, str]:
@@ -348,11 +348,11 @@ class Requests:
 
     def record(self, _: Arguments) -> None:
         """Begin to record."""
-        self.session.record(self.folder)
+        self.session.recording.start(self.folder)
 
     def stop_recording(self, _: Arguments) -> None:
         """End the recording."""
-        self.session.stop_recording()
+        self.session.recording.stop()
 
 
 class Way(Enum):

@@ -117,23 +117,13 @@ class Sample(NamedTuple):
 
 @dataclass
 class PolledObject:
-    """An object of a node, its last values, what was wrong with the last reading, and until when it is read.
-
-    `turn` is the session's turn of the last reading, for snapshots.
-    """
+    """An object of a node, its last values, what was wrong with the last reading, and until when it is read."""
 
     node_id: int
     thing: ODVariable
     samples: deque[Sample] = field(default_factory=lambda: deque(maxlen=MOST_SAMPLES))
     trouble: str = ""
-    turn: int = -1
     wanted_until: float = 0.0
-
-    def take(self, sample: Sample, trouble: str) -> None:
-        """Take in a reading."""
-        self.turn, self.trouble = sample.turn, trouble
-        if not trouble:
-            self.samples.append(sample)
 
     def shown(self, since: int) -> dict[str, Any]:
         """Return as data what is newer than a turn."""
@@ -234,7 +224,7 @@ class Session:
         self._changed: dict[int | Damage, int] = {}
         self._written: dict[int | Damage, tuple[int, str]] = {}
         self._events: dict[str, tuple[int, PageEvent]] = {}
-        self._recording = LogRecording()
+        self.recording = LogRecording()
         self._load = (0.0, 0.0)
         self._started, self._began = clock(), round(time.time(), 3)
         self._origin: float | None = None
@@ -278,7 +268,7 @@ class Session:
         self._changed[raw[0]] = self.turn
         if isinstance(raw, Frame):
             self.tap.give(raw)
-            self._recording.write(now, raw)
+            self.recording.write(now, raw)
         shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, defects(meaning)]
         self.history.add(COMPACT(shown))
         for event in self._watch.take(self._traffic.frames, now, meaning):
@@ -299,7 +289,7 @@ class Session:
         with ExitStack() as leaving:  # if one fails, the others are still closed
             leaving.callback(self.tap.shutdown)
             leaving.callback(self._source.close)
-            self._recording.stop()
+            self.recording.stop()
 
     # What is shown
 
@@ -317,7 +307,7 @@ class Session:
             "rate": round(rate, 1),
             "frames": self.frames,
             "trouble": self.trouble,
-            "recording": self._recording.state(),
+            "recording": self.recording.state(),
             "nodes": [
                 {
                     "name": name,
@@ -329,7 +319,7 @@ class Session:
                 for name, node in self._traffic.nodes.items()
             ],
             "events": [event_data(event) for turn, event in self._events.values() if turn > since],
-            "objects": {key: each.shown(since) for key, each in self.polled.items() if each.turn > since},
+            "objects": {key: each.shown(since) for key, each in self.polled.items()},
             **more,
         }
         rows = ",".join(self._row(key) for key, turn in self._changed.items() if turn > since)
@@ -364,16 +354,6 @@ class Session:
         self._written[key] = row.count, json.dumps(data)
         return self._written[key][1]
 
-    # Recording
-
-    def record(self, folder: Path) -> None:
-        """Start to write every frame to a log in a folder; raises LocalError if a recording is under way."""
-        self._recording.start(folder)
-
-    def stop_recording(self) -> None:
-        """End the recording, if there is one under way."""
-        self._recording.stop()
-
 
 class LogRecording:
     """Writes frames to a log while it is switched on; a new log replaces the last one."""
@@ -385,7 +365,7 @@ class LogRecording:
         self._open = ExitStack()
 
     def start(self, folder: Path) -> None:
-        """Start a new log in a folder."""
+        """Start a new log in a folder; raises LocalError if a recording is under way."""
         if self._write is not None:
             raise LocalError("a recording is under way")
         if self._file is not None:

@@ -156,7 +156,7 @@ def test_a_recording_ends_by_itself_when_it_is_long(
 ) -> None:
     session, send = bus
     monkeypatch.setattr(module, "MOST_RECORDED", 2)
-    session.record(tmp_path)
+    session.recording.start(tmp_path)
     for _ in range(3):
         send(BEAT)
     state = snapshot(session)["recording"]
@@ -174,7 +174,7 @@ def test_a_full_disk_ends_a_recording_and_nothing_else(
 
     session, send = bus
     monkeypatch.setattr(module, "recording", full)
-    session.record(tmp_path)
+    session.recording.start(tmp_path)
     send(BEAT)
     send(BEAT)
     found = snapshot(session)
@@ -195,7 +195,7 @@ def test_a_recording_that_cannot_be_ended_lets_the_bus_go_all_the_same(
     bus = open_bus("virtual", name)
     session = Session(lambda: bus, decoder(), 500_000)
     monkeypatch.setattr(module, "recording", full)
-    session.record(tmp_path)
+    session.recording.start(tmp_path)
     send_own(session, BEAT)
     with pytest.raises(OSError, match="No space left on device"):
         session.close()

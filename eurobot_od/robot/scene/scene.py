@@ -70,35 +70,10 @@ def _start(field: Field, colour: TeamColour, start: Start, is_ours: bool) -> str
     paint, corner = style.team_colour(colour), on_paper(field, left, upper)
     opacity, width, dashes = (0.3, 10, None) if is_ours else (0.12, 4, "20 12")
     look = {"fill": paint, "fill_opacity": opacity, "stroke": paint, "stroke_width": width, "stroke_dasharray": dashes}
-    name = StartName.of(field, colour, start)
-    words = _small(name.corner, name.words, style.INK, "start" if name.rightwards > 0 else "end", "hanging")
-    return svg.group(svg.rectangle(corner, right - left, upper - lower, **look), words)
-
-
-class StartName(NamedTuple):
-    """The name of a zone, from a corner on downwards, and to the right (1) or to the left (-1)."""
-
-    words: str
-    corner: PaperPoint
-    rightwards: int
-
-    @classmethod
-    def of(cls, field: Field, colour: TeamColour, start: Start) -> StartName:
-        """Return it towards the nearer border, where larger letters do not run out of the field."""
-        left, _, right, upper = start.zone
-        side = 1 if left < field.width / 2 else -1
-        x, y = on_paper(field, left if side > 0 else right, upper)
-        return cls(f"start {colour.name.lower()}", (x + side * MARGIN / 2, y + MARGIN / 2), side)
-
-    def is_covered(self, place: PaperPoint, aside: PaperPoint) -> bool:
-        """Tell whether it is covered by a sign that stands aside from its place, however large they are."""
-        for scale in SCALES:
-            x = self.rightwards * (place[0] + scale * aside[0] - self.corner[0])
-            y = place[1] + scale * aside[1] - self.corner[1]
-            width, height = (scale * each for each in (len(self.words) * 0.6 * style.TEXT, style.TEXT))
-            if max(-x, x - width, -y, y - height) < scale * SPACING / 2:
-                return True
-        return False
+    # Towards the nearer border, where larger letters do not run out of the field.
+    x, anchor = (left + MARGIN / 2, "start") if left < field.width / 2 else (right - MARGIN / 2, "end")
+    name = _small((x, corner[1] + MARGIN / 2), f"start {colour.name.lower()}", style.INK, anchor, "hanging")
+    return svg.group(svg.rectangle(corner, right - left, upper - lower, **look), name)
 
 
 def _barrier(barrier: Barrier) -> str:
@@ -139,11 +114,14 @@ DISC, SIGN = 68, 78
 CLEAR = 120
 """Nearer to the border than this there is no room for a disc or a sign, mm."""
 
+UNDER = 460
+"""Nearer to the upper edge of a start zone than this, a sign above its place could cover the zone's name, mm.
+
+Both are drawn larger where the field is small: three times on a phone.
+"""
+
 SPACING = 2 * style.MARK + 8
 """Distance of signs, mm, which do not cover each other."""
-
-SCALES = (1.0, 2.0, 3.0)
-"""How much larger signs and words are drawn where the field is small: the last is a phone's."""
 
 
 class MatchScene:
@@ -152,7 +130,6 @@ class MatchScene:
     def __init__(self, facts: Facts) -> None:
         self._facts, self._field = facts, facts.field
         self._signs: dict[tuple[str, object], PaperPoint] = {}
-        self._names = [StartName.of(self._field, *each) for each in self._field.starts.items()]
 
     def goto(self, goto: RecordedGoto, route: Iterable[Point] = ()) -> Iterator[Item]:
         """Draw a goto: the barriers and the way while it is under way, its disc from then on."""
@@ -178,7 +155,8 @@ class MatchScene:
         """Draw a stop as a dot, and above it its sign; nothing if nobody knows where it was."""
         if stop.place is not None:
             place = on_paper(self._field, stop.place.x, stop.place.y)
-            sign = self._aside("stop", stop.letter, place, SIGN if place[1] < CLEAR else -SIGN)
+            named = any(0 <= start.zone[-1] - stop.place.y < UNDER for start in self._field.starts.values())
+            sign = self._aside("stop", stop.letter, place, SIGN if named or place[1] < CLEAR else -SIGN)
             yield _mark(
                 place,
                 svg.line(style.CENTRE, sign, stroke=style.STOP, stroke_width=5),
@@ -193,26 +171,13 @@ class MatchScene:
         return _mark(on_paper(self._field, *touch.place), burst, begin=touch.time)
 
     def _aside(self, kind: str, name: object, place: PaperPoint, away: float) -> PaperPoint:
-        """Return where a sign stands, seen from its place: `away` below it, or above it where a name would be covered.
-
-        It is aside if another one is there.
-        """
+        """Return where a sign stands, seen from its place: `away` below it, and aside if another one is there."""
         if (kind, name) not in self._signs:
-            if self._covers(place, (0, away)) and SPACING < place[1] - away < self._field.height - SPACING:
-                away = -away
-            row = [(each, away) for each in self._row(place[0])]
-            free = (each for each in row if self._is_free(place, each))
-            x, y = next(free, row[len(self._signs) % len(row)])
-            self._signs[kind, name] = place[0] + x, place[1] + y
+            row = [(place[0] + each, place[1] + away) for each in self._row(place[0])]
+            free = (each for each in row if all(dist(each, other) > SPACING - 1 for other in self._signs.values()))
+            self._signs[kind, name] = next(free, row[len(self._signs) % len(row)])
         x, y = self._signs[kind, name]
         return x - place[0], y - place[1]
-
-    def _is_free(self, place: PaperPoint, aside: PaperPoint) -> bool:
-        sign = place[0] + aside[0], place[1] + aside[1]
-        return not self._covers(place, aside) and all(dist(sign, each) > SPACING - 1 for each in self._signs.values())
-
-    def _covers(self, place: PaperPoint, aside: PaperPoint) -> bool:
-        return any(each.is_covered(place, aside) for each in self._names)
 
     def _row(self, middle: float) -> list[float]:
         """Return how far from the middle of a row its signs are, by turns to both sides; all are on the field."""
