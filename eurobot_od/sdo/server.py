@@ -103,7 +103,9 @@ class SdoServer:
         return frames
 
     def _abort(self, abort: Abort) -> list[bytes]:
-        address, self.aborted = self._address, abort
+        # Kept without the frames in which it was raised: they would hold on to the bus that the request came from.
+        abort.__cause__ = abort.__context__ = None
+        address, self.aborted = self._address, abort.with_traceback(None)
         self.forget()
         return [wire.aborted(address, abort.reason.code)]
 

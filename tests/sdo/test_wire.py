@@ -266,6 +266,7 @@ def test_a_device_sends_each_abort(reason: Reason, tmp_path: Path) -> None:
     assert Initiate.of(answers[-1]).number == reason.code
     assert device.device.aborted is not None
     assert device.device.aborted.reason is reason
+    assert (device.device.aborted.__traceback__, device.device.aborted.__context__) == (None, None), "holds a bus"
 
 
 WRITERS = {
