@@ -98,7 +98,7 @@ class Series:
 
     `open` prepares, gives the contenders by name, and cleans up; it may raise NotHere or Wrong. What takes next to no
     time is measured in `often` times as many rounds, as it takes more of them to meet a quiet moment; what takes
-    seconds varies little, and has fewer (SELDOM); what is the same each time has one (ONCE).
+    seconds varies little, and has fewer (SELDOM); what is the same each time, or far from its bound, has one (ONCE).
     """
 
     group: str

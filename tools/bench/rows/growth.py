@@ -15,7 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from bench.eds import make_eds
-from bench.measure import SELDOM, Claim, Contender, NotHere, Quantity, Scale, Series, Way
+from bench.measure import ONCE, Claim, Contender, NotHere, Quantity, Scale, Series, Way
 from bench.process import OURS, run, until_first_line
 from bench.traffic import random_traffic, write_candump
 
@@ -68,6 +68,6 @@ def _claims(command: str) -> Iterator[Claim]:
 
 
 SERIES = tuple(
-    Series("growth", f"growth of {command}", partial(opened, command), tuple(_claims(command)), SELDOM)
+    Series("growth", f"growth of {command}", partial(opened, command), tuple(_claims(command)), ONCE)
     for command in COMMANDS
 )
