@@ -30,7 +30,7 @@ from eurobot_od.traffic.formats import read
 from eurobot_od.traffic.meaning import Decoder
 from tests.cli.processes import command, line
 from tests.conftest import EDS, with_entry
-from tests.web.browser import Browser, Page
+from tests.web.browser import PATIENCE, Browser, Page
 from tests.web.scene import LONG, Served, channel, live_page, robot
 from tests.web.test_drives import bench
 
@@ -83,7 +83,9 @@ def test_a_goto_from_the_page_arrives_and_the_drawing_goes_with_the_truth(scene:
     page = scene.page
     send_goto(page)
     drawn = []
+    end = time.monotonic() + PATIENCE
     while not page.run("[...sources[0].events.values()].some(each => each.text.endsWith('arrived'))"):
+        assert time.monotonic() < end, page.run("[...sources[0].events.values()].map(each => each.text).join()")
         drawn.append(tuple(page.run(DRAWN)))
         page.run("new Promise(done => setTimeout(done, 50))")
     page.wait(f"Math.hypot({DRAWN}[0] - {GOAL[0]}, {DRAWN}[1] - {GOAL[1]}) < {NEAR}")
