@@ -10,7 +10,7 @@ How the document's wishes are met:
 - *Transmit-complete interrupt* (section 6). Nothing waits for a mailbox and nothing polls one: a frame is submitted to
   `Mailboxes`, and `complete`, which an interrupt would call, makes room for the next one.
 
-Rule of this file: it opens no bus, starts no thread and reads no clock of its own accord; `bus/live` and
+Rule of this file: it does not open a bus, start a thread or read a clock of its own accord; `bus/live` and
 `bus/simulated` bring the frames, the time and the threads. Only a program that reads a `MessageQueue` may wait, for as
 long as it says. Nothing that comes from the wire, and nothing that a listener does, raises out of `receive`: it is
 counted and reported.
@@ -521,7 +521,7 @@ class Gatekeeper:
     ) -> MessageQueue[MessageT]:
         """Return a queue that gets every message of a type, or without a type (None) every message; see MessageQueue.
 
-        Raises UnknownName if there is no such type.
+        Raises UnknownName for an unknown type.
         """
         message = self._name(message_type)
         queue = MessageQueue[MessageT](name or f"queue of {message}", maxsize, self.report)
@@ -534,7 +534,7 @@ class Gatekeeper:
         """Have a function called with the messages of a type and their timestamps, or of all types (None).
 
         Functions are called one after the other; for one message, in the order of their registration. `name` is for
-        reports. Raises UnknownName if there is no such type.
+        reports. Raises UnknownName for an unknown type.
         """
         self._add_function(ListenerKind.FUNCTION, self._cob_ids(self._name(message_type)), function, name)
 

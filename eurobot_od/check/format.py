@@ -229,7 +229,7 @@ def _expect_one(pattern: Pattern, within: float | None = None) -> suite.Action:
 class SuiteReader:
     """Reads suites for some `networks`: those that name no `dialect` are for the one given here, or the default one.
 
-    Reading raises UnknownName if there is no such network.
+    Reading raises UnknownName for an unknown network.
     """
 
     def __init__(self, networks: Networks, dialect: str | None = None) -> None:

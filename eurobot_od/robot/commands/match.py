@@ -188,7 +188,8 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
 
         def watch(time: float, frame: Frame) -> None:
             write_frame(time, frame)
-            frames.append((time, frame))
+            if asked.field is not None or not frames:  # the first is where the truth begins
+                frames.append((time, frame))
 
         show = events.append if asked.as_json else partial(_show, in_colour(sys.stdout))
         # What a strategy prints is not to get into the JSON.

@@ -247,7 +247,7 @@ def _blaming(nodes: Iterable[Node], reports: Sequence[Report], tell: Callable[[s
 
 
 def blame(report: Report, nodes: Iterable[Node]) -> str:
-    """Say who has raised what is reported, and in which file; `` if nobody has."""
+    """Say who has raised what is reported, and in which file; empty if nobody has."""
     if report.error is None:  # to find the place of a class takes a reading of its whole file
         return ""
     # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.

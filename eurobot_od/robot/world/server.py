@@ -409,7 +409,7 @@ class RemoteVehicle:
     # Asking
 
     def _sensed(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value | None:
-        """Ask; None if the answer is that there is nothing, or if there is no answer."""
+        """Ask; None if nothing is there, or nobody answers."""
         try:
             return self._asked(lambda answer: None if answer is None else read(answer), request, **fields)
         except WorldError:

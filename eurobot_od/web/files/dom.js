@@ -93,5 +93,5 @@ function kept(name, otherwise, storage = localStorage) {  // what this browser, 
   try { return JSON.parse(storage.getItem(`canopen-page ${name}`)) ?? otherwise; } catch { return otherwise; }
 }
 function keep(name, value, storage = localStorage) {
-  try { storage.setItem(`canopen-page ${name}`, JSON.stringify(value)); } catch { /* there is no room */ }
+  try { storage.setItem(`canopen-page ${name}`, JSON.stringify(value)); } catch { /* it is full */ }
 }
