@@ -246,13 +246,16 @@ class TransmitStatistics(NamedTuple):
 
 
 class Mailboxes:
-    """`count` mailboxes; a frame that has waited for one for `wait` seconds since its submission is dropped."""
+    """`count` mailboxes; a frame that has waited for one for `wait` seconds since its submission is dropped.
+
+    `waiting` has the frames that wait, the most urgent first.
+    """
 
     def __init__(self, report: Reporter, count: int = MAILBOXES, wait: float = MAILBOX_WAIT) -> None:
         self.count, self.wait = count, wait
         self._report = report
         self._submitted = self._completed = self._dropped = 0
-        self._waiting: list[Waiting] = []
+        self.waiting: list[Waiting] = []
         self._loaded: list[Waiting] = []
         self._away: int | None = None
         """How many frames had been dropped when the bus was lost; None while the bus is there."""
@@ -270,34 +273,34 @@ class Mailboxes:
             # A waiting heartbeat is outdated once the next one comes, and must not take up a mailbox of its own.
             self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.cob_id == frame.cob_id)
         # Frames that already wait count too: they will take the free mailboxes, unless this one is more urgent.
-        full = len(self._loaded) + len(self._waiting) >= self.count
+        full = len(self._loaded) + len(self.waiting) >= self.count
         # With a mailbox free, the frame belongs to the controller from now on, which has no time limit (document
         # section 6).
         deadline = now + self.wait if full and stay is Stay.SHORT else inf
         # Sorted when submitted: frames come one at a time, and each transmit-complete asks for the most urgent one.
-        insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, stay))
+        insort(self.waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, stay))
         self._submitted += 1
 
     def load(self, now: float) -> list[Frame]:
         """Move the most urgent frames into free mailboxes and return them, for the controller to send."""
         loaded: list[Frame] = []
-        while self._waiting and len(self._loaded) < self.count and not self._lets_go_first():
+        while self.waiting and len(self._loaded) < self.count and not self._lets_go_first():
             # A heartbeat has the highest identifier and so waits last; it overtakes the segments of a transfer.
-            place = -1 if self._waiting[0].stay is Stay.TRANSFER and self._waiting[-1].stay is Stay.PERIODIC else 0
-            first = self._waiting[place]
+            place = -1 if self.waiting[0].stay is Stay.TRANSFER and self.waiting[-1].stay is Stay.PERIODIC else 0
+            first = self.waiting[place]
             if first.deadline <= now:
                 self._drop(first.frame, now)
             else:
                 insort(self._loaded, first)
                 loaded.append(first.frame)
-            del self._waiting[place]  # only now: an exception before leaves it in both places
-        if self._waiting:
+            del self.waiting[place]  # only now: an exception before leaves it in both places
+        if self.waiting:
             self.expire(now)
             # Frames that were submitted while a mailbox was free had no deadline; if more urgent ones have taken their
             # place, they may wait from now on as long as any other.
             late = now + self.wait
-            self._waiting = [
-                w._replace(deadline=late) if w.stay is Stay.SHORT and w.deadline > late else w for w in self._waiting
+            self.waiting = [
+                w._replace(deadline=late) if w.stay is Stay.SHORT and w.deadline > late else w for w in self.waiting
             ]
         return loaded
 
@@ -305,7 +308,7 @@ class Mailboxes:
         """Tell whether a transfer has to wait because a heartbeat is in a mailbox."""
         # A heartbeat's identifier is the greatest that a device sends: it would lose the arbitration to one segment of
         # a block after the other, until its consumers take the device for dead.
-        return self._waiting[0].stay is Stay.TRANSFER and any(each.stay is Stay.PERIODIC for each in self._loaded)
+        return self.waiting[0].stay is Stay.TRANSFER and any(each.stay is Stay.PERIODIC for each in self._loaded)
 
     def leave(self) -> None:
         """Note that the bus is away: what waits, or is submitted from now on, is dropped unless it is LASTING.
@@ -328,24 +331,24 @@ class Mailboxes:
 
     def withdraw(self, cob_id: int) -> None:
         """Drop the waiting frames of an identifier, as whatever they answer is over."""
-        if self._waiting:
+        if self.waiting:
             self._withdraw(lambda each: each.cob_id == cob_id)
 
     def _withdraw(self, over: Callable[[Waiting], bool]) -> None:
-        before = len(self._waiting)
-        self._waiting = [each for each in self._waiting if not over(each)]
-        self._dropped += before - len(self._waiting)
+        before = len(self.waiting)
+        self.waiting = [each for each in self.waiting if not over(each)]
+        self._dropped += before - len(self.waiting)
 
     def holds(self, frame: Frame) -> bool:
         """Tell whether an equal frame waits or is in a mailbox."""
-        return any(each.frame == frame for each in (*self._loaded, *self._waiting))
+        return any(each.frame == frame for each in (*self._loaded, *self.waiting))
 
     def next(self, now: float) -> Frame | None:
         """Load frames into free mailboxes, and return the one to send first, None without any.
 
         For a caller that plays the controller, as the sender of a live bus does.
         """
-        if self._waiting:
+        if self.waiting:
             self.load(now)
         return self.urgent()
 
@@ -364,20 +367,15 @@ class Mailboxes:
         return False
 
     @property
-    def waits(self) -> bool:
-        """Whether any frame waits for a mailbox."""
-        return bool(self._waiting)
-
-    @property
     def next_expiry(self) -> float | None:
         """Time in seconds when the first waiting frame will have waited too long; None if none waits."""
-        return min((each.deadline for each in self._waiting), default=None)
+        return min((each.deadline for each in self.waiting), default=None)
 
     def expire(self, now: float) -> None:
         """Drop the frames that have waited too long; frames in a mailbox belong to the controller and stay."""
-        expired = [each for each in self._waiting if each.deadline <= now]
+        expired = [each for each in self.waiting if each.deadline <= now]
         for each in expired:
-            self._waiting.remove(each)
+            self.waiting.remove(each)
             self._drop(each.frame, now)
 
     def _drop(self, frame: Frame, now: float) -> None:
@@ -388,7 +386,7 @@ class Mailboxes:
     def statistics(self) -> TransmitStatistics:
         """Return the counts so far."""
         counts = self._submitted, self._completed, self._dropped
-        return TransmitStatistics(*counts, waiting=len(self._waiting), loaded=len(self._loaded))
+        return TransmitStatistics(*counts, waiting=len(self.waiting), loaded=len(self._loaded))
 
 
 # Who hears which COB-ID: a registration keeps the message, not its identifier, which a master may change

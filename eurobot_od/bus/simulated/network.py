@@ -316,7 +316,7 @@ class Simulation:
         for place in self._places.values():
             if place.plan.soonest < soonest:
                 soonest = min(soonest, place.wakeup)
-            if place.mailboxes.waits:
+            if place.mailboxes.waiting:
                 waiting.append(place)
         for bus in self._buses:
             if bus.next_event < soonest:
@@ -335,23 +335,26 @@ class Simulation:
         if event > until or event == inf:
             self.now = max(self.now, until)
             return False
-        self.now = event
+        self.now, stirred = event, False
         # A copy: an observer of a frame that ends may split the bus, or join it.
         for bus in tuple(self._buses):
             if bus.next_event <= event:
+                stirred = True
                 bus.advance(event)
         while self._queue and self._queue[0][0] <= event:  # also what becomes due meanwhile
+            stirred = True
             heapq.heappop(self._queue)[-1]()
         for place in tuple(self._places.values()):
             if place.plan.soonest <= event and place.wakeup <= event:
                 place.station.tick(event)
                 place.ask()
         for place in self._places.values():
-            if place.mailboxes.waits and place.controller.silent_until <= event:
+            if place.mailboxes.waiting and place.controller.silent_until <= event:
+                stirred = True
                 place.mailboxes.load(event)
-        # Last of all, so that what the nodes have just sent takes part in this arbitration.
-        for bus in self._buses:
-            if bus.next_event == inf:
+        if stirred:  # most events are a node's own, which sends nothing
+            # Last of all, so that what the nodes have just sent takes part in this arbitration.
+            for bus in self._buses:
                 bus.arbitrate(event)
         return True
 

@@ -553,20 +553,33 @@ def find_route(
         for corner in disc.corners()
         if field.contains(corner, clearances.edge) and not any(each.contains(corner) for each in closed)
     ]
-    return _cheapest(start, goal, corners, avoided)
+    # The closed ones first: most legs that are not free meet one of them, and need no other looked at.
+    return _cheapest(start, goal, corners, sorted(avoided, key=lambda disc: -disc.toll))
+
+
+def _toll(start: Point, end: Point, discs: Iterable[Disc]) -> float:
+    """Return what the straight leg from `start` to `end` costs, mm: infinite as soon as it meets a closed disc."""
+    toll = 0.0
+    for disc in discs:
+        if disc.meets(start, end):
+            toll += disc.toll
+            if toll == math.inf:
+                break
+    return toll
 
 
 def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:
     """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come."""
     # Most legs are never looked at again: a leg's tolls are computed when it is the next one on a cheapest route.
     frontier: list[tuple[float, float, tuple[Point, ...], bool]] = [(0.0, 0.0, (start,), True)]
-    settled: set[Point] = set()
+    # From each point that is not settled yet.
+    to_goal = {point: math.dist(point, goal) for point in (start, goal, *corners)}
     while frontier:
         estimate, cost, way, has_paid = heappop(frontier)
         here = way[-1]
-        if here in settled:
+        if here not in to_goal:
             continue
-        if not has_paid and (toll := sum(disc.toll for disc in discs if disc.meets(way[-2], here))):
+        if not has_paid and (toll := _toll(way[-2], here, discs)):
             # Back into the queue with its toll: a detour may be cheaper now.
             if toll < math.inf:
                 heappush(frontier, (estimate + toll, cost + toll, way, True))
@@ -574,8 +587,8 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
         if here == goal:
             # A robot that stands at its goal has no leg to drive, but still needs a place to turn at.
             return way[1:] or (goal,)
-        settled.add(here)
-        for point in {goal, *corners} - settled:
+        del to_goal[here]
+        for point, left in to_goal.items():
             further = cost + math.dist(here, point)
-            heappush(frontier, (further + math.dist(point, goal), further, (*way, point), False))
+            heappush(frontier, (further + left, further, (*way, point), False))
     return None

@@ -88,10 +88,10 @@ class RobotBody(Body):
         # Room 0: its surroundings have to be looked at before the next step.
         self.point, self.angle, self.room = pose.point, pose.angle, 0.0
 
-    def go(self, point: Point, angle: float, now: float) -> None:
+    def go(self, pose: Pose, now: float) -> None:
         """Move it to where it has driven."""
-        self.point, self.angle = point, angle
-        self.trace.append((now, self.pose))
+        self.point, self.angle = pose.point, pose.angle
+        self.trace.append((now, pose))
 
     def corners(self, pose: Pose) -> list[Point]:
         """Return the corners of its outline at a pose; none if it is round."""
@@ -120,7 +120,7 @@ class RobotBody(Body):
         """Return the nearest place to a pose where it is within the border of the field."""
         corners = self.corners(pose)
         if not corners:
-            return inside(pose.point, self.radius + margin, field)
+            return inside(pose, self.radius + margin, field)
         x, y = zip(*corners)
         low, high = Point(pose.x - min(x), pose.y - min(y)), Point(max(x) - pose.x, max(y) - pose.y)
         return Point(
@@ -193,7 +193,7 @@ def pushed_out(point: Point, radius: float, other: Body) -> Point:
     return Point(other.point.x + (point.x - other.point.x) * share, other.point.y + (point.y - other.point.y) * share)
 
 
-def inside(point: Point, radius: float, field: Field) -> Point:
+def inside(point: Point | Pose, radius: float, field: Field) -> Point:
     """Return the nearest place where a disc is within the border of the field."""
     return Point(min(max(point.x, radius), field.width - radius), min(max(point.y, radius), field.height - radius))
 
@@ -270,8 +270,7 @@ class Contacts:
 
     def move(self, body: RobotBody, wanted: Pose) -> None:
         """Move a robot to a pose, or as near to it as possible."""
-        there = self._clear(body, wanted)
-        body.go(there.point, there.angle, self._clock())
+        body.go(self._clear(body, wanted), self._clock())
         if body.touching:
             # A contact is over only RELEASED mm away: a robot that jitters at an edge touches it once.
             bodies = [*self.things, *self._robots.values()]
@@ -288,11 +287,11 @@ class Contacts:
     def _clear(self, body: RobotBody, wanted: Pose) -> Pose:
         """Return the nearest pose to the wanted one where a robot is inside nothing else; push what can be pushed."""
         point = body.inside(wanted, self.field)
-        if point != wanted.point:
+        if point != wanted[:2]:
             self._touch(body, BORDER, wanted.point)
         pose = Pose(*point, wanted.angle)
         near: list[Body] = [each for each in self._robots.values() if each is not body]
-        body.room -= body.pose.distance(point)
+        body.room -= math.dist(body.point, point)
         if body.room <= 0:  # something that stands may be in reach: measure the room again, and look at everything
             body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
             near += self.things
@@ -322,7 +321,7 @@ class Contacts:
             fixed = [each for each in self.things if each.weight is Weight.FIXED]
             # Not into a wall: a robot shoved against something fixed stays put, and stops the other one.
             if all(other.gap(there, each) >= 0 for each in fixed):
-                other.go(other.inside(there, self.field), other.angle, self._clock())
+                other.go(Pose(*other.inside(there, self.field), other.angle), self._clock())
                 other.room = 0.0
         return body.out_of(pose, other)
 

@@ -274,7 +274,7 @@ class World:
             self._go = self._contacts.move
         else:  # only the border holds a robot
             self._go = lambda body, wanted: body.go(
-                bodies.inside(wanted.point, 0, self.facts.field), wanted.angle, clock()
+                Pose(*bodies.inside(wanted, 0, self.facts.field), wanted.angle), clock()
             )
         self._fallen = bodies.FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
@@ -341,11 +341,12 @@ class World:
         # The speed of its wheels, not of its progress: a robot that pushes against another one is at fault although it
         # stands.
         body.speed = wanted.distance / dt if dt else 0.0
-        before, there = body.pose, body.pose.moved(*wanted)
+        before = body.pose
+        there = before.moved(*wanted)
         self._go(body, there)
         if name == OURS and self._options.falling:
             self._fallen.look_at(body, self.clock())
-        if body.point == there.point or not self._options.solid:
+        if body.point == there[:2] or not self._options.solid:
             return wanted.distance
         # Along the chord, with its sign: for a robot that was pushed back, the distance is negative.
         heading = math.radians(before.angle + wanted.turn / 2)
