@@ -281,11 +281,13 @@ class Device:
         """Return how long a frame of this device waits for a mailbox."""
         if frame.cob_id == self.sdo_answers:
             return Stay.TRANSFER
+        if frame.cob_id in self.always_sent:
+            return Stay.LASTING
+        if frame.cob_id not in self._periodic:
+            return Stay.SHORT
         # Without its boot-up message, which is sent only once, a master does not learn that the node is there, or has
         # forgotten everything.
-        if frame.cob_id in self.always_sent or frame == error_control(self.node_id, NmtState.INITIALISING):
-            return Stay.LASTING
-        return Stay.PERIODIC if frame.cob_id in self._periodic else Stay.SHORT
+        return Stay.LASTING if frame == error_control(self.node_id, NmtState.INITIALISING) else Stay.PERIODIC
 
     # Values
 
