@@ -95,17 +95,18 @@ class Page:
         raise AssertionError(f"never true: {expression}; complaints: {self.complaints}")
 
     def click(self, selector: str) -> None:
-        """Click the middle of an element as a person does: once it stands still, with whatever lies upon it."""
+        """Click the middle of an element as a person does: once it is seen and stands still; whatever lies upon it."""
         place = self.run(f"""new Promise(done => {{
             const found = document.querySelector({json.dumps(selector)});
-            found.scrollIntoView({{block: "center"}});
             const middle = () => {{
+                found.scrollIntoView({{block: "center"}});
                 const box = found.getBoundingClientRect();
                 return {{x: box.x + box.width / 2, y: box.y + box.height / 2}};
             }};
             const look = before => setTimeout(() => {{
                 const now = middle();
-                now.x === before.x && now.y === before.y ? done(now) : look(now);
+                const isSeen = found.getClientRects().length > 0;
+                isSeen && now.x === before.x && now.y === before.y ? done(now) : look(now);
             }}, 150);
             look(middle());
         }})""")

@@ -96,6 +96,17 @@ def test_a_goto_from_the_page_arrives_and_the_drawing_goes_with_the_truth(scene:
     assert "goto 1" in page.run("[...sources[0].events.values()].map(each => each.text).join()")
 
 
+def test_how_a_goto_ends_is_asked_although_the_page_hears_late_of_its_beginning(scene: Scene) -> None:
+    page = scene.page
+    page.run("""(() => {
+        const source = sources[0], heard = source.events, late = performance.now() + 2000;
+        const old = new Map(heard);
+        Object.defineProperty(source, "events", {get: () => performance.now() < late ? old : heard});
+    })()""")
+    send_goto(page)
+    page.wait("[...sources[0].events.values()].some(each => each.text.endsWith('arrived'))")
+
+
 def test_a_click_on_the_field_is_a_place(scene: Scene) -> None:
     scene.page.click("svg.field")
     x, y = scene.page.run("[...document.querySelectorAll('form.goto input')].map(each => Number(each.value))")[:2]

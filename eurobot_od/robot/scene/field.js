@@ -54,8 +54,8 @@ panel("field", (setup, source) => {
   function go() {
     try {
       const numbers = Object.entries(inputs).map(([name, input]) => [name, String(wholeNumber(name, input.value, ...BOUNDS[name]))]);
-      const fields = Object.fromEntries(numbers);
-      quietly(request({do: "send", message: "Goto XY", fields}, `goto ${fields.x}, ${fields.y} sent`).then(follow));
+      const fields = Object.fromEntries(numbers), known = new Set(source.events.keys());
+      quietly(request({do: "send", message: "Goto XY", fields}, `goto ${fields.x}, ${fields.y} sent`).then(() => follow(known)));
     } catch (error) { toast(error.message, true); }
   }
   const goButton = askedTwice("Go", go, {class: "main", type: "button"});
@@ -68,12 +68,13 @@ panel("field", (setup, source) => {
   h("div", {class: "act"}, goButton, h("span", {class: "hint"}, "click the field for a place")));
   const ASKED = 300, LONGEST = 60000;       // ms: how often the drive is asked, as the core would, and for how long
   let following = 0;
-  function follow() {                       // a goto that is sent from here is no core's: nobody else asks how it ends
+  function follow(known) {                  // a goto that is sent from here is no core's: nobody else asks how it ends
     clearInterval(following);
     const end = performance.now() + LONGEST;
     following = setInterval(() => {
-      const last = source.sortedEvents().filter(each => each.kind === "goto").at(-1);
-      if (!last || last.end !== null || performance.now() > end) clearInterval(following);
+      const own = [...source.events].filter(([key, each]) => each.kind === "goto" && !known.has(key)).at(-1)?.[1];
+      const isOver = own && own.end !== null; // it may be heard late that it has begun
+      if (isOver || performance.now() > end) clearInterval(following);
       else connection.ask({do: "send", message: "Goto State Request", fields: {}}).catch(() => clearInterval(following));
     }, ASKED);
   }
