@@ -621,6 +621,10 @@ class Gatekeeper:
             {"can_id": cob_id, "can_mask": HIGHEST_IDENTIFIER, "extended": False} for cob_id in sorted(self._routes)
         ]
 
+    def hears(self, cob_id: int) -> bool:
+        """Tell whether the receive filters let frames with this COB-ID through."""
+        return cob_id in self._routes
+
     # Receiving
 
     def receive(self, frame: Frame, timestamp: float) -> None:

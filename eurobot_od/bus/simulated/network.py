@@ -381,7 +381,8 @@ class Simulation:
             controller.source.complete(frame)
         for observer in self.observers:
             observer(self.now, frame)
-        stations = [self._stations[each] for each in receivers if each in self._stations]
+        reached = (self._stations[each] for each in receivers if each in self._stations)
+        stations = [each for each in reached if each.gatekeeper.hears(frame.cob_id)]
         # The frame is through for its senders, whatever the receivers then make of it: a program may be slow or frozen.
         for delay in self.disturb(self.now, frame):
             for station in filter(self._is_awake, stations):

@@ -184,12 +184,17 @@ def test_nodes_boot_when_they_are_switched_on_and_hear_nothing_before() -> None:
 
 
 def test_a_sender_does_not_hear_its_own_frame() -> None:
-    wire = Wire()
-    heard = [station.gatekeeper.statistics().unheard for station in wire.stations]
-    wire.core.say(Frame(0x6FF))
+    wire, stop = Wire(), Frame(0x000, b"\x02\0")  # all nodes listen to NMT
+    wire.core.say(stop)
     wire.run(0.2)
-    after = [station.gatekeeper.statistics().unheard for station in wire.stations]
-    assert [later - earlier for earlier, later in zip(heard, after)] == [0, 1, 1]
+    assert [len(node.looks(stop)) for node in (wire.core, wire.drive, wire.navigation)] == [0, 1, 1]
+
+
+def test_a_frame_that_nobody_listens_to_is_on_the_bus_and_reaches_nobody() -> None:
+    wire = Wire()
+    wire.core.say(Frame(0x6FF))
+    assert wire.run(0.2) == [Frame(0x6FF)]
+    assert all(station.gatekeeper.statistics().unheard == 0 for station in wire.stations)  # filters stop it
 
 
 # Losses
