@@ -17,19 +17,11 @@ from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from eurobot_od import errors
 from eurobot_od.client.description import Description, Identity, device_name, read_identity
 from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
-from eurobot_od.errors import (
-    BusError,
-    ConfigurationError,
-    DictionaryError,
-    EurobotError,
-    FieldError,
-    LocalError,
-    NodeRefused,
-)
 from eurobot_od.od import dcf, values
 from eurobot_od.od.dcf import Dcf, Write, with_contents
 from eurobot_od.od.dictionary import Dictionary
@@ -49,23 +41,7 @@ from eurobot_od.od.objects import (
 )
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
 from eurobot_od.od.standard import ALL_PARAMETERS, RESTORE, SIGNATURES, STORE, VERIFY_CONFIGURATION
-from eurobot_od.od.values import (
-    COB_ID,
-    COMMUNICATION_RECORDS,
-    DOMAIN,
-    EVENT_TIMER,
-    MANUFACTURER,
-    MAPPABLE,
-    MAPPING_OFFSET,
-    MAX_BITS,
-    NOT_VALID,
-    PDO_PARAMETERS,
-    Address,
-    MappingEntry,
-    TimeOfDay,
-    Value,
-    pdo_of,
-)
+from eurobot_od.od.values import COB_ID, MAPPING_OFFSET, Address, Value, pdo_of
 from eurobot_od.sdo.client import LONGEST_TEXT
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
 from eurobot_od.support.texts import amount
@@ -101,7 +77,7 @@ def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
     pdos = sorted({pdo for address in wanted if (pdo := pdo_of(address[0])) is not None})
     others = (Write(address, data) for address, data in wanted.items() if pdo_of(address[0]) is None)
     entries = ((pdo, int.from_bytes(former[pdo, COB_ID], "little")) for pdo in pdos)
-    invalid = (Write((pdo, COB_ID), (entry | NOT_VALID).to_bytes(4, "little")) for pdo, entry in entries)
+    invalid = (Write((pdo, COB_ID), (entry | values.NOT_VALID).to_bytes(4, "little")) for pdo, entry in entries)
     mapped = (write for pdo in pdos for write in _mapping(pdo + MAPPING_OFFSET, wanted, final))
     communication = (Write(a, data) for a, data in sorted(wanted.items()) if a[0] in pdos and a[1] > COB_ID)
     valid = (Write((pdo, COB_ID), final[pdo, COB_ID]) for pdo in pdos)
@@ -132,13 +108,13 @@ def mapping_entries(pdo: Pdo, things: Sequence[ODVariable]) -> list[int]:
     for thing in things:
         where = values.label(address_of(thing), thing.qualname)
         if not thing.pdo_mappable or not data_type(thing).bits:
-            raise LocalError(f"{where} cannot be mapped: its file says so")
-        if thing.access_type not in MAPPABLE[pdo.direction]:
-            raise LocalError(f"{where} is {thing.access_type}, which a {pdo.direction.name} cannot carry")
+            raise errors.LocalError(f"{where} cannot be mapped: its file says so")
+        if thing.access_type not in values.MAPPABLE[pdo.direction]:
+            raise errors.LocalError(f"{where} is {thing.access_type}, which a {pdo.direction.name} cannot carry")
     bits = sum(data_type(thing).bits for thing in things)
-    if bits > MAX_BITS:
-        raise LocalError(f"{amount(bits, 'bit')} are mapped, a PDO has at most {MAX_BITS}")
-    return [MappingEntry(*address_of(thing), data_type(thing).bits).number for thing in things]
+    if bits > values.MAX_BITS:
+        raise errors.LocalError(f"{amount(bits, 'bit')} are mapped, a PDO has at most {values.MAX_BITS}")
+    return [values.MappingEntry(*address_of(thing), data_type(thing).bits).number for thing in things]
 
 
 @Procedure
@@ -171,7 +147,7 @@ async def map_objects(
         found = await node.upload.steps(address, _name(dictionary, address))
         if found != data:
             what = f"{values.label(address)} is 0x{found[::-1].hex().upper()}, not 0x{data[::-1].hex().upper()}"
-            raise ConfigurationError(what)
+            raise errors.ConfigurationError(what)
     return wanted
 
 
@@ -205,7 +181,7 @@ class DictionaryArea(Enum):
 
     COMMUNICATION = "communication"
     PDO = "pdo"
-    MANUFACTURER = "manufacturer"
+    values.MANUFACTURER = "manufacturer"
     PROFILE = "profile"
 
     @property
@@ -215,10 +191,10 @@ class DictionaryArea(Enum):
 
 
 AREAS: Mapping[DictionaryArea, Container[int]] = {
-    DictionaryArea.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(PDO_PARAMETERS),
-    DictionaryArea.PDO: PDO_PARAMETERS,
-    DictionaryArea.MANUFACTURER: MANUFACTURER,
-    DictionaryArea.PROFILE: range(MANUFACTURER.stop, 0x10000),
+    DictionaryArea.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(values.PDO_PARAMETERS),
+    DictionaryArea.PDO: values.PDO_PARAMETERS,
+    DictionaryArea.MANUFACTURER: values.MANUFACTURER,
+    DictionaryArea.PROFILE: range(values.MANUFACTURER.stop, 0x10000),
 }
 
 
@@ -250,7 +226,9 @@ class ChangePlan(NamedTuple):
         # Part of a DCF must not be marked: a later start would take it for the whole.
         if not self.whole or any(self.dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
             return []
-        return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
+        return [
+            Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, values.TimeOfDay.of(now))
+        ]
 
 
 class Configured(NamedTuple):
@@ -314,9 +292,9 @@ def check_limits(dictionary: Dictionary, things: Iterable[ODVariable]) -> None:
 def _encoded(dictionary: Dictionary, thing: ODVariable, rule: ODVariable) -> bytes:
     try:
         return encode(rule, thing.value)
-    except FieldError as error:
+    except errors.FieldError as error:
         what = f"sub {thing.subindex} ({thing.qualname}): {value_text(thing)} is not allowed; allowed: {error.allowed}"
-        raise DictionaryError(dictionary.file, thing.index, what) from None
+        raise errors.DictionaryError(dictionary.file, thing.index, what) from None
 
 
 def all_writes(description: Description) -> list[Write]:
@@ -342,7 +320,7 @@ def check_whole(description: Description, refused: OnRefused = fatal, by_default
     dictionary = description.dictionary
     absent = dcf.missing(dictionary.document)
     if absent:
-        raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
+        raise errors.DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
     stock = set[str]()
     dictionary.read_pdos(dictionary.stock_value, lambda error: stock.add(str(error)))
     dictionary.read_pdos(dictionary.default, lambda error: by_default(error) if str(error) in stock else refused(error))
@@ -358,9 +336,9 @@ def check_file(
     # depend on it.
     if intended is None:
         what = f"incomplete: no NodeID in [{COMMISSIONING}]; a DCF has one, such as `export-dcf` writes"
-        raise DictionaryError(dictionary.file, None, what)
+        raise errors.DictionaryError(dictionary.file, None, what)
     if intended != node_id:
-        raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
+        raise errors.DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
     check_whole(description, refused, by_default)
 
 
@@ -381,7 +359,7 @@ async def difference(
     # Before anything is read or written: another device may have the same objects with other meanings.
     other = Identity.of(dictionary).difference(await read_identity.steps(node))
     if other is not None:
-        raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
+        raise errors.DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
     wanted = [each for each in settings(description) if any(each[0].index in one.indices for one in areas)]
     present = {address_of(thing): await _present(node, dictionary, thing) for thing, _ in wanted}
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
@@ -407,14 +385,14 @@ def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterab
         is_own = before is not None and int.from_bytes(before, "little") == node.node_id
         if is_own and address_of(thing) == dictionary.node_id_address:
             what = f"{thing.qualname} {shown(thing, after)} is not the NodeID {node.node_id} of [{COMMISSIONING}]"
-            raise DictionaryError(dictionary.file, thing.index, what)
+            raise errors.DictionaryError(dictionary.file, thing.index, what)
 
 
 @Procedure
 async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
     """Read an object, only as many bytes as its type has: some devices always send 4. Raises as `upload`."""
     # A DOMAIN may be a program or a recording; a megabyte takes 150 000 requests by segments.
-    if data_type(thing) == DOMAIN and is_described(thing):
+    if data_type(thing) == values.DOMAIN and is_described(thing):
         return await node.upload_block.steps(address_of(thing), thing.qualname)
     size = data_type(thing).size or None
     most = max(size, EXPEDITED_SIZE) if size else LARGEST
@@ -425,10 +403,10 @@ async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) 
     """Read an object of a DCF; None if it can only be written, or has no value yet. Raises as `difference`."""
     try:
         return await read_object.steps(node, thing)
-    except NodeRefused as error:
+    except errors.NodeRefused as error:
         if error.code in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX):
             what = f"sub {thing.subindex} ({thing.qualname}): node {node.node_id} has no such object"
-            raise DictionaryError(dictionary.file, thing.index, what) from error
+            raise errors.DictionaryError(dictionary.file, thing.index, what) from error
         if error.code in (AbortCode.WRITE_ONLY, AbortCode.NO_DATA):
             return None
         raise
@@ -468,7 +446,7 @@ async def apply(
         stored = stores and plan.dictionary.variable((STORE, ALL_PARAMETERS)) is not None
         if stored:
             await store.steps(node)
-    except (EurobotError, KeyboardInterrupt, CancelledError) as error:
+    except (errors.EurobotError, KeyboardInterrupt, CancelledError) as error:
         failed = await _take_back(error, node, plan, done, former)
         if isinstance(error, CancelledError):  # an event loop has to see that its task was cancelled
             raise
@@ -491,7 +469,7 @@ async def read_back(node: RemoteNode, dictionary: Dictionary, wanted: Iterable[t
         if found != after:
             reads, wrote = ChangedObject(thing, found, after).texts
             what = f"node {node.node_id}: {label(thing)} reads {reads} after {wrote} was written"
-            raise ConfigurationError(what)
+            raise errors.ConfigurationError(what)
 
 
 @Procedure
@@ -514,7 +492,7 @@ async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], do
         done.append(write)
         try:
             await node.download.steps(write.address, write.data, at(write.address, plan.dictionary.objects).qualname)
-        except NodeRefused:
+        except errors.NodeRefused:
             done.pop()
             raise
 
@@ -524,7 +502,7 @@ async def _reset(node: RemoteNode, plan: ChangePlan) -> None:
     try:
         await node.reset.steps()
         await read_back.steps(node, plan.dictionary, plan.wanted)
-    except EurobotError as error:
+    except errors.EurobotError as error:
         what = f"node {node.node_id} was written completely, stored and reset before that"
         raise _failure(error, what, [label(each.thing) for each in plan.changes]) from error
 
@@ -534,7 +512,7 @@ async def _reset(node: RemoteNode, plan: ChangePlan) -> None:
 
 async def _take_back(
     error: BaseException, node: RemoteNode, plan: ChangePlan, done: list[Write], former: NmtState | None
-) -> EurobotError:
+) -> errors.EurobotError:
     """Give a node back what it had; return the error that says why, and in which state the node is."""
     names = [label(each.thing) for each in plan.changes]
     try:
@@ -542,7 +520,7 @@ async def _take_back(
         # Not back to STOPPED, where the node would not answer SDO: whoever looks for the cause has to ask it.
         state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
-    except EurobotError:
+    except errors.EurobotError:
         units = {_unit(write.address) for write in done}
         is_new = {label(each.thing): _unit(address_of(each.thing)) in units for each in plan.changes}
         new, old = ([name for name in names if is_new[name] is which] for which in (True, False))
@@ -555,9 +533,13 @@ async def _take_back(
     return _failure(error, f"node {node.node_id} has its former values again and is {STATE_NAMES[state]}", (), names)
 
 
-def _failure(error: BaseException, state: str, written: Iterable[str] = (), left: Iterable[str] = ()) -> EurobotError:
+def _failure(
+    error: BaseException, state: str, written: Iterable[str] = (), left: Iterable[str] = ()
+) -> errors.EurobotError:
     text = f"{str(error) or 'interrupted'}; {state}"
-    return BusError(text) if isinstance(error, BusError) else ConfigurationError(text, written, left)
+    return (
+        errors.BusError(text) if isinstance(error, errors.BusError) else errors.ConfigurationError(text, written, left)
+    )
 
 
 # A node read whole
@@ -576,7 +558,7 @@ def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[ObjectR
     for thing in things:
         try:
             yield ObjectReading(thing, decode(thing, read_object(node, thing)))
-        except NodeRefused as error:
+        except errors.NodeRefused as error:
             yield ObjectReading(thing, refusal=error.reason)
 
 
@@ -591,7 +573,7 @@ async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Add
     for address in addresses:
         try:
             found[address] = AbortCode.NO_OBJECT if address[0] in missing else await node.upload.steps(address)
-        except NodeRefused as error:
+        except errors.NodeRefused as error:
             found[address] = error.code
             missing |= {address[0]} if error.code == AbortCode.NO_OBJECT else set()
     return found
@@ -608,7 +590,7 @@ async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Addre
     )
 
 
-PDO_RECORDS = tuple(chain.from_iterable(COMMUNICATION_RECORDS.values()))
+PDO_RECORDS = tuple(chain.from_iterable(values.COMMUNICATION_RECORDS.values()))
 """The indices of all communication records."""
 
 
@@ -620,13 +602,13 @@ async def all_pdo_parameters(node: RemoteNode, records: Iterable[int] = PDO_RECO
     """
     found: dict[Address, bytes | int] = {}
     for index in records:
-        found |= await read_bytes.steps(node, ((index, sub) for sub in range(COB_ID, EVENT_TIMER + 1)))
+        found |= await read_bytes.steps(node, ((index, sub) for sub in range(COB_ID, values.EVENT_TIMER + 1)))
         if found[index, COB_ID] == AbortCode.NO_OBJECT:  # devices leave gaps, so the next one may be there
             continue
         mapping = index + MAPPING_OFFSET
         found |= await read_bytes.steps(node, [(mapping, 0)])
         count = pdo_numbers(found).get((mapping, 0), 0)
-        if isinstance(count, int) and count <= MAX_BITS:  # of a multiplexed one it says how it is multiplexed
+        if isinstance(count, int) and count <= values.MAX_BITS:  # of a multiplexed one it says how it is multiplexed
             found |= await read_bytes.steps(node, ((mapping, sub) for sub in range(1, count + 1)))
     return pdo_numbers(found)
 
@@ -639,7 +621,7 @@ def pdo_numbers(found: Mapping[Address, bytes | int]) -> dict[Address, Value]:
 
 def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
     """Yield the objects that can be read, except for files (DOMAIN)."""
-    return (thing for thing in _readable(dictionary) if data_type(thing) != DOMAIN)
+    return (thing for thing in _readable(dictionary) if data_type(thing) != values.DOMAIN)
 
 
 def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
@@ -691,7 +673,7 @@ def dcf_of_node(
     for thing in things:
         try:
             data = read_object(node, thing)
-        except NodeRefused as error:
+        except errors.NodeRefused as error:
             left_out.append(ObjectReading(thing, refusal=error.reason))
             continue
         if len(data) < data_type(thing).size:

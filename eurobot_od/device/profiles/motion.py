@@ -7,7 +7,7 @@ itself has for velocity; only `Units` converts. Time passes in steps of `STEP`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import copysign, sqrt
+from math import copysign, inf, sqrt
 from typing import NamedTuple
 
 from eurobot_od.od import cia402
@@ -261,3 +261,31 @@ class Motor:
         self.position += by
         # The machine has not moved: its switches and index pulses stay where they are.
         self.origin += by
+
+
+class MovedAxis:
+    """What a mode of operation sees of its axis: the objects, the demand that it leads, and the motor that follows.
+
+    `sync_period` is the time between two SYNCs in seconds, if it is known.
+    """
+
+    def __init__(self, values: AxisValues, plant: Plant) -> None:
+        self.values, self.units = values, Units.of(values)
+        self.demand, self.motor = Demand(), Motor(plant, self.units.turn)
+        self.limited = self.homed = self.following_error = False
+        self.sync_period = STEP
+
+    def velocity(self, index: int, sub: int = 0, default: float = inf) -> float:
+        """Return a velocity in position units/s; `default` if the axis does not have the object."""
+        value = self.values.find(index, sub)
+        return default if value is None else value * self.units.velocity
+
+    def acceleration(self, index: int) -> float:
+        """Return an acceleration in position units/s²; if the object gives none, the most that the motor can do."""
+        said = self.values.get(index) * self.units.velocity
+        return said if said > 0 else self.motor.plant.acceleration * self.units.turn
+
+    @property
+    def stands(self) -> bool:
+        """Whether both motor and demand stand still."""
+        return self.demand.velocity == 0 and abs(self.motor.velocity) < 1.0
