@@ -18,7 +18,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from eurobot_od.client.configure import configure
-from eurobot_od.client.description import Description, Identity
+from eurobot_od.client.description import Identity
 from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.client.watch import LOST_AFTER
 from eurobot_od.device.nmt import NmtCommand, NmtState
@@ -86,16 +86,12 @@ class BootedSlave(NamedTuple):
 
 
 @Procedure
-async def boot_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
-    """Boot one slave up to its start; `now` is written to verify its configuration. Raises BusError."""
-    return await hear_slave.steps(node, await prepare_slave.steps(node, description, now))
+async def prepare_slave(node: RemoteNode, dictionary: Dictionary, now: datetime) -> BootedSlave:
+    """Reset, check and configure one slave; its heartbeat is to come (see `hear_slave`). Raises BusError.
 
-
-@Procedure
-async def prepare_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
-    """Reset, check and configure one slave as `boot_slave` does, without waiting for its heartbeat. Raises BusError."""
-    dictionary, done = description.dictionary, list[str]()
-    failed, heartbeat = None, 0
+    `now` is written to verify its configuration.
+    """
+    done, failed, heartbeat = list[str](), None, 0
     node.master.follow(dictionary)
     try:
         try:
@@ -104,8 +100,8 @@ async def prepare_slave(node: RemoteNode, description: Description, now: datetim
         except NoAnswer as error:
             raise BootFailed(BootError.NO_ANSWER, str(error)) from error
         done.append("reset")
-        done.append(await _identified(node, description))
-        done.append(await _configured(node, description, now))
+        done.append(await _identified(node, dictionary))
+        done.append(await _configured(node, dictionary, now))
         heartbeat = await _number(node, HEARTBEAT_TIME, BootError.NO_HEARTBEAT) or 0
         # Heartbeats count from now on, including those that come while other slaves are prepared.
         node.master.states.pop(node.node_id, None)
@@ -129,9 +125,8 @@ async def hear_slave(node: RemoteNode, slave: BootedSlave) -> BootedSlave:
     )
 
 
-async def _identified(node: RemoteNode, description: Description) -> str:
+async def _identified(node: RemoteNode, dictionary: Dictionary) -> str:
     """Compare device type and identity with the file's, as far as the file gives them."""
-    dictionary = description.dictionary
     wanted = dictionary.number(DEVICE_TYPE)
     found = await _number(node, DEVICE_TYPE, BootError.NO_ANSWER)
     # 0 or no number in the file means that any device type will do (CiA 302-2, 0x1F84).
@@ -145,9 +140,8 @@ async def _identified(node: RemoteNode, description: Description) -> str:
     return "identity as in its file"
 
 
-async def _configured(node: RemoteNode, description: Description, now: datetime) -> str:
+async def _configured(node: RemoteNode, dictionary: Dictionary, now: datetime) -> str:
     """Load the configuration of a DCF, unless the slave says that it already has it."""
-    dictionary = description.dictionary
     if dictionary.commissioned_node_id is None:
         return "an EDS: its own configuration"
     if not any(map(dictionary.has_own_value, dictionary.addresses())):
@@ -157,7 +151,7 @@ async def _configured(node: RemoteNode, description: Description, now: datetime)
     if all(stamps) and stamps == [await _number(node, each, BootError.CONFIGURATION) for each in VERIFY_CONFIGURATION]:
         return "configured already (0x1020)"
     try:
-        result = await configure.steps(node, description, now)
+        result = await configure.steps(node, dictionary, now)
     except BusError:
         raise
     except EurobotError as error:
@@ -173,13 +167,6 @@ async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) 
         return None
     except RemoteError as failure:
         raise BootFailed(error, str(failure)) from failure
-
-
-@Procedure
-async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> NmtState | None:
-    """Start a slave and return its state, as `order_start` and `started_state` do for many slaves."""
-    started = await order_start.steps(node, slave, dictionary)
-    return await started_state.steps(node, started) if started else None
 
 
 @Procedure

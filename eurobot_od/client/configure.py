@@ -18,7 +18,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od import errors
-from eurobot_od.client.description import Description, Identity, device_name, read_identity
+from eurobot_od.client.description import Identity, device_name, read_identity
 from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
@@ -132,8 +132,8 @@ async def map_objects(
     write that it refuses (the PDO is then off), BusError.
     """
     cob_id: Address = (pdo.index, COB_ID)
-    given = {(pdo.index, sub): value for sub, value in settings.items()}
-    wanted = {each: encode(at(each, dictionary.objects), value) for each, value in given.items()}
+    given = ((at((pdo.index, sub), dictionary.objects), value) for sub, value in settings.items())
+    wanted = {address_of(thing): encode(thing, value) for thing, value in given}
     if things is not None:
         entries = mapping_entries(pdo, things)
         wanted[pdo.mapping_index, 0] = bytes([len(entries)])
@@ -141,19 +141,13 @@ async def map_objects(
     if cob_id not in wanted:
         # As the node has it now, valid or not: it gets this back at the end.
         wanted[cob_id] = await node.upload.steps(cob_id)
-    for address, data in in_order(wanted, {}):
-        await node.download.steps(address, data, _name(dictionary, address))
+    await _write(node, dictionary, in_order(wanted, {}), [])
     for address, data in wanted.items():
-        found = await node.upload.steps(address, _name(dictionary, address))
+        found = await node.upload.steps(address, at(address, dictionary.objects).qualname)
         if found != data:
             what = f"{values.label(address)} is 0x{found[::-1].hex().upper()}, not 0x{data[::-1].hex().upper()}"
             raise errors.ConfigurationError(what)
     return wanted
-
-
-def _name(dictionary: Dictionary, address: Address) -> str:
-    variable = dictionary.variable(address)
-    return variable.qualname if variable else ""
 
 
 COMMAND_TO: dict[NmtState | None, NmtCommand] = {
@@ -177,17 +171,12 @@ class ChangedObject(NamedTuple):
 
 
 class DictionaryArea(Enum):
-    """A part of an object dictionary with its `indices` (CiA 301, Table 39); PDO parameters are a part of their own."""
+    """A part of an object dictionary (CiA 301, Table 39); PDO parameters are a part of their own."""
 
     COMMUNICATION = "communication"
     PDO = "pdo"
-    values.MANUFACTURER = "manufacturer"
+    MANUFACTURER = "manufacturer"
     PROFILE = "profile"
-
-    @property
-    def indices(self) -> Container[int]:
-        """The indices of its objects."""
-        return AREAS[self]
 
 
 AREAS: Mapping[DictionaryArea, Container[int]] = {
@@ -196,6 +185,7 @@ AREAS: Mapping[DictionaryArea, Container[int]] = {
     DictionaryArea.MANUFACTURER: values.MANUFACTURER,
     DictionaryArea.PROFILE: range(values.MANUFACTURER.stop, 0x10000),
 }
+"""The indices of their objects."""
 
 
 class ChangePlan(NamedTuple):
@@ -243,26 +233,26 @@ class Configured(NamedTuple):
 
 
 @Procedure
-async def configure(node: RemoteNode, description: Description, now: datetime) -> Configured:
+async def configure(node: RemoteNode, dictionary: Dictionary, now: datetime) -> Configured:
     """Make a node what a DCF says; `now` is written to verify configuration 0x1020.
 
     Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all of
     it, with the state it is left in; RemoteError and BusError before anything is written.
     """
-    plan = await difference.steps(node, description)
+    plan = await difference.steps(node, dictionary)
     return await apply.steps(node, plan, now) if plan.changes else Configured(0, False)
 
 
 # The file
 
 
-def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
+def settings(dictionary: Dictionary) -> list[tuple[ODVariable, bytes]]:
     """Return the objects that a DCF configures, with their bytes: those that have a value and can be written.
 
     Left out are process data and the entries of a mapping beyond its number of entries. Raises DictionaryError for a
     value that its object's type cannot have, and for a file beside the DCF that cannot be read; see `check_limits`.
     """
-    dictionary, found = description.dictionary, []
+    found = []
     for thing in all_objects(dictionary.objects):
         index, subindex = address_of(thing)
         # What a mapping holds beyond its number of entries is left over from another one.
@@ -297,12 +287,12 @@ def _encoded(dictionary: Dictionary, thing: ODVariable, rule: ODVariable) -> byt
         raise errors.DictionaryError(dictionary.file, thing.index, what) from None
 
 
-def all_writes(description: Description) -> list[Write]:
+def all_writes(dictionary: Dictionary) -> list[Write]:
     """Return the writes, in order, that configure a device about which nothing is known.
 
     Raises as `settings` and `check_limits`.
     """
-    dictionary, found = description.dictionary, settings(description)
+    found = settings(dictionary)
     check_limits(dictionary, (thing for thing, _ in found))
     wanted = {address_of(thing): data for thing, data in found}
     # A mapping can be changed only while its PDO is not valid, so the COB-ID has to be known even where the DCF leaves
@@ -312,12 +302,11 @@ def all_writes(description: Description) -> list[Write]:
     return in_order(wanted, {})
 
 
-def check_whole(description: Description, refused: OnRefused = fatal, by_default: OnRefused = unheard) -> None:
+def check_whole(dictionary: Dictionary, refused: OnRefused = fatal, by_default: OnRefused = unheard) -> None:
     """Raise DictionaryError unless a DCF is complete.
 
     `refused` gets the PDOs whose mappings are wrong, `by_default` those that are wrong in the device's own EDS already.
     """
-    dictionary = description.dictionary
     absent = dcf.missing(dictionary.document)
     if absent:
         raise errors.DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
@@ -327,10 +316,9 @@ def check_whole(description: Description, refused: OnRefused = fatal, by_default
 
 
 def check_file(
-    description: Description, node_id: int, refused: OnRefused = fatal, by_default: OnRefused = unheard
+    dictionary: Dictionary, node_id: int, refused: OnRefused = fatal, by_default: OnRefused = unheard
 ) -> None:
     """Raise DictionaryError unless a DCF is complete and for this node-ID; see `check_whole`."""
-    dictionary = description.dictionary
     intended = dictionary.commissioned_node_id
     # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
     # depend on it.
@@ -339,7 +327,7 @@ def check_file(
         raise errors.DictionaryError(dictionary.file, None, what)
     if intended != node_id:
         raise errors.DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
-    check_whole(description, refused, by_default)
+    check_whole(dictionary, refused, by_default)
 
 
 # The difference
@@ -347,20 +335,19 @@ def check_file(
 
 @Procedure
 async def difference(
-    node: RemoteNode, description: Description, areas: Collection[DictionaryArea] = tuple(DictionaryArea)
+    node: RemoteNode, dictionary: Dictionary, areas: Collection[DictionaryArea] = tuple(DictionaryArea)
 ) -> ChangePlan:
     """Compare a node with a DCF, or with some areas of it, by reading alone.
 
     Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node does
     not have; RemoteError and BusError.
     """
-    check_file(description, node.node_id)
-    dictionary = description.dictionary
+    check_file(dictionary, node.node_id)
     # Before anything is read or written: another device may have the same objects with other meanings.
     other = Identity.of(dictionary).difference(await read_identity.steps(node))
     if other is not None:
         raise errors.DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
-    wanted = [each for each in settings(description) if any(each[0].index in one.indices for one in areas)]
+    wanted = [each for each in settings(dictionary) if any(each[0].index in AREAS[one] for one in areas)]
     present = {address_of(thing): await _present(node, dictionary, thing) for thing, _ in wanted}
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
@@ -436,11 +423,11 @@ async def apply(
     try:
         # A node at work would send PDOs half in the old form and half in the new, and some refuse to be remapped.
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        await _write(node, plan, plan.writes(), done)
+        await _write(node, plan.dictionary, plan.writes(), done)
         await read_back.steps(node, plan.dictionary, ((each.thing, each.after) for each in plan.changes))
         # The mark comes after everything else, as the node clears it when its configuration changes; it is stored as
         # well.
-        await _write(node, plan, mark, [])
+        await _write(node, plan.dictionary, mark, [])
         # 0x1010 is optional (CiA 301, 7.5.2.13): a device without it keeps its values until the next reset, which would
         # lose them.
         stored = stores and plan.dictionary.variable((STORE, ALL_PARAMETERS)) is not None
@@ -481,17 +468,16 @@ async def store(node: RemoteNode) -> None:
 @Procedure
 async def restore(node: RemoteNode) -> None:
     """Have a node restore the defaults of its parameters, from its next reset on; raises as `store`."""
-    await node.download.steps(
-        (RESTORE, ALL_PARAMETERS), SIGNATURES[RESTORE], "Restore all default parameters", STORE_WAIT
-    )
+    address, name = (RESTORE, ALL_PARAMETERS), "Restore all default parameters"
+    await node.download.steps(address, SIGNATURES[RESTORE], name, STORE_WAIT)
 
 
-async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
+async def _write(node: RemoteNode, dictionary: Dictionary, writes: Iterable[Write], done: list[Write]) -> None:
     """Write, and note in `done` what the node has or may have, but not a write that it has refused."""
     for write in writes:
         done.append(write)
         try:
-            await node.download.steps(write.address, write.data, at(write.address, plan.dictionary.objects).qualname)
+            await node.download.steps(write.address, write.data, at(write.address, dictionary.objects).qualname)
         except errors.NodeRefused:
             done.pop()
             raise
@@ -516,7 +502,7 @@ async def _take_back(
     """Give a node back what it had; return the error that says why, and in which state the node is."""
     names = [label(each.thing) for each in plan.changes]
     try:
-        await _write(node, plan, plan.way_back(done), [])
+        await _write(node, plan.dictionary, plan.way_back(done), [])
         # Not back to STOPPED, where the node would not answer SDO: whoever looks for the cause has to ask it.
         state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
@@ -585,9 +571,8 @@ async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Addre
 
     Raises NoAnswer, RemoteError, BusError.
     """
-    return pdo_numbers(
-        await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each[0]) is not None))
-    )
+    records = (each for each in dictionary.addresses() if pdo_of(each[0]) is not None)
+    return pdo_numbers(await read_bytes.steps(node, records))
 
 
 PDO_RECORDS = tuple(chain.from_iterable(values.COMMUNICATION_RECORDS.values()))
@@ -621,7 +606,7 @@ def pdo_numbers(found: Mapping[Address, bytes | int]) -> dict[Address, Value]:
 
 def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
     """Yield the objects that can be read, except for files (DOMAIN)."""
-    return (thing for thing in _readable(dictionary) if data_type(thing) != values.DOMAIN)
+    return (each for each in all_objects(dictionary.objects) if each.readable and data_type(each) != values.DOMAIN)
 
 
 def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
@@ -629,16 +614,14 @@ def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
 
     For the mapping that a node has now, `dictionary` is the file's, `configured` with the node's PDO parameters.
     """
-    return (thing for thing in _readable(dictionary) if dictionary.is_parameter(address_of(thing)))
+    things = all_objects(dictionary.objects)
+    return (each for each in things if each.readable and dictionary.is_parameter(address_of(each)))
 
 
 def process_data(dictionary: Dictionary) -> list[ODVariable]:
     """Return what can be read and written and is not configuration, as it is process data."""
-    return [thing for thing in _readable(dictionary) if thing.writable and address_of(thing) in dictionary.process_data]
-
-
-def _readable(dictionary: Dictionary) -> Iterator[ODVariable]:
-    return (thing for thing in all_objects(dictionary.objects) if thing.readable)
+    things = (each for each in all_objects(dictionary.objects) if each.readable and each.writable)
+    return [each for each in things if address_of(each) in dictionary.process_data]
 
 
 def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[ObjectReading]:
@@ -646,13 +629,6 @@ def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | No
     for address, data in writes:
         thing = at(address, dictionary.objects if dictionary else None)
         yield ObjectReading(thing, decode(thing, data))
-
-
-def dcf_of_writes(
-    dictionary: Dictionary, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int, stem: str
-) -> Dcf:
-    """Return a DCF with the values after all writes; raises UnknownName for an object that the EDS does not have."""
-    return with_contents(dictionary, dict(writes), dictionary.node_id, dictionary.name, baudrate_kbit, stem)
 
 
 def dcf_of_node(
@@ -677,9 +653,8 @@ def dcf_of_node(
             left_out.append(ObjectReading(thing, refusal=error.reason))
             continue
         if len(data) < data_type(thing).size:
-            left_out.append(
-                ObjectReading(thing, refusal=f"{amount(len(data), 'byte')}, too few for {data_type(thing).name}")
-            )
+            what = f"{amount(len(data), 'byte')}, too few for {data_type(thing).name}"
+            left_out.append(ObjectReading(thing, refusal=what))
         else:
             contents[address_of(thing)] = data
     return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out

@@ -130,11 +130,13 @@ class DriveAtNode:
         code = await self._read(cia402.ERROR_CODE) if state in FAULTY else 0
         return DriveStatus(state, word, mode, position, velocity, code)
 
-    async def _poll(self, within: float, done: Callable[[int], bool]) -> tuple[int, bool]:
-        """Wait for a statusword that is `done`; return the last one, and whether it is done."""
+    async def _poll(
+        self, within: float, done: Callable[[int], bool], index: int = cia402.STATUSWORD
+    ) -> tuple[int, bool]:
+        """Wait for a statusword, or another object, that is `done`; return the last one, and whether it is done."""
         clock = self._node.master.clock
         end = clock() + within
-        while not done(word := await self._read(cia402.STATUSWORD)):
+        while not done(word := await self._read(index)):
             if clock() >= end:
                 return word, False
             await self._node.master.pump.steps(POLL)
@@ -249,14 +251,10 @@ class DriveAtNode:
         """Choose a mode of operation, and wait until the drive shows it."""
         if await self._read(cia402.MODE_DISPLAY) != mode:
             await self._write(cia402.MODE, mode)
-            clock = self._node.master.clock
-            end = clock() + within
-            while (shown := await self._read(cia402.MODE_DISPLAY)) != mode:
-                if clock() >= end:
-                    words = cia402.MODE_WORDS
-                    is_, wanted = words.get(shown, f"mode {shown}"), words[mode]
-                    raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
-                await self._node.master.pump.steps(POLL)
+            shown, is_chosen = await self._poll(within, lambda shown: shown == mode, cia402.MODE_DISPLAY)
+            if not is_chosen:
+                is_ = cia402.MODE_WORDS.get(shown, f"mode {shown}")
+                raise DriveError(f"{self._name}: {cia402.MODE_WORDS[mode]}: it stays in {is_}")
 
     async def _begin_home(self, method: int | None = None) -> None:
         """Enable it and begin to home it, as `home` does, without waiting for the end."""

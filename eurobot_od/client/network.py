@@ -25,8 +25,8 @@ from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
 from eurobot_od.client.description import LISTEN, Found, Identity, scan, uploaded
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, blocking, syncs
-from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
+from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, PeriodicTask, blocking, syncs
+from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, ThreadedMaster, feed_of
 from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
 from eurobot_od.client.streams import EndlessIterator
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
@@ -462,10 +462,9 @@ class Network(NetworkOfDevices[RemoteDevice]):
         if not isinstance(node, int):
             return self._added(node)
         if upload_eds:
-            kept = uploaded(self.master.node(node))
-            if kept is None:
+            object_dictionary = uploaded(self.master.node(node))
+            if object_dictionary is None:
                 raise RemoteError(f"node {node} keeps no EDS of itself in plain text (0x1021)")
-            object_dictionary = kept.dictionary
         return self.add(node, object_dictionary)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:

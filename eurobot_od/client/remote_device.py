@@ -24,10 +24,9 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client import configure, program, streams
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
-from eurobot_od.client.description import Identity, described, from_file, read_identity
+from eurobot_od.client.description import Identity, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
-from eurobot_od.client.master import Master, RemoteNode, blocking, finished
-from eurobot_od.client.masters import PeriodicTask
+from eurobot_od.client.master import Master, PeriodicTask, RemoteNode, blocking, finished
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdo import PdosOfDirection, RemotePdo, RemotePdos
 from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState, canopen_state, command_to
@@ -429,19 +428,19 @@ class DeviceAtNode:
         not take all of it, or if the wait is cancelled: it then has its former values again, or `written` and `left`
         say which objects have changed and which have not.
         """
-        description = from_file(file)
-        plan = await configure.difference.steps(self._node, description)
+        dictionary = Dictionary.load(file)
+        plan = await configure.difference.steps(self._node, dictionary)
         done = Configured(0, False)
         if plan.changes:
             done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
         # The node has everything in the file: it had it before, or it was written and read back.
-        has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(description)}
+        has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(dictionary)}
         self._pdos.present({address: value for address, value in has.items() if pdo_of(address[0]) is not None})
         return done
 
     async def _difference(self, file: str | Path) -> ChangePlan:
         """Return what `configure` would write, without writing anything; raises DictionaryError."""
-        return await configure.difference.steps(self._node, from_file(file))
+        return await configure.difference.steps(self._node, Dictionary.load(file))
 
     async def _store(self) -> None:
         """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""
@@ -636,7 +635,7 @@ class RemoteDevice(DeviceAtNode):
         """
         if self.dictionary is None or not any(map(self.dictionary.has_own_value, self.dictionary.addresses())):
             return
-        for write in configure.all_writes(described(self.dictionary)):
+        for write in configure.all_writes(self.dictionary):
             self._node.download(write.address, write.data)
 
     @property

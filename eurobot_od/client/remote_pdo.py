@@ -14,8 +14,7 @@ from typing import Any, overload
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.configure import map_objects
-from eurobot_od.client.master import finished
-from eurobot_od.client.masters import PeriodicTask
+from eurobot_od.client.master import PeriodicTask, finished
 from eurobot_od.client.streams import BlockingStream, MappedPdo, MappedPdos, PdoReading, PdoValue
 from eurobot_od.errors import NoAnswer, UnknownName
 from eurobot_od.export.dbc import text_of
