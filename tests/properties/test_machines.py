@@ -137,7 +137,7 @@ class LostConnection(RuleBasedStateMachine):
         self._patch.setattr(connections, "FIRST_PAUSE", 0.0)
         self._patch.setattr(connections, "LONGEST_PAUSE", 0.0)
         self._patch.setattr(Driver, "overflow", property(lambda driver: driver.bus.lost))
-        self._now, self._refusals, self._lost_frames = 0.0, 0, 0
+        self._now, self._refusals, self._lost_frames, self._away = 0.0, 0, 0, 0.0
         self._lost_at: float | None = None
         self.closed, self.said = False, list[str]()
         driver = Driver(CountingBus("machine"))
@@ -159,6 +159,7 @@ class LostConnection(RuleBasedStateMachine):
     def _come_back(self, gap: float) -> None:
         assert self._lost_at is not None
         assert gap == self._now - self._lost_at
+        self._away += gap
         self.said.append("back")
 
     @rule(seconds=st.floats(0.0, 30.0))
@@ -201,6 +202,8 @@ class LostConnection(RuleBasedStateMachine):
     @invariant()
     def each_loss_is_reported_once_and_ended_once(self) -> None:
         assert self.said == [("lost", "back")[number % 2] for number in range(len(self.said))]
+        assert self.connection.gaps.number == self.said.count("back")
+        assert self.connection.gaps.seconds == pytest.approx(self._away)
 
     @invariant()
     def every_lost_frame_is_counted(self) -> None:

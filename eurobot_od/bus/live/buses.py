@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from threading import RLock
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live.adapters import BITRATE, INSTEAD, ONLY_LINUX, SOCKETCAN, remedy, silence_logs
 from eurobot_od.errors import BusError, UnknownName
@@ -264,6 +264,13 @@ Opener: TypeAlias = "Callable[[], can.BusABC]"
 """Opens a bus as it was opened before; raises BusError."""
 
 
+class Gaps(NamedTuple):
+    """How often a bus was lost and came back, and for how many seconds in all."""
+
+    number: int = 0
+    seconds: float = 0.0
+
+
 class Connection:
     """The bus of a `driver`, opened again by `opener` when it fails; without one, reading ends with its failure.
 
@@ -285,6 +292,7 @@ class Connection:
         self.driver = driver
         self.up = True
         self.failure: BusError | None = None
+        self.gaps = Gaps()
         self.overflow = self._of_this_bus = 0
         self._opener, self._clock = opener, clock
         self._lost, self._opened, self._back = lost, opened, back
@@ -331,6 +339,7 @@ class Connection:
             if not self.up or self._opener is None:  # a sender has seen the next failure meanwhile
                 return
             gap, self.failure = self._clock() - self._since, None
+            self.gaps = Gaps(self.gaps.number + 1, self.gaps.seconds + gap)
         LIVE_LOG.info("%s is back after %.1f s", self.driver.bus.channel_info, gap)
         self._back(gap)
 

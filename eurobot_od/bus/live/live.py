@@ -16,7 +16,7 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.bus.live.buses import Connection, Driver, Opener, Sender, failure, shut_down
+from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, Sender, failure, shut_down
 from eurobot_od.bus.live.reader import POLL, BusSilence, FunctionThread, Reader
 from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
@@ -82,8 +82,8 @@ class Live:
 
     `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what came from the bus and is not a
     classic base data frame, `missed` what came while the process stood still and is not acted on. A bus that fails is
-    opened again by `opener`, if there is one. `failure` is why it cannot go on, None while it can. All this is
-    reported, too. The bus is shut down at the end.
+    opened again by `opener`, if there is one; `gaps` says how often and for how long. `failure` is why it
+    cannot go on, None while it can. All this is reported, too. The bus is shut down at the end.
     """
 
     def __init__(
@@ -136,6 +136,11 @@ class Live:
     def bus(self) -> can.BusABC:
         """The bus as it is opened now."""
         return self._driver.bus
+
+    @property
+    def gaps(self) -> Gaps:
+        """How often the bus was lost and came back, and for how long."""
+        return self._connection.gaps
 
     @property
     def overflow(self) -> int:

@@ -18,7 +18,7 @@ from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Driver, open_bus
-from eurobot_od.bus.live.buses import Connection
+from eurobot_od.bus.live.buses import Connection, Gaps
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.support import connections
@@ -327,6 +327,7 @@ def test_a_gap_ends_when_the_bus_was_read_and_not_when_it_was_opened() -> None:
         scene.connection.works()
         scene.connection.works()
         assert scene.told == [(FAILED, True), "opened", "opened", 3.5]
+        assert scene.connection.gaps == Gaps(1, 3.5)
         scene.now += STEADY
         scene.connection.fail(FAILED)
         assert scene.told[-1] == (FAILED, True)
@@ -406,4 +407,4 @@ def test_a_bus_that_fails_while_it_is_said_to_work_is_still_lost() -> None:
         scene.connection.fail(FAILED)  # a sender was quicker than the reader
         scene.connection.works()
         assert scene.connection.failure is FAILED
-        assert 0.0 not in scene.told, scene.told
+        assert scene.connection.gaps == Gaps()

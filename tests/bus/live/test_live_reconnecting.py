@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import can
 import pytest
 from can.interfaces.virtual import VirtualBus
@@ -54,14 +52,13 @@ def test_an_interface_that_goes_down_and_up_again_leaves_no_deaf_node(cable: Cab
         back = reports.wait_for(Event.BUS_BACK)
         tester.send(CheckDriveRequest())
         assert answers.get(LONG) is not None
-        assert (drive.failure, drive.bus) == (None, cable.buses[-1])
+        assert (drive.failure, drive.gaps.number, drive.bus) == (None, 1, cable.buses[-1])
+        assert drive.gaps.seconds == pytest.approx(back.timestamp - lost.timestamp, abs=0.5)
     assert str(lost) == (
         f"bus failed: Virtual bus channel {cable.channel}: the bus Virtual bus channel {cable.channel} failed: "
         "[Errno 100] Network is down; it is opened again"
     )
-    gap = re.match(r"after a gap of ([\d.]+) s, in which \d+ frames were not sent", back.text)
-    assert gap is not None
-    assert float(gap[1]) == pytest.approx(back.timestamp - lost.timestamp, abs=0.5)
+    assert "after a gap of " in back.text
     assert all(bus.closed for bus in cable.buses)
 
 
@@ -153,10 +150,10 @@ def test_without_an_opener_the_failure_lasts(channel: str) -> None:
 
 def test_the_end_does_not_wait_for_a_bus_that_stays_away(channel: str) -> None:
     cable, reports = Cable(channel), Reports()
-    with Live(cable.open(), Gatekeeper(PROTOCOL, report=reports), opener=cable.open):
+    with Live(cable.open(), Gatekeeper(PROTOCOL, report=reports), opener=cable.open) as live:
         cable.error = UNPLUGGED
         reports.wait_for(Event.BUS_FAILED)
-    assert Event.BUS_BACK not in {each.event for each in reports.rest()}
+    assert live.gaps.number == 0
 
 
 class StubbornBus(VirtualBus):
