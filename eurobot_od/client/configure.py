@@ -22,23 +22,11 @@ from eurobot_od.client.description import Identity, device_name, read_identity
 from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
-from eurobot_od.od import dcf, values
+from eurobot_od.od import dcf, objects, values
 from eurobot_od.od.dcf import Dcf, Write, with_contents
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import COMMISSIONING
-from eurobot_od.od.objects import (
-    address_of,
-    all_objects,
-    at,
-    data_type,
-    decode,
-    encode,
-    is_described,
-    label,
-    shown,
-    unlimited,
-    value_text,
-)
+from eurobot_od.od.objects import address_of, at, data_type, decode, encode, label, shown, unlimited
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
 from eurobot_od.od.standard import ALL_PARAMETERS, RESTORE, SIGNATURES, STORE, VERIFY_CONFIGURATION
 from eurobot_od.od.values import COB_ID, MAPPING_OFFSET, Address, Value, pdo_of
@@ -216,9 +204,8 @@ class ChangePlan(NamedTuple):
         # Part of a DCF must not be marked: a later start would take it for the whole.
         if not self.whole or any(self.dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
             return []
-        return [
-            Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, values.TimeOfDay.of(now))
-        ]
+        stamps = zip(VERIFY_CONFIGURATION, values.TimeOfDay.of(now))
+        return [Write(address, number.to_bytes(4, "little")) for address, number in stamps]
 
 
 class Configured(NamedTuple):
@@ -253,7 +240,7 @@ def settings(dictionary: Dictionary) -> list[tuple[ODVariable, bytes]]:
     value that its object's type cannot have, and for a file beside the DCF that cannot be read; see `check_limits`.
     """
     found = []
-    for thing in all_objects(dictionary.objects):
+    for thing in objects.all_objects(dictionary.objects):
         index, subindex = address_of(thing)
         # What a mapping holds beyond its number of entries is left over from another one.
         count = dictionary.default((index, 0)) if pdo_of(index) not in (None, index) else None
@@ -269,7 +256,7 @@ def _configured(dictionary: Dictionary, thing: ODVariable) -> bytes | None:
     """Return the bytes that a DCF gives an object, None if it gives none. Raises DictionaryError."""
     if not data_type(thing).size:
         return dcf.content(dictionary, address_of(thing))
-    return _encoded(dictionary, thing, unlimited(thing)) if value_text(thing) else None
+    return _encoded(dictionary, thing, unlimited(thing)) if objects.value_text(thing) else None
 
 
 def check_limits(dictionary: Dictionary, things: Iterable[ODVariable]) -> None:
@@ -283,7 +270,8 @@ def _encoded(dictionary: Dictionary, thing: ODVariable, rule: ODVariable) -> byt
     try:
         return encode(rule, thing.value)
     except errors.FieldError as error:
-        what = f"sub {thing.subindex} ({thing.qualname}): {value_text(thing)} is not allowed; allowed: {error.allowed}"
+        given = f"sub {thing.subindex} ({thing.qualname}): {objects.value_text(thing)}"
+        what = f"{given} is not allowed; allowed: {error.allowed}"
         raise errors.DictionaryError(dictionary.file, thing.index, what) from None
 
 
@@ -354,13 +342,8 @@ async def difference(
     check_limits(dictionary, (each.thing for each in changes))  # what the node has already needs no write
     _check_own_node_id(node, dictionary, changes)
     needed = procedure_objects(address_of(each.thing) for each in changes)
-    return ChangePlan(
-        dictionary,
-        changes,
-        {address: present.get(address) or await node.upload.steps(address) for address in needed},
-        whole=set(areas) == set(DictionaryArea),
-        wanted=tuple(wanted),
-    )
+    known = {address: present.get(address) or await node.upload.steps(address) for address in needed}
+    return ChangePlan(dictionary, changes, known, set(areas) == set(DictionaryArea), tuple(wanted))
 
 
 def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterable[ChangedObject]) -> None:
@@ -379,7 +362,7 @@ def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterab
 async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
     """Read an object, only as many bytes as its type has: some devices always send 4. Raises as `upload`."""
     # A DOMAIN may be a program or a recording; a megabyte takes 150 000 requests by segments.
-    if data_type(thing) == values.DOMAIN and is_described(thing):
+    if data_type(thing) == values.DOMAIN and objects.is_described(thing):
         return await node.upload_block.steps(address_of(thing), thing.qualname)
     size = data_type(thing).size or None
     most = max(size, EXPEDITED_SIZE) if size else LARGEST
@@ -523,9 +506,8 @@ def _failure(
     error: BaseException, state: str, written: Iterable[str] = (), left: Iterable[str] = ()
 ) -> errors.EurobotError:
     text = f"{str(error) or 'interrupted'}; {state}"
-    return (
-        errors.BusError(text) if isinstance(error, errors.BusError) else errors.ConfigurationError(text, written, left)
-    )
+    is_bus = isinstance(error, errors.BusError)
+    return errors.BusError(text) if is_bus else errors.ConfigurationError(text, written, left)
 
 
 # A node read whole
@@ -606,7 +588,9 @@ def pdo_numbers(found: Mapping[Address, bytes | int]) -> dict[Address, Value]:
 
 def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
     """Yield the objects that can be read, except for files (DOMAIN)."""
-    return (each for each in all_objects(dictionary.objects) if each.readable and data_type(each) != values.DOMAIN)
+    return (
+        each for each in objects.all_objects(dictionary.objects) if each.readable and data_type(each) != values.DOMAIN
+    )
 
 
 def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
@@ -614,13 +598,13 @@ def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
 
     For the mapping that a node has now, `dictionary` is the file's, `configured` with the node's PDO parameters.
     """
-    things = all_objects(dictionary.objects)
+    things = objects.all_objects(dictionary.objects)
     return (each for each in things if each.readable and dictionary.is_parameter(address_of(each)))
 
 
 def process_data(dictionary: Dictionary) -> list[ODVariable]:
     """Return what can be read and written and is not configuration, as it is process data."""
-    things = (each for each in all_objects(dictionary.objects) if each.readable and each.writable)
+    things = (each for each in objects.all_objects(dictionary.objects) if each.readable and each.writable)
     return [each for each in things if address_of(each) in dictionary.process_data]
 
 

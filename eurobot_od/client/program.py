@@ -96,9 +96,8 @@ async def load(
             with suppress(NoAnswer):  # and one that goes to its loader need not confirm
                 await memory.control(ProgramControl.STOP)
         await memory.wait()
-    with _left(
-        node, f"its program is stopped and may be cleared: download it again, or, if it is still there, {start}"
-    ):
+    may_be_there = f"its program is stopped and may be cleared: download it again, or, if it is still there, {start}"
+    with _left(node, may_be_there):
         await memory.control(ProgramControl.CLEAR, FLASH_WAIT)
         await memory.wait(NO_ERROR, NO_PROGRAM)
     with _left(node, "it is stopped without a whole program: download it again"):

@@ -19,19 +19,10 @@ from eurobot_od.client.streams import BlockingStream, MappedPdo, MappedPdos, Pdo
 from eurobot_od.errors import NoAnswer, UnknownName
 from eurobot_od.export.dbc import text_of
 from eurobot_od.export.description import described
+from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import at, find_one
-from eurobot_od.od.values import (
-    COB_ID,
-    EVENT_TIMER,
-    INHIBIT_TIME,
-    NOT_VALID,
-    SYNC_START,
-    TRANSMISSION_TYPE,
-    PdoDirection,
-    PdoRecords,
-    Value,
-)
+from eurobot_od.od.values import COB_ID, PdoDirection, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.files import write_whole
 
@@ -90,10 +81,10 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
     What canopen calls a PdoMap: settings are written by `save`, `transmit()` without values sends those that were set.
     """
 
-    trans_type = _setting(TRANSMISSION_TYPE, "The transmission type, 0..255.")
-    inhibit_time = _setting(INHIBIT_TIME, "The least time between two of them, in 100 us.")
-    event_timer = _setting(EVENT_TIMER, "The longest time between two of them, in ms; of an RPDO, its deadline.")
-    sync_start_value = _setting(SYNC_START, "The number of the SYNC with which it starts.")
+    trans_type = _setting(values.TRANSMISSION_TYPE, "The transmission type, 0..255.")
+    inhibit_time = _setting(values.INHIBIT_TIME, "The least time between two of them, in 100 us.")
+    event_timer = _setting(values.EVENT_TIMER, "The longest time between two of them, in ms; of an RPDO, its deadline.")
+    sync_start_value = _setting(values.SYNC_START, "The number of the SYNC with which it starts.")
 
     def __init__(self, *given: Any) -> None:
         self.settings: dict[int, int] = {}
@@ -157,7 +148,7 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
     # Its parameters
 
     @property
-    def records(self) -> PdoRecords:
+    def records(self) -> values.PdoRecords:
         """The PDO as the master knows it: where its records are, and what they say."""
         return self._binding.pdo
 
@@ -179,12 +170,12 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
     def enabled(self) -> bool:
         """Whether it is valid."""
         wanted = self.settings.get(COB_ID)
-        return self._binding.pdo.valid if wanted is None else not wanted & NOT_VALID
+        return self._binding.pdo.valid if wanted is None else not wanted & values.NOT_VALID
 
     @enabled.setter
     def enabled(self, enabled: bool) -> None:
         entry = self.setting(COB_ID) or self.cob_id
-        self.settings[COB_ID] = entry & ~NOT_VALID if enabled else entry | NOT_VALID
+        self.settings[COB_ID] = entry & ~values.NOT_VALID if enabled else entry | values.NOT_VALID
 
     def clear(self) -> None:
         """Empty the mapping."""

@@ -151,11 +151,10 @@ class NodeWatch:
         first, was_lost = node.pulse.heard is None, node.lost
         node.state, node.lost = NmtState(state), False
         (node.pulse.beat if state else node.pulse.boot)(now)
-        change = (
-            NodeChange.BOOTED if not state else NodeChange.BACK if was_lost else NodeChange.FOUND if first else None
-        )
-        if change:
-            self._tell(now, node_id, change)
+        if not state or was_lost or first:
+            self._tell(
+                now, node_id, NodeChange.BOOTED if not state else NodeChange.BACK if was_lost else NodeChange.FOUND
+            )
 
     def tick(self, now: float) -> list[int]:
         """Notice which nodes are lost, and return the COB-IDs that have to be asked by remote frames now."""

@@ -201,9 +201,8 @@ class FrameReader:
         def receive(cob_id: int, data: Data, now: float) -> None:
             seen(now, Frame(cob_id, bytes(data)))
 
-        self._connection = Connection(
-            Driver(bus), opener, time.monotonic, lambda why, _: failed(why), lambda: None, back
-        )
+        driver, lost = Driver(bus), lambda why, _: failed(why)
+        self._connection = Connection(driver, opener, time.monotonic, lost, lambda: None, back)
         reader = Reader(self._connection, receive, clock, foreign)
         self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
 

@@ -251,9 +251,8 @@ class SimulatedModule(ProfileDevice):
         ends = dict[Address, Callable[[], Value]]((each, partial(self._kept, each)) for each in subs)
         ends |= application.measured
         types = {each: data_type(self._variable(each)) for each in ends}
-        return application._replace(
-            measured={each: partial(self._input, each, types[each], read) for each, read in ends.items()}
-        )
+        measured = {each: partial(self._input, each, types[each], read) for each, read in ends.items()}
+        return application._replace(measured=measured)
 
     def _kept(self, address: Address) -> Value:
         return self.device.objects.kept(address)
