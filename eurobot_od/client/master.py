@@ -148,6 +148,8 @@ class Master:
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self.observers: tuple[Observer, ...] = ()
         self.periodic: list[PeriodicTask] = []
+        self.failure: errors.BusError | None = None
+        """Why frames are no longer heard, where somebody else reads them; None as long as they are."""
         self._sdo_servers: dict[int, SdoChannel] = {}
         self.guard: AbstractContextManager[object] = nullcontext()
         """Held while frames are taken in, where another thread does that."""

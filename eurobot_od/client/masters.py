@@ -116,12 +116,11 @@ def feed_of(network: Any) -> SharedFeed:
 
 
 class FedMaster(Master):
-    """The common part of both kinds of masters: a feed, its `failure`, and what is sent periodically."""
+    """The common part of both kinds of masters: a feed, and what is sent periodically."""
 
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT, **options: Any) -> None:
         super().__init__(feed.bus, answer_wait, **options)
         self._feed = feed
-        self.failure: BusError | None = None
         self._turns: Mapping[int, AbstractAsyncContextManager[object]] = {}
 
     def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:

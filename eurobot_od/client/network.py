@@ -33,14 +33,14 @@ from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
-from eurobot_od.errors import BusError, DriveError, NoAnswer, NodeRefused, RemoteError, UnknownName
+from eurobot_od.errors import DriveError, NoAnswer, NodeRefused, RemoteError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import DEFAULT, cia402
 from eurobot_od.od.cia402 import MODE_WORDS, Mode, State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import load, read_network
 from eurobot_od.od.standard import LssState
-from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
+from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 """An interface by python-can's name, an open bus, or somebody else's network, whose bus is shared."""
@@ -57,9 +57,6 @@ SimulatedFile: TypeAlias = "SimulatedDevice | Dictionary | str | Path"
 AnyDevice = TypeVar("AnyDevice", bound=DeviceAtNode)
 
 LSS_WAIT = lss.ANSWER_WAIT
-
-SHORTEST_PAUSE = 0.001
-"""Shortest time between two checks for lost nodes, in seconds."""
 
 
 def _feed(bus: BusName, channel: Channel, bitrate: int | None) -> Feed:
@@ -78,12 +75,8 @@ class NodeWatcher(EndlessIterator[NodeEvent]):
         periods = dict.fromkeys(node_ids, within / LOST_AFTER)  # until two heartbeats have shown its period
         self._watch = NodeWatch(self._events.append, periods, node_ids, within, guarded)
         self._watch.tick(master.clock())
-        self._observed = master.observed(self._hear)
+        self._observed = master.observed(self._watch.observer(master))
         self._observed.__enter__()
-
-    def _hear(self, cob_id: int, data: bytes, _: float) -> None:
-        if cob_id - ERROR_CONTROL_BASE in NODE_IDS:
-            self._watch.receive(cob_id - ERROR_CONTROL_BASE, data, self._master.clock())
 
     def close(self) -> None:
         """Stop watching."""
@@ -91,11 +84,7 @@ class NodeWatcher(EndlessIterator[NodeEvent]):
 
     async def _next(self) -> NodeEvent:
         while not self._events:
-            now = self._master.clock()
-            for cob_id in self._watch.tick(now):
-                self._master.request(cob_id)
-            pause = max(self._watch.next_wakeup - now, SHORTEST_PAUSE)
-            await self._master.pump.steps(pause, lambda: bool(self._events))
+            await self._master.pump.steps(self._watch.ask(self._master), lambda: bool(self._events))
         return self._events.popleft()
 
 
@@ -443,9 +432,8 @@ class Network(NetworkOfDevices[RemoteDevice]):
 
     def check(self) -> None:
         """Raise BusError if the bus is lost."""
-        failure: BusError | None = getattr(self.master, "failure", None)
-        if failure is not None:
-            raise failure
+        if self.master.failure is not None:
+            raise self.master.failure
 
     @property
     def nodes(self) -> dict[int, RemoteDevice]:

@@ -153,11 +153,6 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
         return self._binding.pdo
 
     @property
-    def indices(self) -> tuple[int, int]:
-        """The indices of its communication and mapping records."""
-        return self.records.index, self.records.mapping_index
-
-    @property
     def _dictionary(self) -> Dictionary:
         assert self._home.dictionary is not None  # without it there are no PDOs
         return self._home.dictionary
@@ -221,7 +216,8 @@ class RemotePdos(MappedPdos[RemotePdo]):
 
     def __getitem__(self, name: str | int) -> RemotePdo:
         """Return a PDO by name, or by the index of one of its records; raises UnknownName, also for one that is off."""
-        indices = {index: key for key, pdo in self._pdos.items() for index in pdo.indices}
+        valid = self._pdos.items()
+        indices = {i: key for key, pdo in valid for i in (pdo.records.index, pdo.records.mapping_index)}
         return super().__getitem__(name if isinstance(name, str) else indices.get(name, f"0x{name:04X}"))
 
     def of(self, direction: PdoDirection) -> dict[int, RemotePdo]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from eurobot_od.device.timers import caught_up
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.od.values import DAY, EPOCH, Address, TimeOfDay, Value
+from eurobot_od.od.values import DAY, EPOCH, MOST_DAYS, Address, TimeOfDay, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.sdo.wire import Abort, Reason
@@ -130,8 +130,6 @@ TIME_PERIOD = 1.0
 TIME_LENGTH = 6
 MILLISECONDS = (1 << 28) - 1
 """Bits of the first four bytes that hold the milliseconds after midnight; the others are reserved."""
-
-MOST_DAYS = 0xFFFF
 
 
 class Clock:

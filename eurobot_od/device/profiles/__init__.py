@@ -17,7 +17,7 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.objects import OnTold
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.modes import MODES
-from eurobot_od.device.profiles.motion import STEP, AxisValues, FileValues, Plant
+from eurobot_od.device.profiles.motion import STEP, AxisValues, Plant
 from eurobot_od.device.simulated import SimulatedDevice, fitted
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
@@ -183,20 +183,18 @@ class Inputs:
         return any(by >> bit & 1 and holds for bit, holds in held.items())
 
 
-class DeviceValues(FileValues):
+class DeviceValues(AxisValues):
     """The objects of a node as its profile sees them; they survive a reset of the device."""
 
-    def __init__(self, node: SimulatedDevice, dictionary: Dictionary) -> None:
-        super().__init__(dictionary)
+    def __init__(self, node: SimulatedDevice, dictionary: Dictionary, offset: int = 0) -> None:
+        super().__init__(dictionary, offset)
         self._node = node
 
-    def get(self, address: Address) -> int | None:
-        """Return its value, None if it has none, or one that is not a number."""
+    def _value(self, address: Address) -> int | None:
         value = self._node.device.objects.kept(address)
         return value if isinstance(value, int) else None
 
-    def put(self, address: Address, value: int) -> None:
-        """Keep a value."""
+    def _keep(self, address: Address, value: int) -> None:
         self._node.device.objects.put(address, value)
 
 
@@ -233,7 +231,7 @@ class SimulatedModule(ProfileDevice):
     """
 
     def __init__(self, dictionary: Dictionary, **options: Any) -> None:
-        self._values = AxisValues(DeviceValues(self, dictionary))
+        self._values = DeviceValues(self, dictionary)
         self._inputs: Inputs | None = None
         self._begun = False
         super().__init__(dictionary, **options)
@@ -358,10 +356,9 @@ class SimulatedDrive(ProfileDevice):
 
     def reset(self) -> None:
         """Start over, with the motor where it was switched on."""
-        values = DeviceValues(self, self.dictionary)
         self._beats = False
         self._axes = tuple(
-            self.AXIS(AxisValues(values, offset), self._plant, partial(self._report, number))
+            self.AXIS(DeviceValues(self, self.dictionary, offset), self._plant, partial(self._report, number))
             for number, offset in enumerate(self._offsets(self.dictionary))
         )
         super().reset()
