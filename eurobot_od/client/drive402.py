@@ -58,20 +58,13 @@ def commands_to(target: State) -> Mapping[State, DriveCommand]:
     return {**NEXT, **{each.before: each.command for each in arrows if each.command}}
 
 
-INTEGER8, INTEGER32 = DATA_TYPES[0x02], DATA_TYPES[0x04]
+INTEGER8, INTEGER16, INTEGER32 = (DATA_TYPES[number] for number in (0x02, 0x03, 0x04))
 
 TYPES: Mapping[int, DataType] = {
-    cia402.ERROR_CODE: UNSIGNED16,
-    cia402.CONTROLWORD: UNSIGNED16,
-    cia402.STATUSWORD: UNSIGNED16,
-    cia402.MODE: INTEGER8,
-    cia402.MODE_DISPLAY: INTEGER8,
-    cia402.HOMING_METHOD: INTEGER8,
-    cia402.POSITION: INTEGER32,
-    cia402.VELOCITY: INTEGER32,
-    cia402.TARGET_POSITION: INTEGER32,
-    cia402.TARGET_VELOCITY: INTEGER32,
-    cia402.TARGET_TORQUE: DATA_TYPES[0x03],
+    **dict.fromkeys((cia402.ERROR_CODE, cia402.CONTROLWORD, cia402.STATUSWORD), UNSIGNED16),
+    **dict.fromkeys((cia402.MODE, cia402.MODE_DISPLAY, cia402.HOMING_METHOD), INTEGER8),
+    **dict.fromkeys((cia402.POSITION, cia402.TARGET_POSITION, cia402.VELOCITY, cia402.TARGET_VELOCITY), INTEGER32),
+    cia402.TARGET_TORQUE: INTEGER16,
     cia402.PROFILE_VELOCITY: UNSIGNED32,
 }
 """The data types that CiA 402 gives the objects, for a drive without a file."""

@@ -230,10 +230,8 @@ def plugged_in(folder: Path = USB) -> list[Adapter]:
 
 
 def _of_sys(folder: Path) -> Iterator[tuple[str, str]]:
-    for device in folder.iterdir():
-        with suppress(OSError):  # a hub's ports, which have neither; or it was unplugged just now
-            vendor, product = ((device / name).read_text("ascii").strip() for name in ("idVendor", "idProduct"))
-            yield vendor, product
+    # Nothing is said of a hub's ports, which have neither, and of what was unplugged just now.
+    return ((_said(device / "idVendor"), _said(device / "idProduct")) for device in folder.iterdir())
 
 
 def _of_pyserial() -> Iterator[tuple[str, str]]:
@@ -284,13 +282,11 @@ def drivers() -> dict[str, bool]:
     from can.interfaces import BACKENDS
 
     silence_logs()
-    loaded = {}
-    for interface, (module, _) in sorted(BACKENDS.items()):
-        try:
-            import_module(module)
+    loaded = dict.fromkeys(sorted(BACKENDS), False)
+    for interface in loaded:
+        with suppress(Exception):  # whatever a driver raises while it looks for its library
+            import_module(BACKENDS[interface][0])
             loaded[interface] = True
-        except Exception:  # whatever a driver raises while it looks for its library
-            loaded[interface] = False
     return loaded
 
 
