@@ -133,9 +133,8 @@ class Pdos:
 
     def _write_sync(self, address: Address, value: Value) -> None:
         number = value if isinstance(value, int) else 0
-        if number & values.EXTENDED or (
-            number & SYNC_PRODUCER and SYNC_PERIOD[0] not in self._objects.dictionary.members
-        ):
+        can_send = SYNC_PERIOD[0] in self._objects.dictionary.members
+        if number & values.EXTENDED or (number & SYNC_PRODUCER and not can_send):
             raise Abort(Reason.SYNC_COB_ID)
         before = self._objects.raw(address)
         # A producer's identifier is fixed until its bit 30 is cleared (CiA 301, 7.5.2.5).

@@ -130,11 +130,8 @@ class ProfilePosition(ModeOfOperation):
 
     @property
     def bits(self) -> int:
-        return (
-            TARGET_REACHED * (self._reached and self._next is None)
-            | BIT_12 * self._acknowledged
-            | BIT_13 * self.axis.following_error
-        )
+        is_reached = self._reached and self._next is None
+        return TARGET_REACHED * is_reached | BIT_12 * self._acknowledged | BIT_13 * self.axis.following_error
 
     @property
     def settled(self) -> bool:
