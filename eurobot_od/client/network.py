@@ -426,9 +426,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         self._begin(ThreadedMaster(_feed(interface, channel, bitrate)))
         return self
 
-    def disconnect(self) -> None:
-        """`close`."""
-        self.close()
+    disconnect = close
 
     def check(self) -> None:
         """Raise BusError if the bus is lost."""
