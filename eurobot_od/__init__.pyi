@@ -3,12 +3,12 @@
 from eurobot_od.bus.live import Live as Live
 from eurobot_od.bus.live import open_bus as open_bus
 from eurobot_od.bus.simulated.network import Simulation as Simulation
-from eurobot_od.client.canopen_names import BaseNode402 as BaseNode402
-from eurobot_od.client.canopen_names import RemoteNode as RemoteNode
-from eurobot_od.client.canopen_names import SdoAbortedError as SdoAbortedError
-from eurobot_od.client.canopen_names import SdoCommunicationError as SdoCommunicationError
 from eurobot_od.client.network import AsyncNetwork as AsyncNetwork
+from eurobot_od.client.network import BaseNode402 as BaseNode402
 from eurobot_od.client.network import Network as Network
+from eurobot_od.client.network import RemoteNode as RemoteNode
+from eurobot_od.client.network import SdoAbortedError as SdoAbortedError
+from eurobot_od.client.network import SdoCommunicationError as SdoCommunicationError
 from eurobot_od.client.network import simulated as simulated
 from eurobot_od.client.remote_device import AsyncRemoteDevice as AsyncRemoteDevice
 from eurobot_od.client.remote_device import RemoteDevice as RemoteDevice

@@ -192,7 +192,7 @@ class Plugin(NamedTuple):
 
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
-        from eurobot_od.device.faults.device import DRIVE_FAULTS, FAULTS
+        from eurobot_od.device.faults import DRIVE_FAULTS, FAULTS
         from eurobot_od.device.node import Node
         from eurobot_od.device.profiles import SimulatedDrive
 

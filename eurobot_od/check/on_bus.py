@@ -212,7 +212,7 @@ class LiveBench:
     @property
     def name(self) -> str:
         """What the driver calls the bus."""
-        return self._watch.name
+        return str(self._watch.bus.channel_info)
 
     async def begin(self) -> None:
         """Return at once: nobody knows when the nodes on a real bus are up."""

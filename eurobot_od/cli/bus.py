@@ -17,7 +17,7 @@ from eurobot_od.cli.devices import Access, Devices, Target
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
-from eurobot_od.client.description import Found, Identity, described
+from eurobot_od.client.description import Found, Identity
 from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.client.master import Master, produce, syncs, times
@@ -107,7 +107,7 @@ def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: 
     slaves = [loaded[each] for each in order if loaded[each].name != named.master]
     with access.master() as master:
         nodes = [master.node(each.node_id) for each in slaves]
-        prepared = [prepare_slave(node, described(each), datetime.now()) for node, each in zip(nodes, slaves)]
+        prepared = [prepare_slave(node, each, datetime.now()) for node, each in zip(nodes, slaves)]
         booted = []
         for slave in map(hear_slave, nodes, prepared):
             words = "; ".join([*slave.done, *([str(slave.failed)] if slave.failed else [])])

@@ -26,7 +26,6 @@ from eurobot_od.plugin import Plugin
 from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:  # a command that needs no bus does without
-    from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
@@ -342,7 +341,7 @@ class Target(Access):
         with self.master() as master:
             yield master.node(number)
 
-    def description(self, node: RemoteNode) -> Description | None:
+    def description(self, node: RemoteNode) -> Dictionary | None:
         """Return the EDS of the node: the file, ours that has its identity, or its own; None if there is none.
 
         A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
@@ -358,13 +357,11 @@ class Target(Access):
         known = (each for name in names for each in dialects.load_all(name))
         return description.fitting(node, known) or description.uploaded(node)
 
-    def named_description(self, node: RemoteNode) -> Description | None:
+    def named_description(self, node: RemoteNode) -> Dictionary | None:
         """Return the EDS that the user has named for the node; None if there is none.
 
         From then on the node is spoken to where its file says that its SDO server is.
         """
-        from eurobot_od.client.description import from_file
-
         files = self.devices.files()
         named = files[: len(self.devices.eds)]
         mine = next((each for each in named if each.node_id in (None, node.node_id)), None)
@@ -372,13 +369,12 @@ class Target(Access):
             mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
         if mine is None:
             return None
+        dictionary = Dictionary.load(mine.file, node.node_id, modules=mine.modules, patch=mine.patch)
+        complain_of_repairs([dictionary])
+        node.master.follow(dictionary)
+        return dictionary
 
-        described = from_file(mine.file, node.node_id, mine.modules, mine.patch)
-        complain_of_repairs([described.dictionary])
-        node.master.follow(described.dictionary)
-        return described
-
-    def needed_description(self, node: RemoteNode) -> Description:
+    def needed_description(self, node: RemoteNode) -> Dictionary:
         """Return the EDS of the node; raises LocalError if there is none."""
         found = self.description(node)
         if found is None:

@@ -200,10 +200,10 @@ def cdcf(
 def concise(node: NodeFile) -> tuple[list[Write], Dictionary]:
     """Return the writes of a DCF, without PDOs that do not hold, and its dictionary; raises DictionaryError."""
     from eurobot_od.client.configure import all_writes, check_file, check_whole
-    from eurobot_od.client.description import from_file
     from eurobot_od.od.values import pdo_of
 
-    description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
+    dictionary = Dictionary.load(node.file, node.node_id, modules=node.modules, patch=node.patch)
+    refused = list[MappingError]()
     with left_out() as complained:
 
         def leave_out(error: MappingError) -> None:
@@ -211,12 +211,12 @@ def concise(node: NodeFile) -> tuple[list[Write], Dictionary]:
             complained(error)
 
         if node.node_id is None:
-            check_file(description, description.dictionary.node_id, leave_out, leave_out)
+            check_file(dictionary, dictionary.node_id, leave_out, leave_out)
         else:  # who names a node-ID takes the file for that node, whichever it was made for
-            check_whole(description, leave_out, leave_out)
+            check_whole(dictionary, leave_out, leave_out)
     bad = {pdo_of(error.index or 0) for error in refused}
-    writes = [each for each in all_writes(description) if pdo_of(each.address[0]) not in bad - {None}]
-    return writes, description.dictionary
+    writes = [each for each in all_writes(dictionary) if pdo_of(each.address[0]) not in bad - {None}]
+    return writes, dictionary
 
 
 def write_concise(writes: Sequence[Write], dictionary: Dictionary, output: Path | None) -> None:
@@ -236,23 +236,24 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
     """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
     from eurobot_od.bus.live import BITRATE
     from eurobot_od.cli.objects import print_readings
-    from eurobot_od.client.configure import dcf_of_writes, decoded
-    from eurobot_od.client.description import from_file
-    from eurobot_od.od.dcf import Truncated, unpack
+    from eurobot_od.client.configure import decoded
+    from eurobot_od.od.dcf import Truncated, unpack, with_contents
 
     try:
         writes = unpack(Path(file).read_bytes())
     except Truncated as error:
         raise DictionaryError(file, None, f"not a concise DCF: {error}") from error
     named = node_file(eds) if eds else None
-    description = from_file(named.file, named.node_id if node_id is None else node_id) if named else None
+    dictionary = Dictionary.load(named.file, named.node_id if node_id is None else node_id) if named else None
     if output is None:
-        print_readings(decoded(writes, description.dictionary if description else None), as_json=False)
-    elif description is None:
+        print_readings(decoded(writes, dictionary), as_json=False)
+    elif dictionary is None:
         raise LocalError("a DCF is made from an EDS and a concise DCF: name the EDS by --eds")
     else:
-        write_dcf(output, dcf_of_writes(description.dictionary, writes, BITRATE // 1000, output.stem))
-        print(f"{output}: for node {description.dictionary.node_id}")
+        number = dictionary.node_id
+        made = with_contents(dictionary, dict(writes), number, dictionary.name, BITRATE // 1000, output.stem)
+        write_dcf(output, made)
+        print(f"{output}: for node {number}")
 
 
 def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output: Output = None) -> None:

@@ -13,8 +13,7 @@ from functools import cache
 from typing import Any, Literal
 
 from eurobot_od import plugin
-from eurobot_od.bus.live.adapters import drivers, here, plugged_in, refused
-from eurobot_od.bus.live.links import INSTEAD, links, troubles, without_socketcan
+from eurobot_od.bus.live import adapters
 from eurobot_od.cli import COMMANDS, ExitStatus, RobotName, find, program, robot_of_help, version, with_robot
 from eurobot_od.cli.signature import Parser, describe
 from eurobot_od.errors import LocalError
@@ -45,13 +44,14 @@ def doctor() -> ExitStatus:
     """
     why = {each: broken(each) for each in plugin.installed().values()}
     unloaded = [(what, f"{sys.executable} -m pip uninstall {each.package}") for each, what in why.items() if what]
-    wrong = [*unloaded, *(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
-    loaded = drivers()
-    lacks = without_socketcan()
-    buses_here = here()
+    troubles = (trouble for link in adapters.links() for trouble in adapters.troubles(link))
+    wrong = [*unloaded, *troubles, *denied(adapters.refused())]
+    loaded = adapters.drivers()
+    lacks = adapters.without_socketcan()
+    buses_here = adapters.here()
     buses = [f"interface  {each}" for each in [*map(str, buses_here)] or ["none"]]
-    buses += [f"socketcan  {lacks}; {INSTEAD}"] if lacks else []
-    buses += [f"adapter    {each.name}: {each.advice(not lacks)}" for each in plugged_in()]
+    buses += [f"socketcan  {lacks}; {adapters.INSTEAD}"] if lacks else []
+    buses += [f"adapter    {each.name}: {each.advice(not lacks)}" for each in adapters.plugged_in()]
     buses.append(f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}")
     buses.append(f"no driver  {', '.join(name for name, loads in loaded.items() if not loads)}")
     needed = packages(each for name in NEEDED for each in extras.installed(name))

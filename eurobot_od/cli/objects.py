@@ -15,7 +15,6 @@ from eurobot_od.cli.devices import Target, left_out, object_names
 from eurobot_od.cli.options import EmcyFiles, Json, Output, Seconds, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
-from eurobot_od.client.description import from_file
 from eurobot_od.client.drive402 import Drive402, DriveStatus
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.program import load
@@ -65,7 +64,7 @@ def read(target: Target, objects: Sequence[Object], *, as_json: Json = False, fi
     """
     with target.opened() as node:
         found = target.description(node)
-        known = found.dictionary.objects if found else None
+        known = found.objects if found else None
         things = [thing for text in objects for thing in find(text, known)]
         if file is not None:
             return _read_file(node, things, file)
@@ -107,7 +106,7 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
     content = _content(file) if file else b""
     with target.opened() as node:
         found = target.description(node)
-        thing = find_one(name, found.dictionary.objects if found else None)
+        thing = find_one(name, found.objects if found else None)
         if value is None:
             with bar(label(thing)) as progress:
                 node.download(address_of(thing), content, thing.qualname, progress=progress)
@@ -130,7 +129,7 @@ def dump(target: Target, *, as_json: Json = False) -> None:
     $ dump 5 --json --eds motor.eds -i socketcan -c can0
     """
     with target.opened() as node:
-        dictionary = target.needed_description(node).dictionary
+        dictionary = target.needed_description(node)
         with passing(f"node {node.node_id}", configuring.readable(dictionary)) as things:
             readings = list(configuring.read_all(node, things))
     print_readings(readings, as_json)
@@ -159,13 +158,9 @@ def pdo(
     from eurobot_od.client.configure import map_objects  # with canopen
 
     with target.opened() as node:
-        described = target.needed_description(node) if action else target.description(node)
-        if described is None:
-            found = _learned(node)
-        else:
-            dictionary = described.dictionary
-            found = _present_pdos(node, dictionary)
-        if action:
+        dictionary = target.needed_description(node) if action else target.description(node)
+        found = _learned(node) if dictionary is None else _present_pdos(node, dictionary)
+        if action and dictionary:
             known = {each.key: each for each in found}
             if not (name and objects):
                 raise LocalError(
@@ -311,15 +306,13 @@ def configure(
     $ configure 5 motor.dcf --dry-run -i socketcan -c can0
     """
     # never the network's file: a configuration is for the one device that its DCF names
-    description = from_file(file, target.node_id)
-    with left_out() as refused:
-        configuring.check_file(
-            description, target.node_id, by_default=refused
-        )  # the file is judged before a bus is opened
-    complain_of_process_data([each for each in configuring.process_data(description.dictionary) if value_text(each)])
+    dictionary = Dictionary.load(file, target.node_id)
+    with left_out() as refused:  # the file is judged before a bus is opened
+        configuring.check_file(dictionary, target.node_id, by_default=refused)
+    complain_of_process_data([each for each in configuring.process_data(dictionary) if value_text(each)])
     with target.opened() as node:
-        node.master.follow(description.dictionary)
-        plan = configuring.difference(node, description, only)
+        node.master.follow(dictionary)
+        plan = configuring.difference(node, dictionary, only)
         print(summary(plan, node.node_id))
         if dry_run or not plan.changes:
             return ExitStatus.FOUND if plan.changes else ExitStatus.FINE
@@ -370,7 +363,7 @@ def restore(target: Target, *, reset: bool = False) -> None:
     """
     with target.opened() as node:
         described = target.named_description(node)
-        restored = described.dictionary.restored_node_id if described else None
+        restored = described.restored_node_id if described else None
         if restored is not None:
             complain(f"the node-ID of node {node.node_id} is a setting, too: from its next reset on it is {restored}")
         configuring.restore(node)
@@ -391,7 +384,7 @@ def export_dcf(target: Target, *, output: Output = None) -> ExitStatus:
     $ export-dcf 5 --eds motor.eds -o motor.dcf -i socketcan -c can0
     """
     with target.opened() as node:
-        dictionary = target.needed_description(node).dictionary
+        dictionary = target.needed_description(node)
         present = dictionary.configured(configuring.pdo_parameters(node, dictionary))
         stem = output.stem if output else dictionary.name
         with passing(f"node {node.node_id}", configuring.parameters(present)) as things:
@@ -428,7 +421,7 @@ def program(
         raise LocalError(f"{file}: the file is empty")
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:
         described = target.named_description(node)
-        loaded = load(node, content, number, not no_crc, progress, described.dictionary if described else None)
+        loaded = load(node, content, number, not no_crc, progress, described)
     verified = f"verified by {loaded.crc}" if loaded.crc else "not verified by a CRC"
     print(f"node {node.node_id}: program {number}: {amount(loaded.size, 'byte')} written, {verified}, started")
 
@@ -509,7 +502,7 @@ def drive(
     _check(action, value, {"velocity": velocity, "relative": relative, "method": method, "span": span})
     with target.opened() as node:
         described = target.named_description(node)
-        found = Drive402(node, described.dictionary if described else None, axis)
+        found = Drive402(node, described, axis)
         ACTIONS[action](found, MotionRequest(value or 0, velocity, relative, method, within, span))
         status = found.status
     print(json.dumps(drive_as_data(status)) if as_json else one_line(f"node {node.node_id}: {drive_as_text(status)}"))

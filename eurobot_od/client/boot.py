@@ -18,20 +18,13 @@ from enum import Enum
 from typing import NamedTuple
 
 from eurobot_od.client.configure import configure
-from eurobot_od.client.description import Description, Identity
+from eurobot_od.client.description import Identity
 from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.client.watch import LOST_AFTER
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, RemoteError
+from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import (
-    DEVICE_TYPE,
-    GUARD_TIME,
-    HEARTBEAT_TIME,
-    IDENTITY,
-    LIFE_TIME_FACTOR,
-    VERIFY_CONFIGURATION,
-)
 from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.support.texts import amount
 
@@ -86,16 +79,12 @@ class BootedSlave(NamedTuple):
 
 
 @Procedure
-async def boot_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
-    """Boot one slave up to its start; `now` is written to verify its configuration. Raises BusError."""
-    return await hear_slave.steps(node, await prepare_slave.steps(node, description, now))
+async def prepare_slave(node: RemoteNode, dictionary: Dictionary, now: datetime) -> BootedSlave:
+    """Reset, check and configure one slave; its heartbeat is to come (see `hear_slave`). Raises BusError.
 
-
-@Procedure
-async def prepare_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
-    """Reset, check and configure one slave as `boot_slave` does, without waiting for its heartbeat. Raises BusError."""
-    dictionary, done = description.dictionary, list[str]()
-    failed, heartbeat = None, 0
+    `now` is written to verify its configuration.
+    """
+    done, failed, heartbeat = list[str](), None, 0
     node.master.follow(dictionary)
     try:
         try:
@@ -104,9 +93,9 @@ async def prepare_slave(node: RemoteNode, description: Description, now: datetim
         except NoAnswer as error:
             raise BootFailed(BootError.NO_ANSWER, str(error)) from error
         done.append("reset")
-        done.append(await _identified(node, description))
-        done.append(await _configured(node, description, now))
-        heartbeat = await _number(node, HEARTBEAT_TIME, BootError.NO_HEARTBEAT) or 0
+        done.append(await _identified(node, dictionary))
+        done.append(await _configured(node, dictionary, now))
+        heartbeat = await _number(node, standard.HEARTBEAT_TIME, BootError.NO_HEARTBEAT) or 0
         # Heartbeats count from now on, including those that come while other slaves are prepared.
         node.master.states.pop(node.node_id, None)
     except BootFailed as error:
@@ -124,40 +113,39 @@ async def hear_slave(node: RemoteNode, slave: BootedSlave) -> BootedSlave:
         return slave._replace(done=(*slave.done, "no heartbeat"))
     if await node.master.pump.steps(LOST_AFTER * period / 1000 + MARGIN, lambda: node.last_state is not None):
         return slave._replace(done=(*slave.done, f"heartbeat every {period} ms"))
-    return slave._replace(
-        failed=BootFailed(BootError.NO_HEARTBEAT, f"no heartbeat for {LOST_AFTER:g} periods of {period} ms")
-    )
+    what = f"no heartbeat for {LOST_AFTER:g} periods of {period} ms"
+    return slave._replace(failed=BootFailed(BootError.NO_HEARTBEAT, what))
 
 
-async def _identified(node: RemoteNode, description: Description) -> str:
+async def _identified(node: RemoteNode, dictionary: Dictionary) -> str:
     """Compare device type and identity with the file's, as far as the file gives them."""
-    dictionary = description.dictionary
-    wanted = dictionary.number(DEVICE_TYPE)
-    found = await _number(node, DEVICE_TYPE, BootError.NO_ANSWER)
+    wanted = dictionary.number(standard.DEVICE_TYPE)
+    found = await _number(node, standard.DEVICE_TYPE, BootError.NO_ANSWER)
     # 0 or no number in the file means that any device type will do (CiA 302-2, 0x1F84).
     if wanted and found != wanted:
         raise BootFailed(BootError.DEVICE_TYPE, f"device type 0x{found or 0:08X}, its file has 0x{wanted:08X}")
     for sub, (error, wanted) in enumerate(zip(IDENTITY_ERRORS, dictionary.identity), start=1):
-        found = await _number(node, (IDENTITY, sub), error) if wanted else wanted
+        found = await _number(node, (standard.IDENTITY, sub), error) if wanted else wanted
         if found != wanted:
             name = Identity._fields[sub - 1]
             raise BootFailed(error, f"{name} 0x{found or 0:08X}, its file has 0x{wanted:08X}")
     return "identity as in its file"
 
 
-async def _configured(node: RemoteNode, description: Description, now: datetime) -> str:
+async def _configured(node: RemoteNode, dictionary: Dictionary, now: datetime) -> str:
     """Load the configuration of a DCF, unless the slave says that it already has it."""
-    dictionary = description.dictionary
     if dictionary.commissioned_node_id is None:
         return "an EDS: its own configuration"
     if not any(map(dictionary.has_own_value, dictionary.addresses())):
         return "no ParameterValue: its own configuration"
-    stamps = [dictionary.default(each) for each in VERIFY_CONFIGURATION]
+    stamps = [dictionary.default(each) for each in standard.VERIFY_CONFIGURATION]
     # A date or time of 0 means that no configuration is stored (CiA 301, 7.5.2.23).
-    if all(stamps) and stamps == [await _number(node, each, BootError.CONFIGURATION) for each in VERIFY_CONFIGURATION]:
+    if all(stamps) and stamps == [
+        await _number(node, each, BootError.CONFIGURATION) for each in standard.VERIFY_CONFIGURATION
+    ]:
         return "configured already (0x1020)"
     try:
-        result = await configure.steps(node, description, now)
+        result = await configure.steps(node, dictionary, now)
     except BusError:
         raise
     except EurobotError as error:
@@ -176,13 +164,6 @@ async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) 
 
 
 @Procedure
-async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> NmtState | None:
-    """Start a slave and return its state, as `order_start` and `started_state` do for many slaves."""
-    started = await order_start.steps(node, slave, dictionary)
-    return await started_state.steps(node, started) if started else None
-
-
-@Procedure
 async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> BootedSlave | None:
     """Start a slave; return it if it will report its state, in its next heartbeat or in answer to node guarding.
 
@@ -193,8 +174,8 @@ async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictiona
         return slave
     # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1). The first request starts
     # life guarding: a device with a life time would go back to PRE-OPERATIONAL, as nobody asks again.
-    has_life_time = dictionary.number(GUARD_TIME) and dictionary.number(LIFE_TIME_FACTOR)
-    if GUARD_TIME[0] in dictionary.members and not has_life_time:
+    has_life_time = dictionary.number(standard.GUARD_TIME) and dictionary.number(standard.LIFE_TIME_FACTOR)
+    if standard.GUARD_TIME[0] in dictionary.members and not has_life_time:
         node.master.request(ERROR_CONTROL_BASE + node.node_id)
         return slave
     return slave._replace(heartbeat=LENT, is_lent=True) if await _beats(node, LENT) else None
@@ -215,6 +196,6 @@ async def started_state(node: RemoteNode, slave: BootedSlave) -> NmtState | None
 async def _beats(node: RemoteNode, period: int) -> bool:
     """Set the period of a slave's heartbeat in ms; return whether the slave accepted it."""
     with suppress(NodeRefused, NoAnswer):
-        await node.download.steps(HEARTBEAT_TIME, period.to_bytes(2, "little"))
+        await node.download.steps(standard.HEARTBEAT_TIME, period.to_bytes(2, "little"))
         return True
     return False

@@ -17,55 +17,19 @@ from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from eurobot_od.client.description import Description, Identity, device_name, read_identity
+from eurobot_od import errors
+from eurobot_od.client.description import Identity, device_name, read_identity
 from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
-from eurobot_od.errors import (
-    BusError,
-    ConfigurationError,
-    DictionaryError,
-    EurobotError,
-    FieldError,
-    LocalError,
-    NodeRefused,
-)
-from eurobot_od.od import dcf, values
+from eurobot_od.od import dcf, objects, values
 from eurobot_od.od.dcf import Dcf, Write, with_contents
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import COMMISSIONING
-from eurobot_od.od.objects import (
-    address_of,
-    all_objects,
-    at,
-    data_type,
-    decode,
-    encode,
-    is_described,
-    label,
-    shown,
-    unlimited,
-    value_text,
-)
+from eurobot_od.od.objects import address_of, at, data_type, decode, encode, label, shown, unlimited
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
 from eurobot_od.od.standard import ALL_PARAMETERS, RESTORE, SIGNATURES, STORE, VERIFY_CONFIGURATION
-from eurobot_od.od.values import (
-    COB_ID,
-    COMMUNICATION_RECORDS,
-    DOMAIN,
-    EVENT_TIMER,
-    MANUFACTURER,
-    MAPPABLE,
-    MAPPING_OFFSET,
-    MAX_BITS,
-    NOT_VALID,
-    PDO_PARAMETERS,
-    Address,
-    MappingEntry,
-    TimeOfDay,
-    Value,
-    pdo_of,
-)
+from eurobot_od.od.values import COB_ID, MAPPING_OFFSET, Address, Value, pdo_of
 from eurobot_od.sdo.client import LONGEST_TEXT
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
 from eurobot_od.support.texts import amount
@@ -101,7 +65,7 @@ def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
     pdos = sorted({pdo for address in wanted if (pdo := pdo_of(address[0])) is not None})
     others = (Write(address, data) for address, data in wanted.items() if pdo_of(address[0]) is None)
     entries = ((pdo, int.from_bytes(former[pdo, COB_ID], "little")) for pdo in pdos)
-    invalid = (Write((pdo, COB_ID), (entry | NOT_VALID).to_bytes(4, "little")) for pdo, entry in entries)
+    invalid = (Write((pdo, COB_ID), (entry | values.NOT_VALID).to_bytes(4, "little")) for pdo, entry in entries)
     mapped = (write for pdo in pdos for write in _mapping(pdo + MAPPING_OFFSET, wanted, final))
     communication = (Write(a, data) for a, data in sorted(wanted.items()) if a[0] in pdos and a[1] > COB_ID)
     valid = (Write((pdo, COB_ID), final[pdo, COB_ID]) for pdo in pdos)
@@ -132,13 +96,13 @@ def mapping_entries(pdo: Pdo, things: Sequence[ODVariable]) -> list[int]:
     for thing in things:
         where = values.label(address_of(thing), thing.qualname)
         if not thing.pdo_mappable or not data_type(thing).bits:
-            raise LocalError(f"{where} cannot be mapped: its file says so")
-        if thing.access_type not in MAPPABLE[pdo.direction]:
-            raise LocalError(f"{where} is {thing.access_type}, which a {pdo.direction.name} cannot carry")
+            raise errors.LocalError(f"{where} cannot be mapped: its file says so")
+        if thing.access_type not in values.MAPPABLE[pdo.direction]:
+            raise errors.LocalError(f"{where} is {thing.access_type}, which a {pdo.direction.name} cannot carry")
     bits = sum(data_type(thing).bits for thing in things)
-    if bits > MAX_BITS:
-        raise LocalError(f"{amount(bits, 'bit')} are mapped, a PDO has at most {MAX_BITS}")
-    return [MappingEntry(*address_of(thing), data_type(thing).bits).number for thing in things]
+    if bits > values.MAX_BITS:
+        raise errors.LocalError(f"{amount(bits, 'bit')} are mapped, a PDO has at most {values.MAX_BITS}")
+    return [values.MappingEntry(*address_of(thing), data_type(thing).bits).number for thing in things]
 
 
 @Procedure
@@ -156,8 +120,8 @@ async def map_objects(
     write that it refuses (the PDO is then off), BusError.
     """
     cob_id: Address = (pdo.index, COB_ID)
-    given = {(pdo.index, sub): value for sub, value in settings.items()}
-    wanted = {each: encode(at(each, dictionary.objects), value) for each, value in given.items()}
+    given = ((at((pdo.index, sub), dictionary.objects), value) for sub, value in settings.items())
+    wanted = {address_of(thing): encode(thing, value) for thing, value in given}
     if things is not None:
         entries = mapping_entries(pdo, things)
         wanted[pdo.mapping_index, 0] = bytes([len(entries)])
@@ -165,19 +129,13 @@ async def map_objects(
     if cob_id not in wanted:
         # As the node has it now, valid or not: it gets this back at the end.
         wanted[cob_id] = await node.upload.steps(cob_id)
-    for address, data in in_order(wanted, {}):
-        await node.download.steps(address, data, _name(dictionary, address))
+    await _write(node, dictionary, in_order(wanted, {}), [])
     for address, data in wanted.items():
-        found = await node.upload.steps(address, _name(dictionary, address))
+        found = await node.upload.steps(address, at(address, dictionary.objects).qualname)
         if found != data:
             what = f"{values.label(address)} is 0x{found[::-1].hex().upper()}, not 0x{data[::-1].hex().upper()}"
-            raise ConfigurationError(what)
+            raise errors.ConfigurationError(what)
     return wanted
-
-
-def _name(dictionary: Dictionary, address: Address) -> str:
-    variable = dictionary.variable(address)
-    return variable.qualname if variable else ""
 
 
 COMMAND_TO: dict[NmtState | None, NmtCommand] = {
@@ -201,25 +159,21 @@ class ChangedObject(NamedTuple):
 
 
 class DictionaryArea(Enum):
-    """A part of an object dictionary with its `indices` (CiA 301, Table 39); PDO parameters are a part of their own."""
+    """A part of an object dictionary (CiA 301, Table 39); PDO parameters are a part of their own."""
 
     COMMUNICATION = "communication"
     PDO = "pdo"
     MANUFACTURER = "manufacturer"
     PROFILE = "profile"
 
-    @property
-    def indices(self) -> Container[int]:
-        """The indices of its objects."""
-        return AREAS[self]
-
 
 AREAS: Mapping[DictionaryArea, Container[int]] = {
-    DictionaryArea.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(PDO_PARAMETERS),
-    DictionaryArea.PDO: PDO_PARAMETERS,
-    DictionaryArea.MANUFACTURER: MANUFACTURER,
-    DictionaryArea.PROFILE: range(MANUFACTURER.stop, 0x10000),
+    DictionaryArea.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(values.PDO_PARAMETERS),
+    DictionaryArea.PDO: values.PDO_PARAMETERS,
+    DictionaryArea.MANUFACTURER: values.MANUFACTURER,
+    DictionaryArea.PROFILE: range(values.MANUFACTURER.stop, 0x10000),
 }
+"""The indices of their objects."""
 
 
 class ChangePlan(NamedTuple):
@@ -250,7 +204,8 @@ class ChangePlan(NamedTuple):
         # Part of a DCF must not be marked: a later start would take it for the whole.
         if not self.whole or any(self.dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
             return []
-        return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
+        stamps = zip(VERIFY_CONFIGURATION, values.TimeOfDay.of(now))
+        return [Write(address, number.to_bytes(4, "little")) for address, number in stamps]
 
 
 class Configured(NamedTuple):
@@ -265,27 +220,27 @@ class Configured(NamedTuple):
 
 
 @Procedure
-async def configure(node: RemoteNode, description: Description, now: datetime) -> Configured:
+async def configure(node: RemoteNode, dictionary: Dictionary, now: datetime) -> Configured:
     """Make a node what a DCF says; `now` is written to verify configuration 0x1020.
 
     Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all of
     it, with the state it is left in; RemoteError and BusError before anything is written.
     """
-    plan = await difference.steps(node, description)
+    plan = await difference.steps(node, dictionary)
     return await apply.steps(node, plan, now) if plan.changes else Configured(0, False)
 
 
 # The file
 
 
-def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
+def settings(dictionary: Dictionary) -> list[tuple[ODVariable, bytes]]:
     """Return the objects that a DCF configures, with their bytes: those that have a value and can be written.
 
     Left out are process data and the entries of a mapping beyond its number of entries. Raises DictionaryError for a
     value that its object's type cannot have, and for a file beside the DCF that cannot be read; see `check_limits`.
     """
-    dictionary, found = description.dictionary, []
-    for thing in all_objects(dictionary.objects):
+    found = []
+    for thing in objects.all_objects(dictionary.objects):
         index, subindex = address_of(thing)
         # What a mapping holds beyond its number of entries is left over from another one.
         count = dictionary.default((index, 0)) if pdo_of(index) not in (None, index) else None
@@ -301,7 +256,7 @@ def _configured(dictionary: Dictionary, thing: ODVariable) -> bytes | None:
     """Return the bytes that a DCF gives an object, None if it gives none. Raises DictionaryError."""
     if not data_type(thing).size:
         return dcf.content(dictionary, address_of(thing))
-    return _encoded(dictionary, thing, unlimited(thing)) if value_text(thing) else None
+    return _encoded(dictionary, thing, unlimited(thing)) if objects.value_text(thing) else None
 
 
 def check_limits(dictionary: Dictionary, things: Iterable[ODVariable]) -> None:
@@ -314,17 +269,18 @@ def check_limits(dictionary: Dictionary, things: Iterable[ODVariable]) -> None:
 def _encoded(dictionary: Dictionary, thing: ODVariable, rule: ODVariable) -> bytes:
     try:
         return encode(rule, thing.value)
-    except FieldError as error:
-        what = f"sub {thing.subindex} ({thing.qualname}): {value_text(thing)} is not allowed; allowed: {error.allowed}"
-        raise DictionaryError(dictionary.file, thing.index, what) from None
+    except errors.FieldError as error:
+        given = f"sub {thing.subindex} ({thing.qualname}): {objects.value_text(thing)}"
+        what = f"{given} is not allowed; allowed: {error.allowed}"
+        raise errors.DictionaryError(dictionary.file, thing.index, what) from None
 
 
-def all_writes(description: Description) -> list[Write]:
+def all_writes(dictionary: Dictionary) -> list[Write]:
     """Return the writes, in order, that configure a device about which nothing is known.
 
     Raises as `settings` and `check_limits`.
     """
-    dictionary, found = description.dictionary, settings(description)
+    found = settings(dictionary)
     check_limits(dictionary, (thing for thing, _ in found))
     wanted = {address_of(thing): data for thing, data in found}
     # A mapping can be changed only while its PDO is not valid, so the COB-ID has to be known even where the DCF leaves
@@ -334,34 +290,32 @@ def all_writes(description: Description) -> list[Write]:
     return in_order(wanted, {})
 
 
-def check_whole(description: Description, refused: OnRefused = fatal, by_default: OnRefused = unheard) -> None:
+def check_whole(dictionary: Dictionary, refused: OnRefused = fatal, by_default: OnRefused = unheard) -> None:
     """Raise DictionaryError unless a DCF is complete.
 
     `refused` gets the PDOs whose mappings are wrong, `by_default` those that are wrong in the device's own EDS already.
     """
-    dictionary = description.dictionary
     absent = dcf.missing(dictionary.document)
     if absent:
-        raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
+        raise errors.DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
     stock = set[str]()
     dictionary.read_pdos(dictionary.stock_value, lambda error: stock.add(str(error)))
     dictionary.read_pdos(dictionary.default, lambda error: by_default(error) if str(error) in stock else refused(error))
 
 
 def check_file(
-    description: Description, node_id: int, refused: OnRefused = fatal, by_default: OnRefused = unheard
+    dictionary: Dictionary, node_id: int, refused: OnRefused = fatal, by_default: OnRefused = unheard
 ) -> None:
     """Raise DictionaryError unless a DCF is complete and for this node-ID; see `check_whole`."""
-    dictionary = description.dictionary
     intended = dictionary.commissioned_node_id
     # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
     # depend on it.
     if intended is None:
         what = f"incomplete: no NodeID in [{COMMISSIONING}]; a DCF has one, such as `export-dcf` writes"
-        raise DictionaryError(dictionary.file, None, what)
+        raise errors.DictionaryError(dictionary.file, None, what)
     if intended != node_id:
-        raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
-    check_whole(description, refused, by_default)
+        raise errors.DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
+    check_whole(dictionary, refused, by_default)
 
 
 # The difference
@@ -369,33 +323,27 @@ def check_file(
 
 @Procedure
 async def difference(
-    node: RemoteNode, description: Description, areas: Collection[DictionaryArea] = tuple(DictionaryArea)
+    node: RemoteNode, dictionary: Dictionary, areas: Collection[DictionaryArea] = tuple(DictionaryArea)
 ) -> ChangePlan:
     """Compare a node with a DCF, or with some areas of it, by reading alone.
 
     Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node does
     not have; RemoteError and BusError.
     """
-    check_file(description, node.node_id)
-    dictionary = description.dictionary
+    check_file(dictionary, node.node_id)
     # Before anything is read or written: another device may have the same objects with other meanings.
     other = Identity.of(dictionary).difference(await read_identity.steps(node))
     if other is not None:
-        raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
-    wanted = [each for each in settings(description) if any(each[0].index in one.indices for one in areas)]
+        raise errors.DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
+    wanted = [each for each in settings(dictionary) if any(each[0].index in AREAS[one] for one in areas)]
     present = {address_of(thing): await _present(node, dictionary, thing) for thing, _ in wanted}
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
     check_limits(dictionary, (each.thing for each in changes))  # what the node has already needs no write
     _check_own_node_id(node, dictionary, changes)
     needed = procedure_objects(address_of(each.thing) for each in changes)
-    return ChangePlan(
-        dictionary,
-        changes,
-        {address: present.get(address) or await node.upload.steps(address) for address in needed},
-        whole=set(areas) == set(DictionaryArea),
-        wanted=tuple(wanted),
-    )
+    known = {address: present.get(address) or await node.upload.steps(address) for address in needed}
+    return ChangePlan(dictionary, changes, known, set(areas) == set(DictionaryArea), tuple(wanted))
 
 
 def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterable[ChangedObject]) -> None:
@@ -407,14 +355,14 @@ def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterab
         is_own = before is not None and int.from_bytes(before, "little") == node.node_id
         if is_own and address_of(thing) == dictionary.node_id_address:
             what = f"{thing.qualname} {shown(thing, after)} is not the NodeID {node.node_id} of [{COMMISSIONING}]"
-            raise DictionaryError(dictionary.file, thing.index, what)
+            raise errors.DictionaryError(dictionary.file, thing.index, what)
 
 
 @Procedure
 async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
     """Read an object, only as many bytes as its type has: some devices always send 4. Raises as `upload`."""
     # A DOMAIN may be a program or a recording; a megabyte takes 150 000 requests by segments.
-    if data_type(thing) == DOMAIN and is_described(thing):
+    if data_type(thing) == values.DOMAIN and objects.is_described(thing):
         return await node.upload_block.steps(address_of(thing), thing.qualname)
     size = data_type(thing).size or None
     most = max(size, EXPEDITED_SIZE) if size else LARGEST
@@ -425,10 +373,10 @@ async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) 
     """Read an object of a DCF; None if it can only be written, or has no value yet. Raises as `difference`."""
     try:
         return await read_object.steps(node, thing)
-    except NodeRefused as error:
+    except errors.NodeRefused as error:
         if error.code in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX):
             what = f"sub {thing.subindex} ({thing.qualname}): node {node.node_id} has no such object"
-            raise DictionaryError(dictionary.file, thing.index, what) from error
+            raise errors.DictionaryError(dictionary.file, thing.index, what) from error
         if error.code in (AbortCode.WRITE_ONLY, AbortCode.NO_DATA):
             return None
         raise
@@ -458,17 +406,17 @@ async def apply(
     try:
         # A node at work would send PDOs half in the old form and half in the new, and some refuse to be remapped.
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        await _write(node, plan, plan.writes(), done)
+        await _write(node, plan.dictionary, plan.writes(), done)
         await read_back.steps(node, plan.dictionary, ((each.thing, each.after) for each in plan.changes))
         # The mark comes after everything else, as the node clears it when its configuration changes; it is stored as
         # well.
-        await _write(node, plan, mark, [])
+        await _write(node, plan.dictionary, mark, [])
         # 0x1010 is optional (CiA 301, 7.5.2.13): a device without it keeps its values until the next reset, which would
         # lose them.
         stored = stores and plan.dictionary.variable((STORE, ALL_PARAMETERS)) is not None
         if stored:
             await store.steps(node)
-    except (EurobotError, KeyboardInterrupt, CancelledError) as error:
+    except (errors.EurobotError, KeyboardInterrupt, CancelledError) as error:
         failed = await _take_back(error, node, plan, done, former)
         if isinstance(error, CancelledError):  # an event loop has to see that its task was cancelled
             raise
@@ -491,7 +439,7 @@ async def read_back(node: RemoteNode, dictionary: Dictionary, wanted: Iterable[t
         if found != after:
             reads, wrote = ChangedObject(thing, found, after).texts
             what = f"node {node.node_id}: {label(thing)} reads {reads} after {wrote} was written"
-            raise ConfigurationError(what)
+            raise errors.ConfigurationError(what)
 
 
 @Procedure
@@ -503,18 +451,17 @@ async def store(node: RemoteNode) -> None:
 @Procedure
 async def restore(node: RemoteNode) -> None:
     """Have a node restore the defaults of its parameters, from its next reset on; raises as `store`."""
-    await node.download.steps(
-        (RESTORE, ALL_PARAMETERS), SIGNATURES[RESTORE], "Restore all default parameters", STORE_WAIT
-    )
+    address, name = (RESTORE, ALL_PARAMETERS), "Restore all default parameters"
+    await node.download.steps(address, SIGNATURES[RESTORE], name, STORE_WAIT)
 
 
-async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
+async def _write(node: RemoteNode, dictionary: Dictionary, writes: Iterable[Write], done: list[Write]) -> None:
     """Write, and note in `done` what the node has or may have, but not a write that it has refused."""
     for write in writes:
         done.append(write)
         try:
-            await node.download.steps(write.address, write.data, at(write.address, plan.dictionary.objects).qualname)
-        except NodeRefused:
+            await node.download.steps(write.address, write.data, at(write.address, dictionary.objects).qualname)
+        except errors.NodeRefused:
             done.pop()
             raise
 
@@ -524,7 +471,7 @@ async def _reset(node: RemoteNode, plan: ChangePlan) -> None:
     try:
         await node.reset.steps()
         await read_back.steps(node, plan.dictionary, plan.wanted)
-    except EurobotError as error:
+    except errors.EurobotError as error:
         what = f"node {node.node_id} was written completely, stored and reset before that"
         raise _failure(error, what, [label(each.thing) for each in plan.changes]) from error
 
@@ -534,15 +481,15 @@ async def _reset(node: RemoteNode, plan: ChangePlan) -> None:
 
 async def _take_back(
     error: BaseException, node: RemoteNode, plan: ChangePlan, done: list[Write], former: NmtState | None
-) -> EurobotError:
+) -> errors.EurobotError:
     """Give a node back what it had; return the error that says why, and in which state the node is."""
     names = [label(each.thing) for each in plan.changes]
     try:
-        await _write(node, plan, plan.way_back(done), [])
+        await _write(node, plan.dictionary, plan.way_back(done), [])
         # Not back to STOPPED, where the node would not answer SDO: whoever looks for the cause has to ask it.
         state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
-    except EurobotError:
+    except errors.EurobotError:
         units = {_unit(write.address) for write in done}
         is_new = {label(each.thing): _unit(address_of(each.thing)) in units for each in plan.changes}
         new, old = ([name for name in names if is_new[name] is which] for which in (True, False))
@@ -555,9 +502,12 @@ async def _take_back(
     return _failure(error, f"node {node.node_id} has its former values again and is {STATE_NAMES[state]}", (), names)
 
 
-def _failure(error: BaseException, state: str, written: Iterable[str] = (), left: Iterable[str] = ()) -> EurobotError:
+def _failure(
+    error: BaseException, state: str, written: Iterable[str] = (), left: Iterable[str] = ()
+) -> errors.EurobotError:
     text = f"{str(error) or 'interrupted'}; {state}"
-    return BusError(text) if isinstance(error, BusError) else ConfigurationError(text, written, left)
+    is_bus = isinstance(error, errors.BusError)
+    return errors.BusError(text) if is_bus else errors.ConfigurationError(text, written, left)
 
 
 # A node read whole
@@ -576,7 +526,7 @@ def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[ObjectR
     for thing in things:
         try:
             yield ObjectReading(thing, decode(thing, read_object(node, thing)))
-        except NodeRefused as error:
+        except errors.NodeRefused as error:
             yield ObjectReading(thing, refusal=error.reason)
 
 
@@ -591,7 +541,7 @@ async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Add
     for address in addresses:
         try:
             found[address] = AbortCode.NO_OBJECT if address[0] in missing else await node.upload.steps(address)
-        except NodeRefused as error:
+        except errors.NodeRefused as error:
             found[address] = error.code
             missing |= {address[0]} if error.code == AbortCode.NO_OBJECT else set()
     return found
@@ -603,12 +553,11 @@ async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Addre
 
     Raises NoAnswer, RemoteError, BusError.
     """
-    return pdo_numbers(
-        await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each[0]) is not None))
-    )
+    records = (each for each in dictionary.addresses() if pdo_of(each[0]) is not None)
+    return pdo_numbers(await read_bytes.steps(node, records))
 
 
-PDO_RECORDS = tuple(chain.from_iterable(COMMUNICATION_RECORDS.values()))
+PDO_RECORDS = tuple(chain.from_iterable(values.COMMUNICATION_RECORDS.values()))
 """The indices of all communication records."""
 
 
@@ -620,13 +569,13 @@ async def all_pdo_parameters(node: RemoteNode, records: Iterable[int] = PDO_RECO
     """
     found: dict[Address, bytes | int] = {}
     for index in records:
-        found |= await read_bytes.steps(node, ((index, sub) for sub in range(COB_ID, EVENT_TIMER + 1)))
+        found |= await read_bytes.steps(node, ((index, sub) for sub in range(COB_ID, values.EVENT_TIMER + 1)))
         if found[index, COB_ID] == AbortCode.NO_OBJECT:  # devices leave gaps, so the next one may be there
             continue
         mapping = index + MAPPING_OFFSET
         found |= await read_bytes.steps(node, [(mapping, 0)])
         count = pdo_numbers(found).get((mapping, 0), 0)
-        if isinstance(count, int) and count <= MAX_BITS:  # of a multiplexed one it says how it is multiplexed
+        if isinstance(count, int) and count <= values.MAX_BITS:  # of a multiplexed one it says how it is multiplexed
             found |= await read_bytes.steps(node, ((mapping, sub) for sub in range(1, count + 1)))
     return pdo_numbers(found)
 
@@ -639,7 +588,9 @@ def pdo_numbers(found: Mapping[Address, bytes | int]) -> dict[Address, Value]:
 
 def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
     """Yield the objects that can be read, except for files (DOMAIN)."""
-    return (thing for thing in _readable(dictionary) if data_type(thing) != DOMAIN)
+    return (
+        each for each in objects.all_objects(dictionary.objects) if each.readable and data_type(each) != values.DOMAIN
+    )
 
 
 def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
@@ -647,16 +598,14 @@ def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
 
     For the mapping that a node has now, `dictionary` is the file's, `configured` with the node's PDO parameters.
     """
-    return (thing for thing in _readable(dictionary) if dictionary.is_parameter(address_of(thing)))
+    things = objects.all_objects(dictionary.objects)
+    return (each for each in things if each.readable and dictionary.is_parameter(address_of(each)))
 
 
 def process_data(dictionary: Dictionary) -> list[ODVariable]:
     """Return what can be read and written and is not configuration, as it is process data."""
-    return [thing for thing in _readable(dictionary) if thing.writable and address_of(thing) in dictionary.process_data]
-
-
-def _readable(dictionary: Dictionary) -> Iterator[ODVariable]:
-    return (thing for thing in all_objects(dictionary.objects) if thing.readable)
+    things = (each for each in objects.all_objects(dictionary.objects) if each.readable and each.writable)
+    return [each for each in things if address_of(each) in dictionary.process_data]
 
 
 def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[ObjectReading]:
@@ -664,13 +613,6 @@ def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | No
     for address, data in writes:
         thing = at(address, dictionary.objects if dictionary else None)
         yield ObjectReading(thing, decode(thing, data))
-
-
-def dcf_of_writes(
-    dictionary: Dictionary, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int, stem: str
-) -> Dcf:
-    """Return a DCF with the values after all writes; raises UnknownName for an object that the EDS does not have."""
-    return with_contents(dictionary, dict(writes), dictionary.node_id, dictionary.name, baudrate_kbit, stem)
 
 
 def dcf_of_node(
@@ -691,13 +633,12 @@ def dcf_of_node(
     for thing in things:
         try:
             data = read_object(node, thing)
-        except NodeRefused as error:
+        except errors.NodeRefused as error:
             left_out.append(ObjectReading(thing, refusal=error.reason))
             continue
         if len(data) < data_type(thing).size:
-            left_out.append(
-                ObjectReading(thing, refusal=f"{amount(len(data), 'byte')}, too few for {data_type(thing).name}")
-            )
+            what = f"{amount(len(data), 'byte')}, too few for {data_type(thing).name}"
+            left_out.append(ObjectReading(thing, refusal=what))
         else:
             contents[address_of(thing)] = data
     return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out

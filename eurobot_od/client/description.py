@@ -7,7 +7,7 @@ own identifiers may look like PDOs of any node.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -65,27 +65,8 @@ async def read_identity(node: RemoteNode) -> Identity:
     return Identity(*(int.from_bytes(each, "little") for each in numbers))
 
 
-class Description(NamedTuple):
-    """An EDS or DCF as a `dictionary`, and the `text` it was read from."""
-
-    dictionary: Dictionary
-    text: str
-
-
-def from_file(
-    file: str | Path, node_id: int | None = None, modules: Sequence[str] | None = None, patch: Sequence[str] = ()
-) -> Description:
-    """Read an EDS or DCF for a node-ID, by default the file's own; raises as `Dictionary.load`."""
-    return described(Dictionary.load(file, node_id, modules=modules, patch=patch))
-
-
-def described(dictionary: Dictionary) -> Description:
-    """Return the description of a device whose file is loaded."""
-    return Description(dictionary, dictionary.content.decode("latin-1"))
-
-
 @Procedure
-async def uploaded(node: RemoteNode) -> Description | None:
+async def uploaded(node: RemoteNode) -> Dictionary | None:
     """Return the EDS that a node keeps of itself in 0x1021; None if it has none in plain text.
 
     Raises DictionaryError for one that cannot be read.
@@ -96,13 +77,11 @@ async def uploaded(node: RemoteNode) -> Description | None:
         content = await node.upload_block.steps(STORED_EDS, "Store EDS")
     except NodeRefused:
         return None
-    if not content:
-        return None
-    return described(Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id))
+    return Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id) if content else None
 
 
 @Procedure
-async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None:
+async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Dictionary | None:
     """Return the first of the known EDS files with the node's identity, None if there is none.
 
     Raises DictionaryError, and the errors of reading the identity.
@@ -112,17 +91,14 @@ async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description 
     except NoAnswer as error:  # to a question of ours, whose object the caller has never heard of
         raise NoAnswer("the question which device it is", error.answer, 1, error.waited, node.node_id) from None
     found = next((each for each in known if Identity.of(each).difference(identity) is None), None)
-    return None if found is None else from_file(found.file, node.node_id)
+    return None if found is None else Dictionary.load(found.file, node.node_id)
 
 
 @Procedure
 async def device_name(node: RemoteNode) -> str:
     """Return the name in 0x1008, an empty one if the node has none."""
-    return (
-        (await _optional(node, DEVICE_NAME, "Manufacturer device name", LONGEST_NAME))
-        .decode(errors="replace")
-        .rstrip("\0")
-    )
+    name = await _optional(node, DEVICE_NAME, "Manufacturer device name", LONGEST_NAME)
+    return name.decode(errors="replace").rstrip("\0")
 
 
 async def _optional(node: RemoteNode, address: Address, name: str, most: int = EXPEDITED_SIZE) -> bytes:

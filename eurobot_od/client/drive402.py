@@ -58,20 +58,13 @@ def commands_to(target: State) -> Mapping[State, DriveCommand]:
     return {**NEXT, **{each.before: each.command for each in arrows if each.command}}
 
 
-INTEGER8, INTEGER32 = DATA_TYPES[0x02], DATA_TYPES[0x04]
+INTEGER8, INTEGER16, INTEGER32 = (DATA_TYPES[number] for number in (0x02, 0x03, 0x04))
 
 TYPES: Mapping[int, DataType] = {
-    cia402.ERROR_CODE: UNSIGNED16,
-    cia402.CONTROLWORD: UNSIGNED16,
-    cia402.STATUSWORD: UNSIGNED16,
-    cia402.MODE: INTEGER8,
-    cia402.MODE_DISPLAY: INTEGER8,
-    cia402.HOMING_METHOD: INTEGER8,
-    cia402.POSITION: INTEGER32,
-    cia402.VELOCITY: INTEGER32,
-    cia402.TARGET_POSITION: INTEGER32,
-    cia402.TARGET_VELOCITY: INTEGER32,
-    cia402.TARGET_TORQUE: DATA_TYPES[0x03],
+    **dict.fromkeys((cia402.ERROR_CODE, cia402.CONTROLWORD, cia402.STATUSWORD), UNSIGNED16),
+    **dict.fromkeys((cia402.MODE, cia402.MODE_DISPLAY, cia402.HOMING_METHOD), INTEGER8),
+    **dict.fromkeys((cia402.POSITION, cia402.TARGET_POSITION, cia402.VELOCITY, cia402.TARGET_VELOCITY), INTEGER32),
+    cia402.TARGET_TORQUE: INTEGER16,
     cia402.PROFILE_VELOCITY: UNSIGNED32,
 }
 """The data types that CiA 402 gives the objects, for a drive without a file."""
@@ -130,11 +123,13 @@ class DriveAtNode:
         code = await self._read(cia402.ERROR_CODE) if state in FAULTY else 0
         return DriveStatus(state, word, mode, position, velocity, code)
 
-    async def _poll(self, within: float, done: Callable[[int], bool]) -> tuple[int, bool]:
-        """Wait for a statusword that is `done`; return the last one, and whether it is done."""
+    async def _poll(
+        self, within: float, done: Callable[[int], bool], index: int = cia402.STATUSWORD
+    ) -> tuple[int, bool]:
+        """Wait for a statusword, or another object, that is `done`; return the last one, and whether it is done."""
         clock = self._node.master.clock
         end = clock() + within
-        while not done(word := await self._read(cia402.STATUSWORD)):
+        while not done(word := await self._read(index)):
             if clock() >= end:
                 return word, False
             await self._node.master.pump.steps(POLL)
@@ -249,14 +244,10 @@ class DriveAtNode:
         """Choose a mode of operation, and wait until the drive shows it."""
         if await self._read(cia402.MODE_DISPLAY) != mode:
             await self._write(cia402.MODE, mode)
-            clock = self._node.master.clock
-            end = clock() + within
-            while (shown := await self._read(cia402.MODE_DISPLAY)) != mode:
-                if clock() >= end:
-                    words = cia402.MODE_WORDS
-                    is_, wanted = words.get(shown, f"mode {shown}"), words[mode]
-                    raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
-                await self._node.master.pump.steps(POLL)
+            shown, is_chosen = await self._poll(within, lambda shown: shown == mode, cia402.MODE_DISPLAY)
+            if not is_chosen:
+                is_ = cia402.MODE_WORDS.get(shown, f"mode {shown}")
+                raise DriveError(f"{self._name}: {cia402.MODE_WORDS[mode]}: it stays in {is_}")
 
     async def _begin_home(self, method: int | None = None) -> None:
         """Enable it and begin to home it, as `home` does, without waiting for the end."""

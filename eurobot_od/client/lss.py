@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Generator, Iterator
-from itertools import count
 from typing import NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.client.description import Identity
@@ -254,13 +253,12 @@ async def perform(
     """
     answers: list[bytes] = []
     master.listeners[standard.ANSWERS] = answers.append
-    answer = None
+    answer, number = None, 0
     try:
-        for number in count(1):
-            request = steps.send(answer)
+        while True:
+            request, number = steps.send(answer), number + 1
             progress(number, None)
             answer = await _exchange(master, request, answers, wait)
-        raise AssertionError  # `count` never ends
     except StopIteration as end:
         result: Result = end.value
         return result

@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from datetime import datetime
 from functools import partial, update_wrapper, wraps
 from itertools import count
-from typing import TYPE_CHECKING, Any, Concatenate, Generic, NamedTuple, ParamSpec, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, Generic, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 from eurobot_od import errors
 from eurobot_od.bus.live import Driver, Opener
@@ -123,16 +123,6 @@ Observer: TypeAlias = Callable[[int, bytes, float], object]
 """Called with a frame's COB-ID, data, and time in seconds."""
 
 
-class Periodic(Protocol):
-    """Something that is sent again and again until it is stopped."""
-
-    def resume(self) -> None:
-        """Go on, on a bus that was opened again."""
-
-    def stop(self) -> None:
-        """End it."""
-
-
 class Master:
     """The master's end of a bus; a context manager that shuts the bus down at its end.
 
@@ -157,7 +147,9 @@ class Master:
         """The nodes that have booted since they were last commanded or waited for."""
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self.observers: tuple[Observer, ...] = ()
-        self.periodic: list[Periodic] = []
+        self.periodic: list[PeriodicTask] = []
+        self.failure: errors.BusError | None = None
+        """Why frames are no longer heard, where somebody else reads them; None as long as they are."""
         self._sdo_servers: dict[int, SdoChannel] = {}
         self.guard: AbstractContextManager[object] = nullcontext()
         """Held while frames are taken in, where another thread does that."""
@@ -280,6 +272,49 @@ class Master:
             self.listeners[cob_id](data)
 
 
+class PeriodicTask:
+    """Frames sent in turn, one every `period` seconds, by the driver or the kernel, until `stop`."""
+
+    def __init__(self, master: Master, frames: Sequence[Frame], period: float, remote: bool = False) -> None:
+        import can
+
+        if not period > 0:
+            raise errors.LocalError(f"the period is a time longer than 0 s, not {period} s")
+        kind: dict[str, Any] = {"is_extended_id": False, "is_remote_frame": remote, "dlc": 1 if remote else None}
+        self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, **kind) for f in frames]
+        self._master, self.period = master, period
+        self._task: Any = None
+        self._start()
+        master.periodic.append(self)
+
+    def resume(self) -> None:
+        """Start over on a bus that was opened again, unless it was stopped."""
+        if self._task is not None:
+            self.stop()
+            self._start()
+
+    def _start(self) -> None:
+        try:
+            self._task = self._master.bus.send_periodic(self._messages, self.period, store_task=False)
+        except Exception as error:  # whatever a driver raises
+            raise failure(self._master.bus, error) from error
+        # A sending thread of python-can ends with the bus: whoever waits for frames hears of that, once.
+        if hasattr(self._task, "on_error"):
+            self._task.on_error = lambda _: False
+
+    def stop(self) -> None:
+        """End it; does nothing if it has ended."""
+        if self._task is not None:
+            self._task.stop()
+            self._task = None
+
+    def __enter__(self) -> PeriodicTask:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+
 HINTS: Mapping[NmtState | None, str] = {
     None: "nothing was heard of it since the last command: is it there, at this node-ID and bit rate?",
     NmtState.STOPPED: "its last heartbeat said stopped: a stopped node answers no SDO",
@@ -313,9 +348,8 @@ class RemoteNode:
     @Procedure
     async def upload_block(self, address: values.Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read a long object by block transfer; by segments if the node has no block transfer, however it says so."""
-        master = self.master
-        room = sdo.Room(unannounced=master.unannounced)
-        by_blocks = sdo.block_upload(address, master.answer_wait, progress=progress, room=room)
+        room = sdo.Room(unannounced=self.master.unannounced)
+        by_blocks = sdo.block_upload(address, self.master.answer_wait, progress=progress, room=room)
         try:
             return await self._transfer("read", address, name, by_blocks)
         except errors.RemoteError:
@@ -343,16 +377,14 @@ class RemoteNode:
                 progress(done, size)
 
             try:
-                await self._transfer(
-                    "write", address, name, sdo.block_download(address, data, answer_wait, noted), data
-                )
+                by_blocks = sdo.block_download(address, data, answer_wait, noted)
+                await self._transfer("write", address, name, by_blocks, data)
+                return
             except errors.RemoteError:
                 # It does have block transfer: a failure in the middle is an error, not a reason to start over by
                 # segments.
                 if taken[-1]:
                     raise
-            else:
-                return
         await self._transfer("write", address, name, sdo.download(address, data, answer_wait, progress), data)
 
     def command(self, command: NmtCommand) -> None:
@@ -375,7 +407,14 @@ class RemoteNode:
     @Procedure
     async def wait_for(self, state: NmtState, wait: float) -> bool:
         """Wait for a heartbeat with a state (INITIALISING is the boot-up); return whether one came."""
-        with self._states_heard() as heard:
+        # All states that are heard: a heartbeat may follow the boot-up before a waiting thread has looked.
+        heard: list[NmtState | None] = []
+
+        def hear(cob_id: int, *_: object) -> None:
+            if cob_id == values.ERROR_CONTROL_BASE + self.node_id:
+                heard.append(self.last_state)
+
+        with self.master.observed(hear):
             return await self.master.pump.steps(wait, lambda: state in (self.last_state, *heard))
 
     @Procedure
@@ -385,18 +424,6 @@ class RemoteNode:
         is_there = await self.master.pump.steps(wait, lambda: self.node_id in booted)
         booted.discard(self.node_id)
         return is_there
-
-    @contextmanager
-    def _states_heard(self) -> Iterator[list[NmtState | None]]:
-        """Collect all states that are heard: a heartbeat may follow the boot-up before a waiting thread has looked."""
-        heard: list[NmtState | None] = []
-
-        def hear(cob_id: int, *_: object) -> None:
-            if cob_id == values.ERROR_CONTROL_BASE + self.node_id:
-                heard.append(self.last_state)
-
-        with self.master.observed(hear):
-            yield heard
 
     @property
     def last_state(self) -> NmtState | None:
@@ -410,24 +437,22 @@ class RemoteNode:
         self.master.booted.discard(booting.node_id)
         self.command(command)
         if not await booting.wait_for_bootup.steps(BOOT_WAIT):
-            raise errors.NoAnswer(
-                COMMAND_NAMES[command], f"boot-up of node {booting.node_id}", 1, BOOT_WAIT, self.node_id
-            )
+            awaited = f"boot-up of node {booting.node_id}"
+            raise errors.NoAnswer(COMMAND_NAMES[command], awaited, 1, BOOT_WAIT, self.node_id)
 
     async def _transfer(
         self, verb: str, address: values.Address, name: str, transfer: sdo.Transfer, sent: bytes = b""
     ) -> bytes:
         """Carry out a transfer; a failure becomes an error that names this node and the object."""
         await self.run.steps(transfer)
+        request = f"{verb} {values.label(address, name)}"
         try:
             data = transfer.result()
-            SDO_LOG.debug(
-                "node %d: %s %s: %d bytes, %s", self.node_id, verb, values.label(address, name), *logged(sent or data)
-            )
+            SDO_LOG.debug("node %d: %s: %d bytes, %s", self.node_id, request, *logged(sent or data))
             return data
         except sdo.TransferError as error:
-            SDO_LOG.info("node %d: %s %s: %s", self.node_id, verb, values.label(address, name), error)
-            request, where = f"{verb} {values.label(address, name)}", errors.NamedObject(self.node_id, address, name)
+            SDO_LOG.info("node %d: %s: %s", self.node_id, request, error)
+            where = errors.NamedObject(self.node_id, address, name)
             if isinstance(error, sdo.Aborted):
                 raise errors.NodeRefused(self.node_id, request, error.code, reason(error.code), where) from error
             if isinstance(error, sdo.Silence):

@@ -16,15 +16,15 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import defaultdict, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractAsyncContextManager
 from math import inf
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import can
 
-from eurobot_od.bus.live.buses import Driver, Opener, failure
+from eurobot_od.bus.live.buses import Driver, Opener
 from eurobot_od.bus.live.reader import FrameReader
 from eurobot_od.client.master import ANSWER_WAIT, Master
 from eurobot_od.errors import BusError, LocalError
@@ -40,25 +40,12 @@ Seen = Callable[[float, Frame], object]
 Failed = Callable[[BusError], object]
 
 
-class Feed(Protocol):
-    """A bus that gives each classic data frame to `seen`, on any thread, between `start` and `stop`."""
-
-    @property
-    def bus(self) -> can.BusABC:
-        """The bus that is open now."""
-
-    def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
-        """Start reading; `failed` is called with the error when the bus is lost, `back` when it is there again."""
-
-    def send(self, frame: Frame) -> None:
-        """Send a frame; raises BusError."""
-
-    def stop(self) -> None:
-        """Stop reading."""
-
-
 class OwnFeed:
-    """A bus that `opener` opens, and opens again when it is lost; it is shut down at the end."""
+    """A bus that `opener` opens, and opens again when it is lost; it is shut down at the end.
+
+    A feed gives each classic data frame to `seen`, on any thread, between `start` and `stop`. `failed` is called with
+    the error when the bus is lost, `back` when it is there again. `send` raises BusError.
+    """
 
     def __init__(self, opener: Opener) -> None:
         self._opener, self._first = opener, opener()
@@ -114,6 +101,10 @@ class SharedFeed:
             self._notifier.stop()
 
 
+Feed: TypeAlias = OwnFeed | SharedFeed
+"""A bus that is read all the time: ours, or somebody else's."""
+
+
 def feed_of(network: Any) -> SharedFeed:
     """Return the feed of an open python-can bus, or of a connected `canopen.Network`; raises LocalError."""
     if isinstance(network, can.BusABC):
@@ -124,54 +115,17 @@ def feed_of(network: Any) -> SharedFeed:
     return SharedFeed(bus, getattr(network, "notifier", None))
 
 
-class PeriodicTask:
-    """Frames sent in turn, one every `period` seconds, by the driver or the kernel, until `stop`."""
-
-    def __init__(self, master: Master, frames: Sequence[Frame], period: float, remote: bool = False) -> None:
-        if not period > 0:
-            raise LocalError(f"the period is a time longer than 0 s, not {period} s")
-        kind: dict[str, Any] = {"is_extended_id": False, "is_remote_frame": remote, "dlc": 1 if remote else None}
-        self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, **kind) for f in frames]
-        self._master, self.period = master, period
-        self._task: Any = None
-        self._start()
-        master.periodic.append(self)
-
-    def resume(self) -> None:
-        """Start over on a bus that was opened again, unless it was stopped."""
-        if self._task is not None:
-            self.stop()
-            self._start()
-
-    def _start(self) -> None:
-        try:
-            self._task = self._master.bus.send_periodic(self._messages, self.period, store_task=False)
-        except Exception as error:  # whatever a driver raises
-            raise failure(self._master.bus, error) from error
-        # A sending thread of python-can ends with the bus: whoever waits for frames hears of that, once.
-        if hasattr(self._task, "on_error"):
-            self._task.on_error = lambda _: False
-
-    def stop(self) -> None:
-        """End it; does nothing if it has ended."""
-        if self._task is not None:
-            self._task.stop()
-            self._task = None
-
-    def __enter__(self) -> PeriodicTask:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop()
-
-
 class FedMaster(Master):
-    """The common part of both kinds of masters: a feed, its `failure`, and what is sent periodically."""
+    """The common part of both kinds of masters: a feed, and what is sent periodically."""
 
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT, **options: Any) -> None:
         super().__init__(feed.bus, answer_wait, **options)
         self._feed = feed
-        self.failure: BusError | None = None
+        self._turns: Mapping[int, AbstractAsyncContextManager[object]] = {}
+
+    def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
+        """Return what is held during a transfer."""
+        return self._turns[node_id]
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Send a frame; raises BusError."""
@@ -198,15 +152,11 @@ class ThreadedMaster(FedMaster):
         super().__init__(feed, answer_wait)
         self._changed = threading.Condition(threading.RLock())
         self.guard = self._changed
-        self._turns: defaultdict[int, _BlockingTurn] = defaultdict(_BlockingTurn)
+        self._turns = defaultdict(_BlockingTurn)
         self._calls: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
         self._caller = threading.Thread(target=self._call, name=f"{feed.bus.channel_info} functions", daemon=True)
         self._caller.start()
         feed.start(self._seen, self._failed, self._back)
-
-    def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
-        """Return what is held during a transfer."""
-        return self._turns[node_id]
 
     def call(self, function: Callable[[], object]) -> None:
         """Have a user's function called soon, on the thread for them."""
@@ -260,15 +210,11 @@ class LoopMaster(FedMaster):
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT) -> None:
         self._loop = asyncio.get_running_loop()
         super().__init__(feed, answer_wait, clock=self._loop.time)
-        self._turns: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
+        self._turns = defaultdict(asyncio.Lock)
         self._waiting: dict[asyncio.Future[bool], Callable[[], bool]] = {}
         self._arrived: deque[tuple[float, Frame]] = deque()
         self._is_called = False
         feed.start(self._seen, self._failed, lambda: self._loop.call_soon_threadsafe(self._back))
-
-    def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
-        """Return what is held during a transfer."""
-        return self._turns[node_id]
 
     def _seen(self, now: float, frame: Frame) -> None:
         """Hand a frame over, on the reader's thread. The loop is woken once for all frames until it looks."""

@@ -25,21 +25,22 @@ from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
 from eurobot_od.client.description import LISTEN, Found, Identity, scan, uploaded
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, blocking, syncs
-from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
+from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, PeriodicTask, blocking, syncs
+from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, ThreadedMaster, feed_of
 from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
 from eurobot_od.client.streams import EndlessIterator
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
-from eurobot_od.errors import BusError, RemoteError, UnknownName
+from eurobot_od.errors import DriveError, NoAnswer, NodeRefused, RemoteError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.od import DEFAULT
+from eurobot_od.od import DEFAULT, cia402
+from eurobot_od.od.cia402 import MODE_WORDS, Mode, State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import load, read_network
 from eurobot_od.od.standard import LssState
-from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
+from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 """An interface by python-can's name, an open bus, or somebody else's network, whose bus is shared."""
@@ -56,9 +57,6 @@ SimulatedFile: TypeAlias = "SimulatedDevice | Dictionary | str | Path"
 AnyDevice = TypeVar("AnyDevice", bound=DeviceAtNode)
 
 LSS_WAIT = lss.ANSWER_WAIT
-
-SHORTEST_PAUSE = 0.001
-"""Shortest time between two checks for lost nodes, in seconds."""
 
 
 def _feed(bus: BusName, channel: Channel, bitrate: int | None) -> Feed:
@@ -77,12 +75,8 @@ class NodeWatcher(EndlessIterator[NodeEvent]):
         periods = dict.fromkeys(node_ids, within / LOST_AFTER)  # until two heartbeats have shown its period
         self._watch = NodeWatch(self._events.append, periods, node_ids, within, guarded)
         self._watch.tick(master.clock())
-        self._observed = master.observed(self._hear)
+        self._observed = master.observed(self._watch.observer(master))
         self._observed.__enter__()
-
-    def _hear(self, cob_id: int, data: bytes, _: float) -> None:
-        if cob_id - ERROR_CONTROL_BASE in NODE_IDS:
-            self._watch.receive(cob_id - ERROR_CONTROL_BASE, data, self._master.clock())
 
     def close(self) -> None:
         """Stop watching."""
@@ -90,11 +84,7 @@ class NodeWatcher(EndlessIterator[NodeEvent]):
 
     async def _next(self) -> NodeEvent:
         while not self._events:
-            now = self._master.clock()
-            for cob_id in self._watch.tick(now):
-                self._master.request(cob_id)
-            pause = max(self._watch.next_wakeup - now, SHORTEST_PAUSE)
-            await self._master.pump.steps(pause, lambda: bool(self._events))
+            await self._master.pump.steps(self._watch.ask(self._master), lambda: bool(self._events))
         return self._events.popleft()
 
 
@@ -240,7 +230,6 @@ class NetworkSync:
         """End what `start` has begun."""
         if self._task is not None:
             self._task.stop()
-            self._task = None
 
     def transmit(self, count: int | None = None) -> None:
         """Send one SYNC, with a counter if it is given; raises BusError."""
@@ -437,15 +426,12 @@ class Network(NetworkOfDevices[RemoteDevice]):
         self._begin(ThreadedMaster(_feed(interface, channel, bitrate)))
         return self
 
-    def disconnect(self) -> None:
-        """`close`."""
-        self.close()
+    disconnect = close
 
     def check(self) -> None:
         """Raise BusError if the bus is lost."""
-        failure: BusError | None = getattr(self.master, "failure", None)
-        if failure is not None:
-            raise failure
+        if self.master.failure is not None:
+            raise self.master.failure
 
     @property
     def nodes(self) -> dict[int, RemoteDevice]:
@@ -462,10 +448,9 @@ class Network(NetworkOfDevices[RemoteDevice]):
         if not isinstance(node, int):
             return self._added(node)
         if upload_eds:
-            kept = uploaded(self.master.node(node))
-            if kept is None:
+            object_dictionary = uploaded(self.master.node(node))
+            if object_dictionary is None:
                 raise RemoteError(f"node {node} keeps no EDS of itself in plain text (0x1021)")
-            object_dictionary = kept.dictionary
         return self.add(node, object_dictionary)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -577,3 +562,95 @@ def simulated(*devices: SimulatedFile, node_id: int | None = None, **options: An
         for number, device in enumerate(devices):
             network.simulate(device, None if node_id is None else node_id + number, **options)
         yield network
+
+
+# Classes under the names that users of canopen know: `import eurobot_od as canopen` is all that their programs change.
+# `RemoteNode` is what `network.add` returns, `BaseNode402` is `drive402` with texts for states and modes; a drive is
+# commanded and asked by SDO, whatever the PDOs map. docs/python.md says what is different.
+
+
+RemoteNode, SdoAbortedError, SdoCommunicationError = RemoteDevice, NodeRefused, NoAnswer
+
+COMMANDED = {each.words.upper(): each for each in State} | {"DISABLE VOLTAGE": State.DISABLED}
+"""The states by the words of canopen, which also has a command among them."""
+
+MODES = {words.upper().replace("PROFILE ", "PROFILED "): Mode(mode) for mode, words in MODE_WORDS.items()}
+"""The modes of operation by the words of canopen."""
+
+HOMING_WAIT = 30.0
+"""Seconds that `homing` takes at most by default."""
+
+
+class BaseNode402(RemoteDevice):
+    """A drive on a `Network`, with what canopen's class of this name has; `drive402` has the same with more checks."""
+
+    def setup_402_state_machine(self, read_pdos: bool = True) -> None:
+        """Ask the node how its PDOs are mapped now, unless not `read_pdos`; nothing else is needed."""
+        self.pdo.read(from_od=not read_pdos)
+
+    @property
+    def powerstate_402(self) -> BaseNode402:
+        """The node itself."""
+        return self
+
+    @property
+    def statusword(self) -> int:
+        """The statusword (0x6041)."""
+        return self[cia402.STATUSWORD].read(int)
+
+    def _set_controlword(self, word: int) -> None:
+        self[cia402.CONTROLWORD].value = word
+
+    controlword = property(fset=_set_controlword, doc="Set it to write the controlword (0x6040).")
+
+    # The NMT state is `nmt.state`.
+    @property  # type: ignore[override]
+    def state(self) -> str:
+        """The state of the drive, such as `OPERATION ENABLED`; `UNKNOWN` for a statusword that has none.
+
+        Set it to bring the drive there, one arrow of its state machine after the other; `DISABLE VOLTAGE` may be set,
+        too. Raises UnknownName, LocalError for a state that no command leads to, DriveError, NodeRefused, NoAnswer.
+        """
+        state = self.drive402.state
+        return state.words.upper() if state else "UNKNOWN"
+
+    @state.setter
+    def state(self, wanted: str) -> None:
+        if wanted not in COMMANDED:
+            raise UnknownName("state of a drive", wanted, COMMANDED)
+        if COMMANDED[wanted] is State.DISABLED:
+            self.drive402.fault_reset()
+        self.drive402.bring_to(COMMANDED[wanted])
+
+    @property
+    def op_mode(self) -> str:
+        """The mode of operation, such as `PROFILED POSITION`; set it to change it. Raises UnknownName, DriveError."""
+        shown = self[cia402.MODE_DISPLAY].read(int)
+        return next((words for words, mode in MODES.items() if mode == shown), str(shown))
+
+    @op_mode.setter
+    def op_mode(self, words: str) -> None:
+        if words not in MODES:
+            raise UnknownName("mode of operation", words, MODES)
+        self.drive402.choose(MODES[words])
+
+    def is_op_mode_supported(self, words: str) -> bool:
+        """Whether the drive says that it has a mode (0x6502)."""
+        return MODES.get(words) in cia402.supported(self[cia402.SUPPORTED_MODES].read(int))
+
+    def is_faulted(self) -> bool:
+        """Whether it has a fault."""
+        return self.drive402.state is State.FAULT
+
+    def reset_from_fault(self) -> None:
+        """Reset its fault, and enable it."""
+        self.drive402.fault_reset()
+        self.drive402.enable()
+
+    def homing(self, timeout: float = HOMING_WAIT) -> bool:
+        """Enable and home it by the method that is set; return whether it has found home."""
+        try:
+            self.drive402.home(within=timeout)
+        except DriveError:
+            return False
+        return True

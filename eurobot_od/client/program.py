@@ -96,9 +96,8 @@ async def load(
             with suppress(NoAnswer):  # and one that goes to its loader need not confirm
                 await memory.control(ProgramControl.STOP)
         await memory.wait()
-    with _left(
-        node, "its program is stopped and may be cleared: download it again, or, if it is still there, " + start
-    ):
+    may_be_there = f"its program is stopped and may be cleared: download it again, or, if it is still there, {start}"
+    with _left(node, may_be_there):
         await memory.control(ProgramControl.CLEAR, FLASH_WAIT)
         await memory.wait(NO_ERROR, NO_PROGRAM)
     with _left(node, "it is stopped without a whole program: download it again"):
@@ -110,7 +109,9 @@ async def load(
         with suppress(NoAnswer):  # nor need one that leaves its loader
             await memory.control(ProgramControl.START)
         await memory.wait(NO_ERROR)
-        await memory.check_started()
+        # it need not have the object
+        if await memory.read_if_there(PROGRAM_CONTROL) == ProgramControl.STOP:
+            raise ProgramError(f"{memory.where(PROGRAM_CONTROL)} says: stopped")
     return Loaded(len(content), crc)
 
 
@@ -155,7 +156,7 @@ class ProgramMemory:
         for index in (PROGRAM_DATA, PROGRAM_CONTROL):
             variable = dictionary.variable((index, self._program))
             if variable is None or not variable.writable:
-                raise ProgramError(f"{dictionary.file} has no {self._where(index)} that can be written")
+                raise ProgramError(f"{dictionary.file} has no {self.where(index)} that can be written")
 
     async def read(self, index: int) -> int:
         """Return the number in an object."""
@@ -172,48 +173,40 @@ class ProgramMemory:
         end = clock() + FLASH_WAIT
         while (status := await self._status()) & IN_PROGRESS:
             if clock() >= end:
-                raise NoAnswer("start of an operation", f"end of it in {self._where(FLASH_STATUS)}", 1, FLASH_WAIT)
+                raise NoAnswer("start of an operation", f"end of it in {self.where(FLASH_STATUS)}", 1, FLASH_WAIT)
             await self._node.master.pump.steps(POLL)
         # Bit 0 is "in progress", bits 1 to 7 are the error, the upper half is the maker's (CiA 302-3, 0x1F57).
         error = status >> 1 & 0x7F
         if allowed and error not in allowed:
             words = FLASH_ERRORS.get(error, f"error {error}")
             maker = f" (the manufacturer's 0x{status >> 16:04X})" if status >> 16 else ""
-            raise ProgramError(f"{self._where(FLASH_STATUS)} says: {words}{maker}")
+            raise ProgramError(f"{self.where(FLASH_STATUS)} says: {words}{maker}")
 
     async def identify(self, content: bytes) -> str:
         """Return the CRC by which the node identifies a program, empty if it does not; raises ProgramError."""
-        found = await self._read_if_there(PROGRAM_IDENTIFICATION)
+        found = await self.read_if_there(PROGRAM_IDENTIFICATION)
         known = {
             "CRC-32": crc32(content),
             "CRC-16 (start value 0)": crc_hqx(content, 0),
             "CRC-16 (start value 0xFFFF)": crc_hqx(content, 0xFFFF),
         }
-        if found is None:
-            return ""
-        for name, crc in known.items():
-            if crc == found:
-                return name
+        if found is None or found in known.values():
+            return next((name for name, crc in known.items() if crc == found), "")
         # CiA 302-3 leaves to the maker how 0x1F56 identifies a program; these three CRCs are in use.
         no_crc = ", ".join(f"{name} 0x{crc:X}" for name, crc in known.items())
-        raise ProgramError(
-            f"{self._where(PROGRAM_IDENTIFICATION)} is 0x{found:X}, which is not a CRC of the file ({no_crc})"
-        )
-
-    async def check_started(self) -> None:
-        """Raise ProgramError if the node says that the program is stopped; it need not have the object."""
-        if await self._read_if_there(PROGRAM_CONTROL) == ProgramControl.STOP:
-            raise ProgramError(f"{self._where(PROGRAM_CONTROL)} says: stopped")
+        where = self.where(PROGRAM_IDENTIFICATION)
+        raise ProgramError(f"{where} is 0x{found:X}, which is not a CRC of the file ({no_crc})")
 
     async def _status(self) -> int:
         """Return the flash status: busy for a node that is silent, idle for one that has none."""
         try:
-            return await self._read_if_there(FLASH_STATUS) or 0
+            return await self.read_if_there(FLASH_STATUS) or 0
         except NoAnswer:
             # While it erases its flash memory, a small controller cannot run the code that would answer.
             return IN_PROGRESS
 
-    async def _read_if_there(self, index: int) -> int | None:
+    async def read_if_there(self, index: int) -> int | None:
+        """Return the number in an object that the node need not have."""
         try:
             return await self.read(index)
         except NodeRefused as error:
@@ -221,7 +214,8 @@ class ProgramMemory:
                 return None
             raise
 
-    def _where(self, index: int) -> str:
+    def where(self, index: int) -> str:
+        """Return an object in words."""
         return label((index, self._program), NAMES[index])
 
 

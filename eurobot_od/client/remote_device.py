@@ -24,33 +24,18 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client import configure, program, streams
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
-from eurobot_od.client.description import Identity, described, from_file, read_identity
+from eurobot_od.client.description import Identity, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
-from eurobot_od.client.master import Master, RemoteNode, blocking, finished
-from eurobot_od.client.masters import PeriodicTask
+from eurobot_od.client.master import Master, PeriodicTask, RemoteNode, blocking, finished
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdo import PdosOfDirection, RemotePdo, RemotePdos
 from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState, canopen_state, command_to
 from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import (
-    Range,
-    address_of,
-    all_objects,
-    at,
-    data_type,
-    decode,
-    encode,
-    find,
-    is_described,
-    label,
-    limits,
-    members,
-    not_allowed,
-    parse,
-    written,
-)
+from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode, encode, label
+from eurobot_od.od.standard import EMCY
 from eurobot_od.od.values import EMCY_BASE, ERROR_CONTROL_BASE, NODE_IDS, Address, Scalar, Value, pdo_of, typed
 from eurobot_od.od.words import with_words, words
 from eurobot_od.support.progress import Progress, unwatched
@@ -65,15 +50,6 @@ Content: TypeAlias = bytes
 """Bytes, under a name that no property has taken."""
 
 Wrote: TypeAlias = Callable[["ODVariable", bytes], object]
-
-
-def found_variables(key: ObjectKey, objects: ObjectDictionary | None) -> list[ODVariable]:
-    """Return the variables that a key names: one, or all of a record; raises UnknownName, LocalError."""
-    if isinstance(key, str):
-        return find(key, objects)
-    if isinstance(key, int):
-        return (members(objects, key) if objects is not None else []) or [at((key, 0), objects)]
-    return [at(key, objects)]
 
 
 class ObjectAtNode:
@@ -100,19 +76,17 @@ class ObjectAtNode:
     @property
     def name(self) -> str:
         """The ParameterName in the file, `Record.Member`; empty without a file."""
-        name: str = self.od.qualname
-        return name
+        return str(self.od.qualname)
 
     @property
     def unit(self) -> str:
         """The Unit in the file, which is not a key of CiA 306; empty without one."""
-        unit: str = self.od.unit
-        return unit
+        return str(self.od.unit)
 
     @property
-    def limits(self) -> Range | None:
+    def limits(self) -> objects.Range | None:
         """The least and the greatest `raw` value, by limits and type; None for anything but a number."""
-        return limits(self.od)
+        return objects.limits(self.od)
 
     @property
     def words(self) -> dict[int, str]:
@@ -126,11 +100,15 @@ class ObjectAtNode:
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self} of node {self._node.node_id}>"
 
-    def _member(self, key: str | int) -> list[ODVariable]:
+    def __getitem__(self, key: str | int) -> Self:
+        """Return a member of a record by its name or sub-index; raises UnknownName."""
         found = [each for each in self._variables if key in (each.subindex, each.name)]
         if not found:
             raise UnknownName(f"member of 0x{self._variables[0].index:04X}", key, [v.name for v in self._variables])
-        return found
+        return type(self)(self._node, found, self._wrote)
+
+    def __iter__(self) -> Iterator[Self]:
+        return (type(self)(self._node, [each], self._wrote) for each in self._variables)
 
     def _meant(self, raw: Value) -> Any:
         """Return the meaning of a raw value."""
@@ -146,8 +124,8 @@ class ObjectAtNode:
         thing = self.od
         if isinstance(value, bytes):
             return value
-        if not is_described(thing):
-            raise not_allowed(thing, value, "bytes: no file says its type")
+        if not objects.is_described(thing):
+            raise objects.not_allowed(thing, value, "bytes: no file says its type")
         if isinstance(value, str):
             return encode(thing, self._raw_of_text(value))
         if isinstance(value, Real) and not isinstance(value, bool) and thing.factor != 1:
@@ -161,7 +139,7 @@ class ObjectAtNode:
                 return raw
         # A person may write what was shown before, which includes the unit.
         number = text.strip().removesuffix(self.unit).strip() if self.unit else text
-        value = parse(self.od, number)
+        value = objects.parse(self.od, number)
         return self._unscaled(value) if isinstance(value, (int, float)) and self.od.factor != 1 else value
 
     def _unscaled(self, value: float) -> Value:
@@ -173,7 +151,7 @@ class ObjectAtNode:
         if isinstance(raw, int) and raw in self.words:
             return self.words[raw]
         value = self._meant(raw)
-        return with_words(f"{written(self.od, value)} {self.unit}".rstrip(), words(self.od, raw))
+        return with_words(f"{objects.written(self.od, value)} {self.unit}".rstrip(), words(self.od, raw))
 
     async def _read(self) -> bytes:
         return await read_object.steps(self._node, self.od)
@@ -195,13 +173,6 @@ class RemoteObject(ObjectAtNode):
     """
 
     __slots__ = ()
-
-    def __getitem__(self, key: str | int) -> RemoteObject:
-        """Return a member of a record by its name or sub-index; raises UnknownName."""
-        return RemoteObject(self._node, self._member(key), self._wrote)
-
-    def __iter__(self) -> Iterator[RemoteObject]:
-        return (RemoteObject(self._node, [each], self._wrote) for each in self._variables)
 
     @overload
     def read(self) -> Any: ...
@@ -280,13 +251,6 @@ class AsyncRemoteObject(ObjectAtNode):
 
     __slots__ = ()
 
-    def __getitem__(self, key: str | int) -> AsyncRemoteObject:
-        """Return a member of a record by its name or sub-index; raises UnknownName."""
-        return AsyncRemoteObject(self._node, self._member(key), self._wrote)
-
-    def __iter__(self) -> Iterator[AsyncRemoteObject]:
-        return (AsyncRemoteObject(self._node, [each], self._wrote) for each in self._variables)
-
     @overload
     async def read(self) -> Any: ...
 
@@ -332,8 +296,6 @@ class AsyncRemoteObject(ObjectAtNode):
 # The node
 
 
-EMCY_COB_ID = (0x1014, 0)
-
 DeviceFile: TypeAlias = "str | Path | Dictionary | ObjectDictionary | None"
 """An EDS or DCF, or a dictionary made from one; None for a device of which only the node-ID is known."""
 
@@ -370,8 +332,7 @@ class DeviceAtNode:
         self.node_id, self.dictionary = node_id, dictionary
         self.name = name or (dictionary.name if dictionary else f"node {node_id}")
         self._node = RemoteNode(UNCONNECTED, node_id)
-        base = EMCY_BASE + node_id
-        self._emcy_id = dictionary.cob_id(EMCY_COB_ID, EMCY_BASE) if dictionary else base
+        self._emcy_id = dictionary.cob_id(EMCY, EMCY_BASE) if dictionary else EMCY_BASE + node_id
         self._pdos: streams.MappedPdos[Any]
         self._emergencies: streams.HeardEmergencies
 
@@ -389,7 +350,13 @@ class DeviceAtNode:
         return self.dictionary.objects
 
     def _variables(self, key: ObjectKey) -> list[ODVariable]:
-        return found_variables(key, self.dictionary.objects if self.dictionary else None)
+        """Return the variables that a key names: one, or all of a record; raises UnknownName, LocalError."""
+        known = self.dictionary.objects if self.dictionary else None
+        if isinstance(key, str):
+            return objects.find(key, known)
+        if isinstance(key, int):
+            return (objects.members(known, key) if known is not None else []) or [at((key, 0), known)]
+        return [at(key, known)]
 
     @property
     def state(self) -> NmtState | None:
@@ -429,19 +396,19 @@ class DeviceAtNode:
         not take all of it, or if the wait is cancelled: it then has its former values again, or `written` and `left`
         say which objects have changed and which have not.
         """
-        description = from_file(file)
-        plan = await configure.difference.steps(self._node, description)
+        dictionary = Dictionary.load(file)
+        plan = await configure.difference.steps(self._node, dictionary)
         done = Configured(0, False)
         if plan.changes:
             done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
         # The node has everything in the file: it had it before, or it was written and read back.
-        has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(description)}
+        has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(dictionary)}
         self._pdos.present({address: value for address, value in has.items() if pdo_of(address[0]) is not None})
         return done
 
     async def _difference(self, file: str | Path) -> ChangePlan:
         """Return what `configure` would write, without writing anything; raises DictionaryError."""
-        return await configure.difference.steps(self._node, from_file(file))
+        return await configure.difference.steps(self._node, Dictionary.load(file))
 
     async def _store(self) -> None:
         """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""
@@ -556,7 +523,6 @@ class NodeNmt(NmtOfNode):
         """End what `start_node_guarding` has begun."""
         if self._guarding is not None:
             self._guarding.stop()
-            self._guarding = None
 
 
 class AsyncNodeNmt(NmtOfNode):
@@ -636,7 +602,7 @@ class RemoteDevice(DeviceAtNode):
         """
         if self.dictionary is None or not any(map(self.dictionary.has_own_value, self.dictionary.addresses())):
             return
-        for write in configure.all_writes(described(self.dictionary)):
+        for write in configure.all_writes(self.dictionary):
             self._node.download(write.address, write.data)
 
     @property

@@ -14,25 +14,15 @@ from typing import Any, overload
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.configure import map_objects
-from eurobot_od.client.master import finished
-from eurobot_od.client.masters import PeriodicTask
+from eurobot_od.client.master import PeriodicTask, finished
 from eurobot_od.client.streams import BlockingStream, MappedPdo, MappedPdos, PdoReading, PdoValue
 from eurobot_od.errors import NoAnswer, UnknownName
 from eurobot_od.export.dbc import text_of
 from eurobot_od.export.description import described
+from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import at, find_one
-from eurobot_od.od.values import (
-    COB_ID,
-    EVENT_TIMER,
-    INHIBIT_TIME,
-    NOT_VALID,
-    SYNC_START,
-    TRANSMISSION_TYPE,
-    PdoDirection,
-    PdoRecords,
-    Value,
-)
+from eurobot_od.od.values import COB_ID, PdoDirection, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.files import write_whole
 
@@ -91,10 +81,10 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
     What canopen calls a PdoMap: settings are written by `save`, `transmit()` without values sends those that were set.
     """
 
-    trans_type = _setting(TRANSMISSION_TYPE, "The transmission type, 0..255.")
-    inhibit_time = _setting(INHIBIT_TIME, "The least time between two of them, in 100 us.")
-    event_timer = _setting(EVENT_TIMER, "The longest time between two of them, in ms; of an RPDO, its deadline.")
-    sync_start_value = _setting(SYNC_START, "The number of the SYNC with which it starts.")
+    trans_type = _setting(values.TRANSMISSION_TYPE, "The transmission type, 0..255.")
+    inhibit_time = _setting(values.INHIBIT_TIME, "The least time between two of them, in 100 us.")
+    event_timer = _setting(values.EVENT_TIMER, "The longest time between two of them, in ms; of an RPDO, its deadline.")
+    sync_start_value = _setting(values.SYNC_START, "The number of the SYNC with which it starts.")
 
     def __init__(self, *given: Any) -> None:
         self.settings: dict[int, int] = {}
@@ -158,14 +148,9 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
     # Its parameters
 
     @property
-    def records(self) -> PdoRecords:
+    def records(self) -> values.PdoRecords:
         """The PDO as the master knows it: where its records are, and what they say."""
         return self._binding.pdo
-
-    @property
-    def indices(self) -> tuple[int, int]:
-        """The indices of its communication and mapping records."""
-        return self.records.index, self.records.mapping_index
 
     @property
     def _dictionary(self) -> Dictionary:
@@ -180,12 +165,12 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
     def enabled(self) -> bool:
         """Whether it is valid."""
         wanted = self.settings.get(COB_ID)
-        return self._binding.pdo.valid if wanted is None else not wanted & NOT_VALID
+        return self._binding.pdo.valid if wanted is None else not wanted & values.NOT_VALID
 
     @enabled.setter
     def enabled(self, enabled: bool) -> None:
         entry = self.setting(COB_ID) or self.cob_id
-        self.settings[COB_ID] = entry & ~NOT_VALID if enabled else entry | NOT_VALID
+        self.settings[COB_ID] = entry & ~values.NOT_VALID if enabled else entry | values.NOT_VALID
 
     def clear(self) -> None:
         """Empty the mapping."""
@@ -231,7 +216,8 @@ class RemotePdos(MappedPdos[RemotePdo]):
 
     def __getitem__(self, name: str | int) -> RemotePdo:
         """Return a PDO by name, or by the index of one of its records; raises UnknownName, also for one that is off."""
-        indices = {index: key for key, pdo in self._pdos.items() for index in pdo.indices}
+        valid = self._pdos.items()
+        indices = {i: key for key, pdo in valid for i in (pdo.records.index, pdo.records.mapping_index)}
         return super().__getitem__(name if isinstance(name, str) else indices.get(name, f"0x{name:04X}"))
 
     def of(self, direction: PdoDirection) -> dict[int, RemotePdo]:

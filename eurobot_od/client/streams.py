@@ -21,13 +21,12 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 from weakref import WeakSet
 
 from eurobot_od.client.configure import pdo_parameters
-from eurobot_od.client.master import Master, Procedure, RemoteNode, finished
+from eurobot_od.client.master import Master, Procedure, RemoteNode, blocking, finished
 from eurobot_od.device.broadcasts import REGISTER_BITS
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, NoAnswer, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ERRORS, ErrorCode
 from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
@@ -253,29 +252,25 @@ class HeardEmergencies(Stream[Emergency]):
         if len(data) == EMCY_BYTES:
             self.push(Emergency(now, self.node_id, int.from_bytes(data[:2], "little"), data[2], data[3:]))
 
+    async def _history(self) -> History:
+        """Read the errors that the node remembers (0x1001, 0x1003); raises NodeRefused, NoAnswer, BusError."""
+        return await read_history.steps(self._node)
+
+    async def _clear(self) -> None:
+        """Have the node forget its errors; raises as `history`."""
+        await clear_history.steps(self._node)
+
 
 class EmergencyStream(HeardEmergencies, BlockingStream[Emergency]):
     """A node's emergency messages as they come; `active` has those since the last `no error`, by code."""
 
-    def history(self) -> History:
-        """Read the errors that the node remembers (0x1001, 0x1003); raises NodeRefused, NoAnswer, BusError."""
-        return read_history(self._node)
-
-    def clear(self) -> None:
-        """Have the node forget its errors; raises as `history`."""
-        clear_history(self._node)
+    history, clear = blocking(HeardEmergencies._history), blocking(HeardEmergencies._clear)
 
 
 class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):
     """A node's emergency messages as they come; `active` has those since the last `no error`, by code."""
 
-    async def history(self) -> History:
-        """Read the errors that the node remembers (0x1001, 0x1003); raises NodeRefused, NoAnswer, BusError."""
-        return await read_history.steps(self._node)
-
-    async def clear(self) -> None:
-        """Have the node forget its errors; raises as `history`."""
-        await clear_history.steps(self._node)
+    history, clear = HeardEmergencies._history, HeardEmergencies._clear
 
 
 # PDOs
@@ -355,9 +350,8 @@ class MappedPdo(Stream[PdoReading]):
         return self.names
 
     def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} {self.name} of node {self.node_id}, 0x{self.cob_id:03X}: {', '.join(self.names)}>"
-        )
+        names = ", ".join(self.names)
+        return f"<{type(self).__name__} {self.name} of node {self.node_id}, 0x{self.cob_id:03X}: {names}>"
 
     def _key(self, name: str | int) -> str:
         found = self._binding.object_name(name)
@@ -452,22 +446,19 @@ class MappedPdos(Generic[AnyPdo]):
         refusals = list[MappingError]()
         found = {pdo.key: pdo for pdo in self.dictionary.read_pdos(self.dictionary.default, refusals.append)}
         self._refused = {each.index: each for each in refusals if each.index is not None}
-        self._pdos = {}
         self._records = {plain_name(pdo.name): key for key, pdo in found.items()}
+        valid = dict[str, AnyPdo]()
         for key, pdo in found.items():
-            self._bind(key, pdo, self.dictionary)
-
-    def _bind(self, key: str, pdo: Pdo, dictionary: Dictionary) -> None:
-        try:
-            binding = Binding(dictionary.file, pdo, key, None)
-        except MappingError as error:
-            if pdo.valid:
-                self._refused[pdo.index] = error
-            return
-        if key not in self._made:
-            self._made[key] = self._kind(self._node, key, self)
-        self._made[key].adopt(binding)
-        self._pdos = {**self._pdos, key: self._made[key]} if pdo.valid else self._pdos
+            try:
+                binding = Binding(self.dictionary.file, pdo, key, None)
+            except MappingError as error:
+                self._refused |= {pdo.index: error} if pdo.valid else {}
+                continue
+            if key not in self._made:
+                self._made[key] = self._kind(self._node, key, self)
+            self._made[key].adopt(binding)
+            valid |= {key: self._made[key]} if pdo.valid else {}
+        self._pdos = valid
 
     def present(self, values: Mapping[Address, Value]) -> None:
         """Take over the present values of a node's PDO parameters."""

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
-from functools import partial
 from math import inf
 from typing import NamedTuple
 
-from eurobot_od.client.master import Guard, Master, Procedure, unguarded
+from eurobot_od.client.master import Guard, Master, Observer, Procedure, unguarded
 from eurobot_od.device.nmt import TOGGLE, NmtState
 from eurobot_od.errors import RemoteError
 from eurobot_od.od.standard import HEARTBEAT_TIME
@@ -28,8 +27,9 @@ LATE_AFTER = 1.5
 REMEMBERED_INTERVALS = 5
 """A node's period is the median of this many intervals, so that one long silence does not change it."""
 
-LONGEST_PAUSE = 0.1
-"""Seconds after which `watch_nodes` checks whether it should end."""
+SHORTEST_PAUSE, LONGEST_PAUSE = 0.001, 0.1
+"""Seconds from one check for lost nodes to the next, at least; at most, as `watch_nodes` has to see when it should end.
+"""
 
 
 class Life(Enum):
@@ -48,11 +48,10 @@ class Heartbeats:
     """
 
     def __init__(self, period: float = 0.0) -> None:
-        self.period, self.heard = period, None
+        self.period = period
+        self.heard: float | None = None
         self._last_beat: float | None = None
         self._intervals: deque[float] = deque(maxlen=REMEMBERED_INTERVALS)
-
-    heard: float | None
 
     def beat(self, now: float) -> None:
         """Note a heartbeat."""
@@ -151,11 +150,10 @@ class NodeWatch:
         first, was_lost = node.pulse.heard is None, node.lost
         node.state, node.lost = NmtState(state), False
         (node.pulse.beat if state else node.pulse.boot)(now)
-        change = (
-            NodeChange.BOOTED if not state else NodeChange.BACK if was_lost else NodeChange.FOUND if first else None
-        )
-        if change:
-            self._tell(now, node_id, change)
+        if not state or was_lost or first:
+            self._tell(
+                now, node_id, NodeChange.BOOTED if not state else NodeChange.BACK if was_lost else NodeChange.FOUND
+            )
 
     def tick(self, now: float) -> list[int]:
         """Notice which nodes are lost, and return the COB-IDs that have to be asked by remote frames now."""
@@ -170,6 +168,23 @@ class NodeWatch:
         # From now, not from when it was due: after a pause, the requests that were missed must not go out at once.
         self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
         return [ERROR_CONTROL_BASE + node_id for node_id in asked]
+
+    def observer(self, master: Master) -> Observer:
+        """Return what a master has to call with every frame that it hears."""
+
+        def heard(cob_id: int, data: bytes, _: float) -> None:
+            if cob_id - ERROR_CONTROL_BASE in NODE_IDS:
+                self.receive(cob_id - ERROR_CONTROL_BASE, data, master.clock())
+
+        return heard
+
+    def ask(self, master: Master) -> float:
+        """Notice which nodes are lost, ask those that are due, and return after how many seconds to do so again."""
+        now = master.clock()
+        for cob_id in self.tick(now):
+            master.request(cob_id)
+        # A deadline at this very moment is not over yet, and the loop would run without a pause.
+        return max(self.next_wakeup - now, SHORTEST_PAUSE)
 
     @property
     def next_wakeup(self) -> float:
@@ -210,18 +225,10 @@ async def without_heartbeat(master: Master, node_ids: Iterable[int]) -> list[int
 def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:
     """Watch the nodes of a bus until its clock is at `end`, each step under the guard. Raises BusError."""
 
-    def received(node_id: int, data: bytes) -> None:
-        watch.receive(node_id, data, master.clock())
-
     def step() -> None:
-        now = master.clock()
-        for cob_id in watch.tick(now):
-            master.request(cob_id)
-        # At least a millisecond: a deadline at this very moment is not over yet, and the loop would run without a
-        # pause.
-        master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
+        left = end - master.clock()
+        master.pump(min(watch.ask(master), LONGEST_PAUSE, left))
 
-    for node_id in NODE_IDS:
-        master.listeners[ERROR_CONTROL_BASE + node_id] = partial(received, node_id)
-    while master.clock() < end:
-        guard(step)
+    with master.observed(watch.observer(master)):
+        while master.clock() < end:
+            guard(step)

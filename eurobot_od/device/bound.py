@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar, overload
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar, overload
 
 from eurobot_od.device.objects import NO_VALUES, TELL_NOBODY, Objects, OnRead, OnTold, OnWrite
 from eurobot_od.errors import FieldError, MappingError
@@ -172,15 +172,8 @@ NumberOf: TypeAlias = Callable[[str], int]
 """Gives the number in a setting, by its ParameterNames, `Record.Member`."""
 
 
-class HasSettings(Protocol):
-    """A node, as far as its settings are concerned."""
-
-    def setting(self, name: str) -> int:
-        """Return the number of a setting by its ParameterNames."""
-
-
 class Setting(Generic[ValueT]):
-    """The value that `read` makes of the numbers in the settings with these `names`."""
+    """The value that `read` makes of the numbers in the settings of a node with these `names`."""
 
     def __init__(self, names: Iterable[str], read: Callable[[NumberOf], ValueT]) -> None:
         self.names, self.read = tuple(names), read
@@ -189,9 +182,9 @@ class Setting(Generic[ValueT]):
     def __get__(self, node: None, kind: type) -> Setting[ValueT]: ...
 
     @overload
-    def __get__(self, node: HasSettings, kind: type | None = None) -> ValueT: ...
+    def __get__(self, node: object, kind: type | None = None) -> ValueT: ...
 
-    def __get__(self, node: HasSettings | None, kind: type | None = None) -> Setting[ValueT] | ValueT:
+    def __get__(self, node: Any, kind: type | None = None) -> Setting[ValueT] | ValueT:
         return self if node is None else self.read(node.setting)
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from eurobot_od.device.timers import caught_up
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.od.values import DAY, EPOCH, Address, TimeOfDay, Value
+from eurobot_od.od.values import DAY, EPOCH, MOST_DAYS, Address, TimeOfDay, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.sdo.wire import Abort, Reason
@@ -101,16 +101,11 @@ class Synchronous:
     def due(self, number: int | None) -> list[Binding]:
         """Count a SYNC, and return the TPDOs that go with it; `number` is its counter, None if it has none."""
         self._starts = {binding: start for binding, start in self._starts.items() if start != number}
-        self._counts |= {binding: count + 1 for binding, count in self._counts.items() if binding not in self._starts}
-        periods = self._types
-        due = [
-            each
-            for each, count in self._counts.items()
-            if each not in self._starts
-            and (each in self._asked if periods[each] == ACYCLIC else count % periods[each] == 0)
-        ]
-        self._asked.clear()
-        return due
+        started = [each for each in self._counts if each not in self._starts]
+        self._counts |= {each: self._counts[each] + 1 for each in started}
+        asked, self._asked = self._asked, set()
+        kinds = ((each, self._types[each]) for each in started)
+        return [each for each, n in kinds if (each in asked if n == ACYCLIC else self._counts[each] % n == 0)]
 
     def arrived(self) -> list[Arrival]:
         """Return the PDOs that take effect now, and forget them."""
@@ -130,8 +125,6 @@ TIME_PERIOD = 1.0
 TIME_LENGTH = 6
 MILLISECONDS = (1 << 28) - 1
 """Bits of the first four bytes that hold the milliseconds after midnight; the others are reserved."""
-
-MOST_DAYS = 0xFFFF
 
 
 class Clock:

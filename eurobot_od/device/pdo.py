@@ -18,22 +18,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.pdos import Mapped
 from eurobot_od.od.standard import EMCY, SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER
-from eurobot_od.od.values import (
-    COB_ID,
-    DUMMIES,
-    EVENT_TIMER,
-    INHIBIT_TIME,
-    MAPPABLE,
-    MAX_BITS,
-    SYNC_START,
-    SYNCHRONOUS,
-    TRANSMISSION_TYPE,
-    Address,
-    MappingEntry,
-    PdoDirection,
-    Value,
-    owner,
-)
+from eurobot_od.od.values import COB_ID, Address, PdoDirection, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Catalogue
 from eurobot_od.pdo.protocol import Protocol
@@ -85,7 +70,7 @@ class Pdos:
     def inhibit_time(self, binding: Binding) -> float:
         """Return the inhibit time of a TPDO in seconds, 0.0 for none; a message that always acts never waits."""
         # Sub-index 3 counts 100 µs, the event timer in sub-index 5 milliseconds (CiA 301, 7.5.2.37).
-        return 0.0 if binding.always else self._objects.raw((binding.pdo.index, INHIBIT_TIME)) / 10_000
+        return 0.0 if binding.always else self._objects.raw((binding.pdo.index, values.INHIBIT_TIME)) / 10_000
 
     def event_timer(self, binding: Binding) -> float:
         """Return the event timer of an event-driven TPDO in seconds; 0.0 if it has none, or for any other TPDO."""
@@ -93,7 +78,7 @@ class Pdos:
 
     def deadline(self, binding: Binding) -> float:
         """Return the event timer in seconds, within which an RPDO has to come again; 0.0 for none."""
-        return self._objects.raw((binding.pdo.index, EVENT_TIMER)) / 1000
+        return self._objects.raw((binding.pdo.index, values.EVENT_TIMER)) / 1000
 
     def is_event_driven(self, binding: Binding) -> bool:
         """Tell whether a TPDO is sent whenever the application wants to send it."""
@@ -109,7 +94,7 @@ class Pdos:
         return self._type(binding.pdo.index) == SAMPLED and self.sync_cob_id is not None
 
     def _type(self, index: int) -> int:
-        return self._objects.raw((index, TRANSMISSION_TYPE))
+        return self._objects.raw((index, values.TRANSMISSION_TYPE))
 
     def _is_requestable(self, index: int) -> bool:
         return not self._objects.raw((index, COB_ID)) & values.NO_RTR
@@ -128,11 +113,11 @@ class Pdos:
 
     def sync_start(self, binding: Binding) -> int:
         """Return the number of the SYNC that a TPDO starts with; 0 for any, as without a counter."""
-        return self._objects.raw((binding.pdo.index, SYNC_START)) if self.sync_counter else 0
+        return self._objects.raw((binding.pdo.index, values.SYNC_START)) if self.sync_counter else 0
 
     @property
     def _sync_types(self) -> range:
-        return SYNCHRONOUS if self.sync_cob_id is not None else range(0)
+        return values.SYNCHRONOUS if self.sync_cob_id is not None else range(0)
 
     @property
     def sync_period(self) -> float:
@@ -148,9 +133,8 @@ class Pdos:
 
     def _write_sync(self, address: Address, value: Value) -> None:
         number = value if isinstance(value, int) else 0
-        if number & values.EXTENDED or (
-            number & SYNC_PRODUCER and SYNC_PERIOD[0] not in self._objects.dictionary.members
-        ):
+        can_send = SYNC_PERIOD[0] in self._objects.dictionary.members
+        if number & values.EXTENDED or (number & SYNC_PRODUCER and not can_send):
             raise Abort(Reason.SYNC_COB_ID)
         before = self._objects.raw(address)
         # A producer's identifier is fixed until its bit 30 is cleared (CiA 301, 7.5.2.5).
@@ -189,11 +173,11 @@ class Pdos:
         asked_for = (REQUESTED, *([SAMPLED] if self._sync_types else []))
         requestable = index >= PdoDirection.TPDO.value and self._is_requestable(index)
         types = {*EVENT_DRIVEN, *self._sync_types, *(asked_for if requestable else ())}
-        if subindex == TRANSMISSION_TYPE and number not in types:
+        if subindex == values.TRANSMISSION_TYPE and number not in types:
             raise Abort(Reason.TRANSMISSION_TYPE)
-        if subindex == INHIBIT_TIME and number and index < PdoDirection.TPDO.value:
+        if subindex == values.INHIBIT_TIME and number and index < PdoDirection.TPDO.value:
             raise Abort(Reason.RPDO_INHIBITED)
-        if subindex in (INHIBIT_TIME, SYNC_START) and self._is_valid(index):  # CiA 301, 7.5.2.37
+        if subindex in (values.INHIBIT_TIME, values.SYNC_START) and self._is_valid(index):  # CiA 301, 7.5.2.37
             raise Abort(Reason.PDO_VALID)
         self._objects.put(address, number)
 
@@ -210,7 +194,7 @@ class Pdos:
             raise Abort(Reason.PDO_VALID)
         cob_id = entry & values.BASE_IDENTIFIER
         # EMCY and SYNC count where this device has them now, which need not be the pre-defined connection set.
-        if valid and (cob_id in (self._objects.raw(EMCY), self.sync_cob_id) or owner(cob_id, REFUSED)):
+        if valid and (cob_id in (self._objects.raw(EMCY), self.sync_cob_id) or values.owner(cob_id, REFUSED)):
             raise Abort(Reason.COB_ID_TAKEN)
         try:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
@@ -231,7 +215,7 @@ class Pdos:
             raise Abort(Reason.PDO_VALID)
         if subindex == 0:  # entries are written one by one: only their number shows how long the PDO is
             entries = (self._objects.raw((index, sub)) for sub in range(1, number + 1))
-            if sum(self.mapped(index, entry).bits for entry in entries) > MAX_BITS:
+            if sum(self.mapped(index, entry).bits for entry in entries) > values.MAX_BITS:
                 raise Abort(Reason.MAPPING_TOO_LONG)
         elif self._objects.raw((index, 0)):
             raise Abort(Reason.MAPPING_USED)
@@ -243,12 +227,12 @@ class Pdos:
         """Return what a mapping entry stands for; raises Abort if it cannot be mapped there."""
         direction = next(each for each, records in values.MAPPING_RECORDS.items() if index in records)
         dictionary = self._objects.dictionary
-        variable = dictionary.variable(MappingEntry.of(entry).address)
+        variable = dictionary.variable(values.MappingEntry.of(entry).address)
         if variable is None:
             raise Abort(Reason.MAPPED_MISSING)
         # A dummy skips received bits that mean nothing to this device; it has nothing to send.
-        dummy = variable.index in DUMMIES and direction is PdoDirection.RPDO
-        if not dummy and not (variable.pdo_mappable and variable.access_type in MAPPABLE[direction]):
+        dummy = variable.index in values.DUMMIES and direction is PdoDirection.RPDO
+        if not dummy and not (variable.pdo_mappable and variable.access_type in values.MAPPABLE[direction]):
             raise Abort(Reason.NOT_MAPPABLE)
         try:
             return dictionary.mapped(index, entry)

@@ -26,18 +26,9 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, DataType, Value, parse_number
+from eurobot_od.support import yaml_shapes
 from eurobot_od.support.yaml_places import Problems, compose, refuse, refuse_aliases, telling
-from eurobot_od.support.yaml_shapes import (
-    DURATION,
-    SCALAR,
-    Shape,
-    converted,
-    filled,
-    longer_than_0,
-    mapping,
-    pairs_of,
-    shape_of,
-)
+from eurobot_od.support.yaml_shapes import DURATION, SCALAR, Shape, mapping, pairs_of, shape_of
 
 ObjectName: TypeAlias = "str | Address"
 """An object by its ParameterNames, such as `Motor.Speed`, or by index and sub-index."""
@@ -98,14 +89,11 @@ class SimulatedDevice(Node):
         }
         readers |= self.READERS  # after the waveforms: a program's own reader takes precedence
         measured = [(self._address(name), read) for name, read in readers.items()]
-        return (
-            super()
-            ._application(dictionary)
-            ._replace(
-                given={self._address(name): value for name, value in self._given.items()},
-                measured={address: partial(self._measure, address, read) for address, read in measured},
-                told={self._address(name): partial(write, self) for name, write in self.WRITERS.items()},
-            )
+        application = super()._application(dictionary)
+        return application._replace(
+            given={self._address(name): value for name, value in self._given.items()},
+            measured={address: partial(self._measure, address, read) for address, read in measured},
+            told={self._address(name): partial(write, self) for name, write in self.WRITERS.items()},
         )
 
     def _measure(self, address: Address, read: Callable[[Any], Value]) -> Value:
@@ -152,7 +140,7 @@ class SimulatedDevice(Node):
 Waveform: TypeAlias = Callable[[float], float]
 """Gives the value at a time in seconds."""
 
-Period: TypeAlias = Annotated[float, DURATION, longer_than_0]
+Period: TypeAlias = Annotated[float, DURATION, yaml_shapes.longer_than_0]
 """In seconds; in the file a duration with its unit."""
 
 
@@ -176,7 +164,7 @@ def square(low: float, high: float, period: Period) -> Waveform:
     return lambda time: low if time / period % 1 < 0.5 else high
 
 
-def steps(values: Annotated[Sequence[float], filled], every: Period) -> Waveform:
+def steps(values: Annotated[Sequence[float], yaml_shapes.filled], every: Period) -> Waveform:
     """One value after the other, each for `every` seconds, then from the beginning."""
     return lambda time: values[int(time / every) % len(values)]
 
@@ -220,7 +208,7 @@ def _number(text: str) -> float:
     return number
 
 
-NUMBER: Shape[float] = converted(SCALAR, _number)
+NUMBER: Shape[float] = yaml_shapes.converted(SCALAR, _number)
 WAVEFORMS: Mapping[str, Shape[Waveform]] = {
     each.__name__: shape_of(each, {float: NUMBER, int: NUMBER}) for each in (ramp, sine, square, steps, walk)
 }

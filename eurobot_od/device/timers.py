@@ -273,10 +273,13 @@ class Flow(Generic[Result]):
         # Up to its START: only a script that has begun can have an error thrown into it, and runs its `finally`.
         next(script)
 
-    def start(self, now: float) -> None:
-        """Run the script from its START to its first Ask or Pause, unless it has been ended before."""
+    def go_on(self, now: float) -> None:
+        """Run the script to its next Ask or Pause, unless it has ended: from its START, or after a Pause.
+
+        The script of a call that was cancelled is ended.
+        """
         if getgeneratorstate(self._script) != GEN_CLOSED:
-            self._go_on(now)
+            self._resume(lambda: self._script.send(now), now)
 
     def heard(self, message: Message | Frame, now: float) -> bool:
         """Take in a received message or SDO answer; return whether it was the answer that the flow waits for."""
@@ -288,11 +291,6 @@ class Flow(Generic[Result]):
     def fail(self, error: Exception, now: float) -> None:
         """Throw an error into the script, which may turn it into a result."""
         self._resume(lambda: self._script.throw(error), now)
-
-    def drop(self, now: float) -> None:
-        """End the script of a call that was cancelled, unless it has ended."""
-        if getgeneratorstate(self._script) != GEN_CLOSED:
-            self._resume(lambda: self._script.send(now), now)
 
     def _resume(self, step: Callable[[], Ask | Pause], now: float) -> None:
         self._ask = None
@@ -310,7 +308,7 @@ class Flow(Generic[Result]):
             self._end(partial(self.call.set_exception, error))
         else:
             if isinstance(wanted, Pause):
-                self._timer = self._timers.at(now + wanted.seconds, self._go_on)
+                self._timer = self._timers.at(now + wanted.seconds, self.go_on)
             else:
                 self._ask, self._sent = wanted, 0
                 self._transmit(now)
@@ -319,9 +317,6 @@ class Flow(Generic[Result]):
         self._ended(self)
         if self.call.set_running_or_notify_cancel():  # from here on it is too late to cancel it
             settle()
-
-    def _go_on(self, now: float) -> None:
-        self._resume(lambda: self._script.send(now), now)
 
     def _transmit(self, now: float) -> None:
         ask = self._ask

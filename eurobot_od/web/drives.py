@@ -144,9 +144,9 @@ def units(dictionary: Dictionary, axis: AxisAddress) -> Mapping[str, float]:
     That is in 0x608F, 0x6091 and 0x6092 for the position; a unit of velocity is one of position per second, or as
     0x6096 or 0x60A9 say.
     """
-    from eurobot_od.device.profiles.motion import AxisValues, FileValues, Units, ratio_of  # and YAML: not for --help
+    from eurobot_od.device.profiles.motion import AxisValues, Units, ratio_of  # and YAML: not for --help
 
-    values = AxisValues(FileValues(dictionary), axis.offset)
+    values = AxisValues(dictionary, axis.offset)
     if {ratio_of(values, each) for each in (cia402.ENCODER_RESOLUTION, cia402.FEED_CONSTANT)} <= {0, 1}:
         return {}  # 1 is what a file has if nobody has set one
     turn, velocity = Units.of(values)

@@ -10,7 +10,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import objects as command
-from eurobot_od.device.faults.device import DRIVE_FAULTS
+from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
 from tests.cli.console import Said, run
 from tests.cli.processes import PATIENCE, line, node, serve_bus

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
+from datetime import datetime
 from pathlib import Path
 
 import can
@@ -13,7 +14,9 @@ from interop_rows.bench import new_channel as new_channel
 from interop_rows.bench import open_bus as open_bus
 from interop_rows.bench import robot as robot
 
-from eurobot_od.client.master import Master
+from eurobot_od.client.boot import BootedSlave, hear_slave, order_start, prepare_slave, started_state
+from eurobot_od.client.master import Master, RemoteNode
+from eurobot_od.device.nmt import NmtState
 from eurobot_od.od import dictionary
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from eurobot_od.robot import dialects
@@ -64,3 +67,14 @@ def master_on(channel: str, answer_wait: float = ANSWER_WAIT) -> Iterator[Master
     """Open a master on a channel."""
     with Master(open_bus(channel), answer_wait) as master:
         yield master
+
+
+def boot_slave(node: RemoteNode, file: dictionary.Dictionary, now: datetime) -> BootedSlave:
+    """Boot one slave up to its start."""
+    return hear_slave(node, prepare_slave(node, file, now))
+
+
+def start_slave(node: RemoteNode, slave: BootedSlave, file: dictionary.Dictionary) -> NmtState | None:
+    """Start one slave and return its state."""
+    started = order_start(node, slave, file)
+    return started_state(node, started) if started else None

@@ -12,14 +12,11 @@ import pytest
 
 from eurobot_od.client.boot import (
     BootedSlave,
-    boot_slave,
     hear_slave,
     order_start,
     prepare_slave,
-    start_slave,
     started_state,
 )
-from eurobot_od.client.description import described
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.network import SimulatedNetwork
 from eurobot_od.client.watch import Heartbeats, NodeChange, NodeEvent, NodeWatch, watch_nodes, without_heartbeat
@@ -27,6 +24,7 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
+from tests.client.peers import boot_slave, start_slave
 from tests.client.wired import wired
 from tests.eds_text import DEVICE_TYPE, record, variable
 
@@ -54,13 +52,13 @@ def slave(text: str = TEXT) -> Iterator[RemoteNode]:
 def booted(text: str, wanted: str) -> BootedSlave:
     """Boot a slave of one file by another."""
     with slave(text) as node:
-        return boot_slave(node, described(Dictionary.read(wanted.encode(), Path("a.dcf"), 5)), NOW)
+        return boot_slave(node, Dictionary.read(wanted.encode(), Path("a.dcf"), 5), NOW)
 
 
 def test_a_slave_that_is_as_its_eds_says_boots_and_starts() -> None:
     with slave() as node:
         dictionary = Dictionary.read(TEXT.encode(), Path("a.eds"), 5)
-        found = boot_slave(node, described(dictionary), NOW)
+        found = boot_slave(node, dictionary, NOW)
         assert found.failed is None
         assert found.done == (
             "reset",
@@ -77,7 +75,7 @@ WITHOUT = TEXT.replace(variable("1017", "Producer heartbeat time", "UNSIGNED16",
 def test_a_slave_without_heartbeat_and_guarding_says_no_state() -> None:
     with slave(WITHOUT) as node:
         dictionary = Dictionary.read(WITHOUT.encode(), Path("a.eds"), 5)
-        found = boot_slave(node, described(dictionary), NOW)
+        found = boot_slave(node, dictionary, NOW)
         assert (found.failed, found.heartbeat) == (None, 0)
         assert start_slave(node, found, dictionary) is None
 
@@ -94,7 +92,7 @@ def test_a_heartbeat_that_is_off_is_lent_to_see_the_state(access: str, state: Nm
     text = f"{before}[1017]{after.replace('AccessType=rw', f'AccessType={access}', 1)}"
     with slave(text) as node:
         dictionary = Dictionary.read(text.encode(), Path("a.eds"), 5)
-        found = boot_slave(node, described(dictionary), NOW)
+        found = boot_slave(node, dictionary, NOW)
         assert (found.done[-1], found.heartbeat) == ("no heartbeat", 0)
         assert start_slave(node, found, dictionary) is state
         assert node.upload(HEARTBEAT_TIME) == bytes(2)
@@ -109,7 +107,7 @@ STAMPED = CONFIGURED.replace("Entry 1\nDataType=0x0007\nAccessType=rw\nPDOMappin
 
 def test_a_dcf_is_loaded_into_a_slave_without_it() -> None:
     with slave() as node:
-        found = boot_slave(node, described(Dictionary.read(CONFIGURED.encode(), Path("a.dcf"))), NOW)
+        found = boot_slave(node, Dictionary.read(CONFIGURED.encode(), Path("a.dcf")), NOW)
         assert found.failed is None
         assert found.done[2] == "configured: 1 object changed"
         assert node.upload((0x2000, 0)) == b"\7\0"
@@ -125,7 +123,7 @@ def test_a_slave_whose_0x1020_is_the_dcfs_is_not_configured_again() -> None:
     assert STAMPED.count("ParameterValue") == 3
     stamped = STAMPED.replace("ParameterValue=7\n", "").replace(COMMISSIONED, "").replace(LISTS, "")
     with slave(stamped) as node:
-        found = boot_slave(node, described(Dictionary.read(STAMPED.encode(), Path("a.dcf"))), NOW)
+        found = boot_slave(node, Dictionary.read(STAMPED.encode(), Path("a.dcf")), NOW)
         assert found.done[2] == "configured already (0x1020)"
         assert node.upload((0x2000, 0)) == b"\5\0"
 
@@ -152,7 +150,7 @@ def test_a_slave_that_is_another_does_not_boot(wanted: str, words: str) -> None:
 def test_a_slave_that_is_not_there_does_not_boot() -> None:
     with slave() as node:
         absent = RemoteNode(node.master, 9)
-        found = boot_slave(absent, described(Dictionary.read(TEXT.encode(), Path("a.eds"), 9)), NOW)
+        found = boot_slave(absent, Dictionary.read(TEXT.encode(), Path("a.eds"), 9), NOW)
     assert str(found.failed).startswith("error B: ")
     assert found.done == ()
 
@@ -165,7 +163,7 @@ def test_many_slaves_are_waited_for_at_once() -> None:
             network.simulate(Dictionary.read(TEXT.encode(), Path("a.eds"), node_id))
         nodes = [network[each]._node for each in range(1, 31)]
         clock = nodes[0].master.clock
-        slaves = [prepare_slave(each, described(dictionary), NOW) for each in nodes]
+        slaves = [prepare_slave(each, dictionary, NOW) for each in nodes]
         began = clock()
         assert not any(slave.failed for slave in map(hear_slave, nodes, slaves))
         assert [order_start(*each, dictionary) for each in zip(nodes, slaves)] == slaves

@@ -11,7 +11,6 @@ import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
 from eurobot_od.client.configure import Configured, DictionaryArea, apply, check_file, configure, difference
-from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoAnswer
@@ -48,15 +47,15 @@ ORDER = [HEARTBEAT, SPEED, COB_ID, COUNT, ENTRY, COUNT, COB_ID, (0x1020, 1), (0x
 
 
 @pytest.fixture
-def make(tmp_path: Path) -> Callable[..., Description]:
+def make(tmp_path: Path) -> Callable[..., Dictionary]:
     """Writes a DCF of node 2 and reads it: values, EDS, and what is done to its text."""
 
     def write(
         values: dict[Address, Value], eds: str = DRIVE.read_text(), change: Callable[[str], str] = str, node_id: int = 2
-    ) -> Description:
+    ) -> Dictionary:
         file = tmp_path / "drive.dcf"
         file.write_text(change(dcf.with_values(DescribedDevice(parse(eds)), values, node_id, "drive", 500)))
-        return from_file(file)
+        return Dictionary.load(file)
 
     return write
 
@@ -98,7 +97,7 @@ FORMER = [1000, 800, 0x08, 0x20000606]
 
 
 def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier(
-    make: Callable[..., Description],
+    make: Callable[..., Dictionary],
 ) -> None:
     description = make(NEW)
     with robot("drive") as channel, master_on(channel) as master:
@@ -106,7 +105,7 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
         assert configure(node, description, NOW) == Configured(len(NEW), stored=True, verified=True)
         assert [node.upload((0x1020, subindex)) for subindex in (1, 2)] == NOW_BYTES
         assert difference(node, description).changes == ()
-        protocol = EurobotProtocol.of(description.dictionary)
+        protocol = EurobotProtocol.of(description)
         heard: list[Frame] = []
         confirm = protocol.cob_id(GotoConfirm)
         master.listeners[confirm] = lambda data: heard.append(Frame(confirm, data))
@@ -116,7 +115,7 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
 
 
 def test_the_order_of_writes_is_that_of_cia_301(
-    make: Callable[..., Description], monkeypatch: pytest.MonkeyPatch
+    make: Callable[..., Dictionary], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eurobot_od.client.master.BOOT_WAIT", 0.1)
     with stock_drive() as (channel, node), master_on(channel) as master:
@@ -127,7 +126,7 @@ def test_the_order_of_writes_is_that_of_cia_301(
         assert values(node) == [NEW[address] for address in NEW]
 
 
-def test_a_difference_is_found_by_reading_alone(make: Callable[..., Description]) -> None:
+def test_a_difference_is_found_by_reading_alone(make: Callable[..., Dictionary]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         plan = difference(master.node(2), make(NEW))
@@ -140,14 +139,14 @@ def test_a_difference_is_found_by_reading_alone(make: Callable[..., Description]
     ]
 
 
-def test_nothing_is_written_where_nothing_differs(make: Callable[..., Description]) -> None:
+def test_nothing_is_written_where_nothing_differs(make: Callable[..., Dictionary]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         assert configure(master.node(2), make({HEARTBEAT: 1000}), NOW) == Configured(0, stored=False)
         assert writes.addresses == []
 
 
-def test_a_node_that_cannot_store_is_configured_until_its_reset(make: Callable[..., Description]) -> None:
+def test_a_node_that_cannot_store_is_configured_until_its_reset(make: Callable[..., Dictionary]) -> None:
     eds = DRIVE.read_text().replace("=0x1010\n", "=0x5010\n").replace("[1010", "[5010")
     with stock_drive() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
@@ -158,7 +157,7 @@ def test_a_node_that_cannot_store_is_configured_until_its_reset(make: Callable[.
 OWN: Address = (0x2100, 1)
 
 
-def test_a_makers_object_that_is_called_node_id_is_none(make: Callable[..., Description]) -> None:
+def test_a_makers_object_that_is_called_node_id_is_none(make: Callable[..., Dictionary]) -> None:
     eds = with_entry(DRIVE.read_text(), "2100sub1", "DefaultValue", "7")
     with stock_drive() as (channel, node), master_on(channel) as master:
         node.set_data(*OWN, b"\x07")  # of another axis, or what a switch says
@@ -175,7 +174,7 @@ def test_a_makers_object_that_is_called_node_id_is_none(make: Callable[..., Desc
     ],
 )
 def test_storing_and_the_reset_can_be_left_out(
-    make: Callable[..., Description], options: dict[str, bool], configured: Configured, commands: list[int]
+    make: Callable[..., Dictionary], options: dict[str, bool], configured: Configured, commands: list[int]
 ) -> None:
     with robot("drive") as channel, master_on(channel) as master, open_bus(channel) as listener:
         plan = difference(master.node(2), make(NEW))
@@ -197,7 +196,7 @@ def test_storing_and_the_reset_can_be_left_out(
     ],
 )
 def test_chapters_of_a_file_are_configured_alone(
-    make: Callable[..., Description], chapters: list[DictionaryArea], changed: list[Address]
+    make: Callable[..., Dictionary], chapters: list[DictionaryArea], changed: list[Address]
 ) -> None:
     with robot("drive") as channel, master_on(channel) as master:
         plan = difference(master.node(2), make(NEW), chapters)
@@ -208,7 +207,7 @@ def test_chapters_of_a_file_are_configured_alone(
         assert marked is (len(chapters) == len(DictionaryArea))  # only the whole file is a verified configuration
 
 
-def test_an_object_that_can_only_be_written_is_written_and_not_compared(make: Callable[..., Description]) -> None:
+def test_an_object_that_can_only_be_written_is_written_and_not_compared(make: Callable[..., Dictionary]) -> None:
     eds = with_entry(DRIVE.read_text(), "2101sub1", "AccessType", "wo")
     with stock_drive() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
@@ -239,7 +238,7 @@ WITHOUT_MARK = DRIVE.read_text().replace("=0x1020\n", "=0x5020\n").replace("[102
 
 
 @pytest.mark.parametrize("eds", [DRIVE.read_text(), WITHOUT_MARK])
-def test_a_node_that_booted_with_what_it_stored_is_configured(make: Callable[..., Description], eds: str) -> None:
+def test_a_node_that_booted_with_what_it_stored_is_configured(make: Callable[..., Dictionary], eds: str) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         boots(node)
         assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=True, verified=True)
@@ -248,7 +247,7 @@ def test_a_node_that_booted_with_what_it_stored_is_configured(make: Callable[...
 @pytest.mark.parametrize(
     ("eds", "lost"), [(DRIVE.read_text(), [SPEED]), (DRIVE.read_text(), [VERIFY, SPEED]), (WITHOUT_MARK, [SPEED])]
 )
-def test_a_node_that_did_not_store_is_told(make: Callable[..., Description], eds: str, lost: list[Address]) -> None:
+def test_a_node_that_did_not_store_is_told(make: Callable[..., Dictionary], eds: str, lost: list[Address]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         boots(node, *lost)
         with pytest.raises(ConfigurationError) as told:
@@ -259,7 +258,7 @@ def test_a_node_that_did_not_store_is_told(make: Callable[..., Description], eds
     )
 
 
-def test_a_value_that_was_right_before_and_is_lost_at_the_reset_is_told(make: Callable[..., Description]) -> None:
+def test_a_value_that_was_right_before_and_is_lost_at_the_reset_is_told(make: Callable[..., Dictionary]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         node.set_data(*SPEED, (NEW[SPEED]).to_bytes(2, "little"))  # type: ignore[union-attr]
         boots(node, SPEED)
@@ -328,18 +327,18 @@ def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
     ],
 )
 def test_a_file_that_does_not_fit_is_refused_before_anything_is_written(
-    make: Callable[..., Description], make_arguments: dict[str, object], told: str
+    make: Callable[..., Dictionary], make_arguments: dict[str, object], told: str
 ) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         with pytest.raises(DictionaryError) as refused:
             configure(master.node(2), make(**{"values": NEW, **make_arguments}), NOW)
         assert told in str(refused.value)
-        assert str(refused.value).startswith(make({}).dictionary.file.as_posix())
+        assert str(refused.value).startswith(make({}).file.as_posix())
         assert writes.addresses == []
 
 
-def test_a_pdo_that_is_wrong_in_the_devices_own_eds_does_not_stop_the_rest(make: Callable[..., Description]) -> None:
+def test_a_pdo_that_is_wrong_in_the_devices_own_eds_does_not_stop_the_rest(make: Callable[..., Dictionary]) -> None:
     eds = with_entry(DRIVE.read_text(), "1603sub1", "DefaultValue", "0x30000110")
     with stock_drive() as (channel, node), master_on(channel) as master:
         boots(node)
@@ -350,7 +349,7 @@ def test_a_pdo_that_is_wrong_in_the_devices_own_eds_does_not_stop_the_rest(make:
         assert configure(master.node(2), described, NOW).changed == 1
 
 
-def test_an_object_that_the_node_does_not_have_is_the_files_fault(make: Callable[..., Description]) -> None:
+def test_an_object_that_the_node_does_not_have_is_the_files_fault(make: Callable[..., Dictionary]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         del node.object_dictionary[0x2101]
         writes = Writes(node)
@@ -372,7 +371,7 @@ CUTS = {str(share): part(share) for share in (0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0
 
 
 @rows("cut", CUTS.values())
-def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Description], cut: Callable[[str], str]) -> None:
+def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Dictionary], cut: Callable[[str], str]) -> None:
     with stock_drive() as (channel, _), master_on(channel) as master, pytest.raises(DictionaryError):
         configure(master.node(2), make(NEW, change=cut), NOW)
 
@@ -381,7 +380,7 @@ def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Description], cu
 
 
 @rows("place", range(len(ORDER)))
-def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Description], place: int) -> None:
+def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Dictionary], place: int) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         Writes(node).refused.add(place)
         with pytest.raises(ConfigurationError) as told:
@@ -394,7 +393,7 @@ def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Descri
 
 @rows("place", range(1, len(ORDER)))
 def test_silence_anywhere_names_what_is_written_and_what_is_not(
-    make: Callable[..., Description], monkeypatch: pytest.MonkeyPatch, place: int
+    make: Callable[..., Dictionary], monkeypatch: pytest.MonkeyPatch, place: int
 ) -> None:
     monkeypatch.setattr("eurobot_od.client.configure.STORE_WAIT", 0.2)
     with stock_drive() as (channel, node), master_on(channel, 0.2) as master:
@@ -410,7 +409,7 @@ def test_silence_anywhere_names_what_is_written_and_what_is_not(
     assert (speed in old) == (ORDER.index(SPEED) > place)
 
 
-def test_a_value_that_does_not_read_back_is_taken_back(make: Callable[..., Description]) -> None:
+def test_a_value_that_does_not_read_back_is_taken_back(make: Callable[..., Dictionary]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         node.add_read_callback(  # type: ignore[no-untyped-call]
             lambda index, subindex, **_: 801 if (index, subindex) == SPEED else None
@@ -440,14 +439,14 @@ class Interrupted(RemoteNode):
             raise KeyboardInterrupt
 
 
-def test_an_interrupt_leaves_the_node_as_it_was(make: Callable[..., Description]) -> None:
+def test_an_interrupt_leaves_the_node_as_it_was(make: Callable[..., Dictionary]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         with pytest.raises(ConfigurationError, match=r"^interrupted; node 2 has its former values again"):
             configure(Interrupted(master, 2), make(NEW), NOW)
         assert values(node) == FORMER
 
 
-def test_a_node_goes_back_to_the_state_it_was_in(make: Callable[..., Description]) -> None:
+def test_a_node_goes_back_to_the_state_it_was_in(make: Callable[..., Dictionary]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         Writes(node).refused.add(1)
         remote = master.node(2)
@@ -461,7 +460,7 @@ def test_a_node_goes_back_to_the_state_it_was_in(make: Callable[..., Description
 
 
 def test_a_node_that_does_not_boot_was_configured_before(
-    make: Callable[..., Description], monkeypatch: pytest.MonkeyPatch
+    make: Callable[..., Dictionary], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eurobot_od.client.master.BOOT_WAIT", 0.05)
     with stock_drive() as (channel, _), master_on(channel) as master:
@@ -470,7 +469,7 @@ def test_a_node_that_does_not_boot_was_configured_before(
             configure(master.node(2), make(NEW), NOW)
 
 
-def test_a_node_that_is_not_there_is_told_before_anything_is_sent_to_it(make: Callable[..., Description]) -> None:
+def test_a_node_that_is_not_there_is_told_before_anything_is_sent_to_it(make: Callable[..., Dictionary]) -> None:
     with robot() as channel, master_on(channel, 0.02) as master, pytest.raises(NoAnswer):
         configure(master.node(2), make(NEW), NOW)
 
@@ -478,7 +477,7 @@ def test_a_node_that_is_not_there_is_told_before_anything_is_sent_to_it(make: Ca
 # The bus is wrong
 
 
-def test_a_bus_that_fails_half_way_names_the_state(make: Callable[..., Description]) -> None:
+def test_a_bus_that_fails_half_way_names_the_state(make: Callable[..., Dictionary]) -> None:
     with stock_drive() as (channel, node), master_on(channel, 0.3) as master:
         remote = master.node(2)
         plan = difference(remote, make(NEW))

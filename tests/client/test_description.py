@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.client.description import Identity, device_name, fitting, from_file, read_identity, uploaded
+from eurobot_od.client.description import Identity, device_name, fitting, read_identity, uploaded
 from eurobot_od.errors import DictionaryError
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from tests.client.peers import DRIVE, master_on, peer, robot, stock_drive
 
@@ -16,7 +17,7 @@ DRIVE_IDENTITY = Identity(0, 2, 0x30000, 1)
 def test_a_node_and_its_eds_have_one_identity() -> None:
     with robot("drive") as channel, master_on(channel) as master:
         assert read_identity(master.node(2)) == DRIVE_IDENTITY
-    assert Identity.of(from_file(DRIVE).dictionary) == DRIVE_IDENTITY
+    assert Identity.of(Dictionary.load(DRIVE)) == DRIVE_IDENTITY
 
 
 @pytest.mark.parametrize(
@@ -47,7 +48,7 @@ def test_our_nodes_are_recognised_by_their_identity() -> None:
         for node_id, name in ((2, "drive"), (3, "navigation")):
             found = fitting(master.node(node_id), dialects.load_all("canopen"))
             assert found is not None
-            assert found.dictionary.file == dialects.folder("canopen") / f"{name}.eds"
+            assert found.file == dialects.folder("canopen") / f"{name}.eds"
 
 
 def test_an_eds_of_another_dialect_is_not_taken() -> None:
@@ -59,9 +60,9 @@ def test_our_node_gives_its_eds() -> None:
     with robot("drive") as channel, master_on(channel) as master:
         found = uploaded(master.node(2))
     assert found is not None
-    assert found.text == DRIVE.read_text()
-    assert found.dictionary.node_id == 2
-    assert found.dictionary.default((0x1200, 1)) == 0x602
+    assert found.content == DRIVE.read_bytes()
+    assert found.node_id == 2
+    assert found.default((0x1200, 1)) == 0x602
 
 
 def test_an_eds_that_is_none_is_refused() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
-from eurobot_od.device.faults.device import DRIVE_FAULTS
+from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
 from eurobot_od.frame import Frame

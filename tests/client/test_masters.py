@@ -11,7 +11,8 @@ from math import inf
 import can
 import pytest
 
-from eurobot_od.client.masters import LoopMaster, OwnFeed, PeriodicTask, SharedFeed, ThreadedMaster
+from eurobot_od.client.master import PeriodicTask
+from eurobot_od.client.masters import LoopMaster, OwnFeed, SharedFeed, ThreadedMaster
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
@@ -99,11 +100,8 @@ def test_only_classic_data_frames_with_short_identifiers_are_heard() -> None:
     assert heard == [0x103]
 
 
-class Hasty:
+class Hasty(SharedFeed):
     """A feed whose node boots and sends a heartbeat before `send` of a reset returns."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self.bus = bus
 
     def start(self, seen: Callable[[float, Frame], object], *_: object) -> None:
         self._seen = seen

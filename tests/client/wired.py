@@ -12,7 +12,6 @@ from typing import Any, Protocol
 import can
 
 from eurobot_od.client.configure import parameters, settings
-from eurobot_od.client.description import described
 from eurobot_od.client.master import Master
 from eurobot_od.device.device import Device
 from eurobot_od.frame import Frame
@@ -131,7 +130,7 @@ def agree_on_parameters(dictionary: Dictionary) -> None:
         for name, content in made.files.items():
             Path(folder, name).write_bytes(content)
         clone = Dictionary.read(made.content, Path(folder, "any.dcf"))
-        set_by = settings(described(clone))
+        set_by = settings(clone)
     left = {each for each in shown if is_unused_entry(clone, each) or not contents.get(each)}
     assert {address_of(each) for each, _ in set_by if address_of(each) in shown} == shown - left
     assert {address_of(each) for each, _ in set_by} <= stored

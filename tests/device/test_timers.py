@@ -114,7 +114,7 @@ class Run:
         self.sent: list[tuple[float, Message | Frame]] = []
         self.ended = 0
         self.flow = Flow(script, self.timers, lambda message: self.sent.append((self.now, message)), self._end)
-        self.flow.start(0.0)
+        self.flow.go_on(0.0)
 
     def _end(self, flow: Flow[Any]) -> None:
         assert flow is self.flow
@@ -281,7 +281,7 @@ def test_a_call_cancelled_before_the_start_sends_nothing_and_ends_once(failed: b
     flow.call.cancel()
     if failed:
         flow.fail(StateError("the node was reset"), 0.0)
-    flow.start(0.0)
+    flow.go_on(0.0)
     assert (sent, ended) == ([], [flow])
 
 

@@ -12,7 +12,7 @@ from typing import TypeAlias
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.device import faults as hooks
-from eurobot_od.device.faults import Caught, Fault, FrameChange, Mixin, device
+from eurobot_od.device.faults import Caught, Fault, FrameChange, Mixin
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.device.profiles import SimulatedModule
@@ -399,7 +399,7 @@ class StructureWrong(Node):
 
 
 def _fault(step: str, text: str, mixin: Mixin) -> Fault:
-    return Caught(device.MADE, step).fault(text, mixin)
+    return Caught(hooks.MADE, step).fault(text, mixin)
 
 
 FAULTS: Mapping[str, Fault] = {
@@ -698,8 +698,8 @@ ALSO_FOUND: Mapping[str, str] = {
 
 CONFORMANCE: Mapping[str, Fault] = {
     **FAULTS,
-    **{name: fault for name, fault in device.FAULTS.items() if fault.caught_by.suite == device.MADE},
-    **{name: device.FAULTS[name]._replace(caught_by=Caught(device.MADE, step)) for name, step in ALSO_FOUND.items()},
+    **{name: fault for name, fault in hooks.FAULTS.items() if fault.caught_by.suite == hooks.MADE},
+    **{name: hooks.FAULTS[name]._replace(caught_by=Caught(hooks.MADE, step)) for name, step in ALSO_FOUND.items()},
 }
 """All that the conformance suites find, with the step that finds it."""
 

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.client.configure import dcf_of_node, difference, read_back
-from eurobot_od.client.description import from_file
 from eurobot_od.device.device import Device
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import DOMAIN, OCTET_STRING, UNICODE_STRING, VISIBLE_STRING, Address
@@ -76,7 +75,7 @@ def test_a_device_s_dcf_makes_another_like_it(each: tuple[bytes, ...], comment: 
         assert left_out == []
         for name, content in {**made.files, "any.dcf": made.content}.items():
             (Path(folder) / name).write_bytes(content)
-        plan = difference(other, from_file(Path(folder) / "any.dcf"))
+        plan = difference(other, Dictionary.load(Path(folder) / "any.dcf"))
         for write in plan.writes():
             other.download(*write)
         read_back(other, plan.dictionary, plan.wanted)

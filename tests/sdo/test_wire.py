@@ -273,8 +273,7 @@ WRITERS = {
     "sdo/server.py",  # what the table has
     "sdo/client.py",  # as a client, for an answer that it cannot use
     "check/conformance/sdo.py",  # as a client, to see what a device does then
-    "device/faults/device.py",  # a faulty device, anything
-    "device/faults/conformance.py",
+    "device/faults.py",  # a faulty device, anything
 }
 
 

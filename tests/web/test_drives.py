@@ -13,7 +13,7 @@ import pytest
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.bus.simulated.network import ON_TIME
 from eurobot_od.client.network import SimulatedNetwork, simulated
-from eurobot_od.device.faults.device import DRIVE_FAULTS
+from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame

@@ -48,6 +48,7 @@ either way, so that a stop leaves when the driver is back. Ctrl-C may hit the th
 gives the turn back, its frame stays loaded.
 """
 
+from eurobot_od.bus.live.adapters import BITRATE as BITRATE
 from eurobot_od.bus.live.adapters import here as here
 from eurobot_od.bus.live.buses import DEFAULT_BUS as DEFAULT_BUS
 from eurobot_od.bus.live.buses import Driver as Driver
@@ -55,6 +56,5 @@ from eurobot_od.bus.live.buses import Opener as Opener
 from eurobot_od.bus.live.buses import is_named as is_named
 from eurobot_od.bus.live.buses import open_bus as open_bus
 from eurobot_od.bus.live.buses import share as share
-from eurobot_od.bus.live.links import BITRATE as BITRATE
 from eurobot_od.bus.live.live import Live as Live
 from eurobot_od.bus.live.reader import FrameReader as FrameReader

@@ -18,7 +18,7 @@ from contextlib import suppress
 from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from eurobot_od.bus.live.links import BITRATE, INSTEAD, ONLY_LINUX, remedy
+from eurobot_od.bus.live.adapters import BITRATE, INSTEAD, ONLY_LINUX, SOCKETCAN, remedy, silence_logs
 from eurobot_od.errors import BusError, UnknownName
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
 from eurobot_od.support import extras
@@ -31,9 +31,6 @@ if TYPE_CHECKING:
 
 
 LIVE_LOG = logging.getLogger("eurobot_od.live")
-
-SOCKETCAN = "socketcan"
-"""python-can's name of Linux's own CAN interfaces."""
 
 INTERFACE_KEYS = {"interface", "bustype"}
 """What python-can's configuration calls the interface."""
@@ -151,13 +148,6 @@ def _number(error: BaseException) -> int | None:
 def is_named(interface: str | None) -> bool:
     """Tell whether a caller or python-can's configuration names an interface, so that it is not our default."""
     return bool(_named({"interface": interface} if interface else {}) & INTERFACE_KEYS)
-
-
-def silence_logs() -> None:
-    """Keep drivers' log lines off the terminal unless the program has set up logging: errors are raised anyway."""
-    for name in ("can", "can_remote", "seeedbus"):
-        if not logging.getLogger(name).handlers:
-            logging.getLogger(name).addHandler(logging.NullHandler())
 
 
 def _named(given: dict[str, Any]) -> set[str]:
@@ -308,7 +298,7 @@ class Connection:
         self._lost, self._opened, self._back = lost, opened, back
         self._lock = threading.Lock()
         self._closing = threading.Event()
-        self._since = clock()
+        self._since = 0.0
         self._backoff = Backoff()
 
     def fail(self, why: BusError) -> None:
@@ -348,8 +338,7 @@ class Connection:
         with self._lock:
             if not self.up or self._opener is None:  # a sender has seen the next failure meanwhile
                 return
-            now = self._clock()
-            gap, self._since, self.failure = now - self._since, now, None
+            gap, self.failure = self._clock() - self._since, None
             self.gaps = Gaps(self.gaps.number + 1, self.gaps.seconds + gap)
         LIVE_LOG.info("%s is back after %.1f s", self.driver.bus.channel_info, gap)
         self._back(gap)

@@ -105,9 +105,8 @@ class Live:
         fail = self._connection.fail
         self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, fail, self._wake)
         receive = gatekeeper.receive_data if station is None else self._receive  # no node, no answers to send
-        self._reader = Reader(
-            self._connection, receive, clock, self._note_foreign, self._note_missed, gatekeeper.acts_always
-        )
+        foreign, missed = self._note_foreign, self._note_missed
+        self._reader = Reader(self._connection, receive, clock, foreign, missed, gatekeeper.acts_always)
         self._functions = FunctionThread(f"{self.name} functions", gatekeeper.report, gatekeeper.clock)
         gatekeeper.call_function = self._functions.submit
         self._running = self._ended = self._forked = False

@@ -201,9 +201,8 @@ class FrameReader:
         def receive(cob_id: int, data: Data, now: float) -> None:
             seen(now, Frame(cob_id, bytes(data)))
 
-        self._connection = Connection(
-            Driver(bus), opener, time.monotonic, lambda why, _: failed(why), lambda: None, back
-        )
+        driver, lost = Driver(bus), lambda why, _: failed(why)
+        self._connection = Connection(driver, opener, time.monotonic, lost, lambda: None, back)
         reader = Reader(self._connection, receive, clock, foreign)
         self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
@@ -211,11 +210,6 @@ class FrameReader:
     def bus(self) -> can.BusABC:
         """The bus as it is opened now."""
         return self._connection.driver.bus
-
-    @property
-    def name(self) -> str:
-        """What the driver calls the bus."""
-        return str(self.bus.channel_info)
 
     def send(self, frame: Frame, timeout: float | None = None) -> bool:
         """Hand a frame to the driver, as `Driver.send` does; when that fails, the bus is opened again as well."""

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.objects import OnTold
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.modes import MODES
-from eurobot_od.device.profiles.motion import STEP, AxisValues, FileValues, Plant
+from eurobot_od.device.profiles.motion import STEP, AxisValues, Plant
 from eurobot_od.device.simulated import SimulatedDevice, fitted
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
@@ -37,18 +37,13 @@ DEFAULT_TRIGGER = 0b111
 """What causes the TPDO of an analogue input without 0x6421: both limits, and the delta."""
 
 
-def _get(values: FileValues, index: int, sub: int, default: int = 0) -> int:
-    value = values.get((index, sub)) if values.has((index, sub)) else None
-    return default if value is None else value
-
-
-def _scaled(values: FileValues, kind: AnalogueInputs | AnalogueOutputs, sub: int, value: int) -> int:
+def _scaled(values: AxisValues, kind: AnalogueInputs | AnalogueOutputs, sub: int, value: int) -> int:
     """Return a value by the factor and offset of its channel (CiA 401-1, objects 0x6431, 0x6432, 0x6446, 0x6447)."""
-    return value * _get(values, kind.scaling, sub, 1) + _get(values, kind.offset, sub)
+    return value * values.get(kind.scaling, sub, 1) + values.get(kind.offset, sub)
 
 
-def _blocks(values: FileValues, index: int) -> Iterator[int]:
-    return (sub for sub in BLOCKS if values.has((index, sub)))
+def _blocks(values: AxisValues, index: int) -> Iterator[int]:
+    return (sub for sub in BLOCKS if values.has(index, sub))
 
 
 # Outputs
@@ -57,7 +52,7 @@ def _blocks(values: FileValues, index: int) -> Iterator[int]:
 class Outputs:
     """The terminals of a module's outputs; `failed` tells whether they have their error values."""
 
-    def __init__(self, values: FileValues) -> None:
+    def __init__(self, values: AxisValues) -> None:
         self._values = values
         self._digital = [(kind, sub) for kind in cia401.DIGITAL_OUTPUTS for sub in _blocks(values, kind.value)]
         self._analogue = [(kind, sub) for kind in cia401.ANALOGUE_OUTPUTS for sub in _blocks(values, kind.value)]
@@ -71,46 +66,27 @@ class Outputs:
             self.terminals[digital.value, sub] = self.digital(digital, sub)
         for analogue, sub in self._analogue:
             # Error mode 0 keeps the value; without the object it is 1 (CiA 401-1, object 0x6443).
-            fails = self.failed and _get(self._values, analogue.error_mode, sub, 1) == 1
-            index = analogue.error_value if fails else analogue.value
-            commanded = _get(self._values, index, sub)
+            fails = self.failed and self._values.get(analogue.error_mode, sub, 1) == 1
+            commanded = self._values.get(analogue.error_value if fails else analogue.value, sub)
             # The factor comes last, as polarity does for a digital output.
             self.terminals[analogue.value, sub] = _scaled(self._values, analogue, sub, commanded)
-
-    def fail(self) -> None:
-        """Give them their error values, because nobody can command them."""
-        self.failed = True
-        self.refresh()
 
     def digital(self, kind: DigitalOutputs, sub: int) -> int:
         """Return the value on the terminals of a block."""
         values, every = self._values, (1 << kind.bits) - 1
-        value = _get(values, kind.value, sub)
+        value = values.get(kind.value, sub)
         if self.failed:
             # Bit by bit: a 1 in the error mode has the output take its error value (CiA 401-1, object 0x6206).
-            mode = _get(values, kind.error_mode, sub, every)
-            value = value & ~mode | _get(values, kind.error_value, sub, 0) & mode
+            mode = values.get(kind.error_mode, sub, every)
+            value = value & ~mode | values.get(kind.error_value, sub) & mode
         # Polarity comes last, so an error value is inverted as well; a 0 in the filter holds what is on the terminal.
-        terminal = (value ^ _get(values, kind.polarity, sub, 0)) & every
-        passes = _get(values, kind.filter, sub, every)
+        terminal = (value ^ values.get(kind.polarity, sub)) & every
+        passes = values.get(kind.filter, sub, every)
         return terminal & passes | self.terminals.get((kind.value, sub), 0) & ~passes
 
 
 # Inputs
 
-
-class Trigger(NamedTuple):
-    """The objects that say when an analogue input causes a TPDO, at the input's sub-index."""
-
-    by: int = cia401.ANALOGUE_TRIGGER
-    upper: int = cia401.ANALOGUE_UPPER
-    lower: int = cia401.ANALOGUE_LOWER
-    delta: int = cia401.ANALOGUE_DELTA
-    falling: int = cia401.ANALOGUE_FALL
-    rising: int = cia401.ANALOGUE_RISE
-
-
-TRIGGER = Trigger()
 
 FILTER_TIME = 0.02
 """Seconds that a filtered input has to be steady before it counts; CiA 401-1 leaves the constant to the maker."""
@@ -137,14 +113,11 @@ class InputFilter:
 class Inputs:
     """A module's inputs: what its objects say about their terminals, and which of them cause TPDOs."""
 
-    def __init__(self, values: FileValues) -> None:
+    def __init__(self, values: AxisValues) -> None:
         self._values = values
-        self.digital = {
-            (kind.value, sub): kind for kind in cia401.DIGITAL_INPUTS for sub in _blocks(values, kind.value)
-        }
-        self._analogue = {
-            (kind.value, sub): kind for kind in cia401.ANALOGUE_INPUTS for sub in _blocks(values, kind.value)
-        }
+        digital, analogue = cia401.DIGITAL_INPUTS, cia401.ANALOGUE_INPUTS
+        self.digital = {(kind.value, sub): kind for kind in digital for sub in _blocks(values, kind.value)}
+        self._analogue = {(kind.value, sub): kind for kind in analogue for sub in _blocks(values, kind.value)}
         self._seen: dict[Address, int] = {}
         self._filters: dict[Address, InputFilter] = {}
 
@@ -160,10 +133,10 @@ class Inputs:
             return _scaled(self._values, analogue, sub, terminals)
         if digital is None:
             return terminals
-        filtered = _get(self._values, digital.filter, sub)
+        filtered = self._values.get(digital.filter, sub)
         # Always asked, so that a filter that is switched on knows the input's past.
         steady = self._filters.setdefault(address, InputFilter(terminals)).passed(terminals, now)
-        return (steady & filtered | terminals & ~filtered) ^ _get(self._values, digital.polarity, sub)
+        return (steady & filtered | terminals & ~filtered) ^ self._values.get(digital.polarity, sub)
 
     def forget(self) -> None:
         """Start over: the present inputs cause no TPDO."""
@@ -188,43 +161,40 @@ class Inputs:
     def by_edge(self, kind: DigitalInputs, sub: int, last: int, value: int) -> bool:
         """Compare with the masks of change, rising and falling edge (CiA 401-1, objects 0x6005 to 0x6008)."""
         values, every = self._values, (1 << kind.bits) - 1
-        if not _get(values, cia401.INTERRUPT_ENABLE, 0, 1):  # on by default
+        if not values.get(cia401.INTERRUPT_ENABLE, default=1):  # on by default
             return False
-        change = _get(values, kind.change, sub, every)
-        rising, falling = (_get(values, each, sub, 0) for each in (kind.rising, kind.falling))
+        change = values.get(kind.change, sub, every)
+        rising, falling = values.get(kind.rising, sub), values.get(kind.falling, sub)
         return bool((last ^ value) & change | value & ~last & rising | last & ~value & falling)
 
     def _by_level(self, sub: int, last: int, value: int) -> bool:
         """Compare with the limits and deltas of an analogue input (CiA 401-1, objects 0x6421 to 0x6428)."""
         values = self._values
-        if not _get(values, cia401.ANALOGUE_INTERRUPT_ENABLE, 0, 0):  # off by default
+        if not values.get(cia401.ANALOGUE_INTERRUPT_ENABLE):  # off by default
             return False
-        by = _get(values, TRIGGER.by, sub, DEFAULT_TRIGGER)
-        upper, lower, delta, falling, rising = (_get(values, each, sub, 0) for each in TRIGGER[1:])
-        held = (
-            value > upper,
-            value < lower,
-            abs(value - last) > delta,
-            last - value > falling,
-            value - last > rising,
-        )
-        return any(by >> bit & 1 and holds for bit, holds in enumerate(held))
+        by = values.get(cia401.ANALOGUE_TRIGGER, sub, DEFAULT_TRIGGER)
+        held = {
+            0: value > values.get(cia401.ANALOGUE_UPPER, sub),
+            1: value < values.get(cia401.ANALOGUE_LOWER, sub),
+            2: abs(value - last) > values.get(cia401.ANALOGUE_DELTA, sub),
+            3: last - value > values.get(cia401.ANALOGUE_FALL, sub),
+            4: value - last > values.get(cia401.ANALOGUE_RISE, sub),
+        }
+        return any(by >> bit & 1 and holds for bit, holds in held.items())
 
 
-class DeviceValues(FileValues):
+class DeviceValues(AxisValues):
     """The objects of a node as its profile sees them; they survive a reset of the device."""
 
-    def __init__(self, node: SimulatedDevice, dictionary: Dictionary) -> None:
-        super().__init__(dictionary)
+    def __init__(self, node: SimulatedDevice, dictionary: Dictionary, offset: int = 0) -> None:
+        super().__init__(dictionary, offset)
         self._node = node
 
-    def get(self, address: Address) -> int | None:
-        """Return its value, None if it has none, or one that is not a number."""
+    def _value(self, address: Address) -> int | None:
         value = self._node.device.objects.kept(address)
         return value if isinstance(value, int) else None
 
-    def put(self, address: Address, value: int) -> None:
-        """Keep a value."""
+    def _keep(self, address: Address, value: int) -> None:
         self._node.device.objects.put(address, value)
 
 
@@ -279,9 +249,8 @@ class SimulatedModule(ProfileDevice):
         ends = dict[Address, Callable[[], Value]]((each, partial(self._kept, each)) for each in subs)
         ends |= application.measured
         types = {each: data_type(self._variable(each)) for each in ends}
-        return application._replace(
-            measured={each: partial(self._input, each, types[each], read) for each, read in ends.items()}
-        )
+        measured = {each: partial(self._input, each, types[each], read) for each, read in ends.items()}
+        return application._replace(measured=measured)
 
     def _kept(self, address: Address) -> Value:
         return self.device.objects.kept(address)
@@ -324,7 +293,8 @@ class SimulatedModule(ProfileDevice):
 
     def _connection_lost(self) -> None:
         """Give the outputs their error values, as the error modes say (CiA 401-1, objects 0x6206 and 0x6443)."""
-        self._outputs.fail()
+        self._outputs.failed = True
+        self._outputs.refresh()
 
 
 # Drives of CiA 402
@@ -386,10 +356,9 @@ class SimulatedDrive(ProfileDevice):
 
     def reset(self) -> None:
         """Start over, with the motor where it was switched on."""
-        values = DeviceValues(self, self.dictionary)
         self._beats = False
         self._axes = tuple(
-            self.AXIS(AxisValues(values, offset), self._plant, partial(self._report, number))
+            self.AXIS(DeviceValues(self, self.dictionary, offset), self._plant, partial(self._report, number))
             for number, offset in enumerate(self._offsets(self.dictionary))
         )
         super().reset()

@@ -9,11 +9,11 @@ and perhaps a stop that is under way: a ramp, and the arrow of the state machine
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import copysign, inf
+from math import copysign
 from typing import NamedTuple
 
 from eurobot_od.device.profiles.modes import MODES, Homing, ModeOfOperation
-from eurobot_od.device.profiles.motion import STEP, AxisValues, Demand, Motor, Plant, Units
+from eurobot_od.device.profiles.motion import STEP, AxisValues, Demand, MovedAxis, Plant
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
 
@@ -50,41 +50,20 @@ class Stop(NamedTuple):
     after: State | None
 
 
-class DriveAxis:
+class DriveAxis(MovedAxis):
     """An axis with its objects; `report` gets the error code of a fault, and None when the fault is reset.
 
-    `plant` is the machine that the motor moves. `sync_period` is the time between two SYNCs in seconds, if it is known.
+    `plant` is the machine that the motor moves.
     """
 
     def __init__(self, values: AxisValues, plant: Plant, report: Callable[[int | None], object]) -> None:
-        self.values, self._report = values, report
-        self.units = Units.of(values)
-        self.demand, self.motor = Demand(), Motor(plant, self.units.turn)
-        self.state = State.NOT_READY
-        self.limited = self.homed = self.following_error = False
-        self.sync_period = STEP
+        super().__init__(values, plant)
+        self._report, self.state = report, State.NOT_READY
         self._word, self._left, self._lag = 0, 0, 0.0
         self._stop: Stop | None = None
         self._time: float | None = None
         self._mode_number = 0
         self._mode = ModeOfOperation(self)
-
-    # For the modes
-
-    def velocity(self, index: int, sub: int = 0, default: float = inf) -> float:
-        """Return a velocity in position units/s; `default` if the axis does not have the object."""
-        value = self.values.find(index, sub)
-        return default if value is None else value * self.units.velocity
-
-    def acceleration(self, index: int) -> float:
-        """Return an acceleration in position units/s²; if the object gives none, the most that the motor can do."""
-        said = self.values.get(index) * self.units.velocity
-        return said if said > 0 else self.motor.plant.acceleration * self.units.turn
-
-    @property
-    def stands(self) -> bool:
-        """Whether both motor and demand stand still."""
-        return self.demand.velocity == 0 and abs(self.motor.velocity) < 1.0
 
     # Controlword and mode
 

@@ -1,40 +1,17 @@
 """The modes of operation of a drive (CiA 402-2, clauses 9 to 17): each leads the demand and has bits of its own.
 
-A mode sees its axis through `Leads`. It changes only the demand; homing also moves the origin.
+A mode sees its axis as a `MovedAxis`. It changes only the demand; homing also moves the origin.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import inf, sqrt
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
-from eurobot_od.device.profiles.motion import ROUND, STEP, AxisValues, Demand, Motor, Units
+from eurobot_od.device.profiles.motion import ROUND, STEP, AxisValues, MovedAxis
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import BIT_12, BIT_13, LIMITS, TARGET_REACHED, Mode, Seek
-
-
-class Leads(Protocol):
-    """What a mode sees of its axis."""
-
-    values: AxisValues
-    units: Units
-    demand: Demand
-    motor: Motor
-    limited: bool
-    homed: bool
-    following_error: bool
-    sync_period: float
-
-    def velocity(self, index: int, sub: int = 0, default: float = inf) -> float:
-        """Return a velocity in position units/s; `default` if the axis does not have the object."""
-
-    def acceleration(self, index: int) -> float:
-        """Return an acceleration in position units/s², never 0."""
-
-    @property
-    def stands(self) -> bool:
-        """Whether motor and demand stand."""
 
 
 class ModeOfOperation:
@@ -43,7 +20,7 @@ class ModeOfOperation:
     controls_position: ClassVar = True
     """Whether the position is controlled, so that there is a following error."""
 
-    def __init__(self, axis: Leads) -> None:
+    def __init__(self, axis: MovedAxis) -> None:
         self.axis = axis
         self.begin()
 
@@ -57,9 +34,6 @@ class ModeOfOperation:
         """Lead the demand for one step."""
         ramp = self.axis.acceleration(cia402.PROFILE_DECELERATION)
         self.axis.demand.to_velocity(0.0, ramp, ramp)
-
-    def halted(self) -> None:
-        """Do what it means that a halted axis has come to a stand."""
 
     @property
     def bits(self) -> int:
@@ -77,17 +51,6 @@ class ModeOfOperation:
         return self.axis.demand.velocity == 0
 
 
-class TargetWindow:
-    """Tells for how long something has been true, in seconds."""
-
-    def __init__(self) -> None:
-        self.lasted = 0.0
-
-    def look(self, inside: bool) -> None:
-        """Look at it, once each step."""
-        self.lasted = self.lasted + STEP if inside else 0.0
-
-
 class SetPoint(NamedTuple):
     """Where to move, and how fast."""
 
@@ -102,7 +65,7 @@ class ProfilePosition(ModeOfOperation):
         self._target: SetPoint | None = None
         self._next: SetPoint | None = None
         self._acknowledged = self._commanded = False
-        self._window = TargetWindow()
+        self._inside = 0.0
 
     def command(self, word: int, rising: int) -> None:
         self._commanded = bool(word & cia402.NEW_SET_POINT)
@@ -132,7 +95,7 @@ class ProfilePosition(ModeOfOperation):
         return SetPoint(min(max(target, low), high), velocity)
 
     def _begin_move(self, set_point: SetPoint) -> None:
-        self._target, self._window = set_point, TargetWindow()
+        self._target, self._inside = set_point, 0.0  # seconds in the target window
 
     def _release(self) -> None:
         # A set-point is acknowledged until the bit is cleared and there is room for another one.
@@ -153,7 +116,8 @@ class ProfilePosition(ModeOfOperation):
         # Without a window it has to be within one unit: the motor's place is not a whole number.
         window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
         # The demand has to be there, too: a motor that lags may pass through the window on its way.
-        self._window.look(self._arrived and abs(self._target.target - axis.motor.position) <= window)
+        is_inside = self._arrived and abs(self._target.target - axis.motor.position) <= window
+        self._inside = self._inside + STEP if is_inside else 0.0
         if self._next is not None and self._arrived:
             self._begin_move(self._next)
             self._next = None
@@ -162,15 +126,12 @@ class ProfilePosition(ModeOfOperation):
     @property
     def _reached(self) -> bool:
         time = self.axis.values.get(cia402.POSITION_WINDOW_TIME) / 1000
-        return self._target is None or self._window.lasted > time
+        return self._target is None or self._inside > time
 
     @property
     def bits(self) -> int:
-        return (
-            TARGET_REACHED * (self._reached and self._next is None)
-            | BIT_12 * self._acknowledged
-            | BIT_13 * self.axis.following_error
-        )
+        is_reached = self._reached and self._next is None
+        return TARGET_REACHED * is_reached | BIT_12 * self._acknowledged | BIT_13 * self.axis.following_error
 
     @property
     def settled(self) -> bool:
@@ -237,8 +198,10 @@ class CyclicPosition(ModeOfOperation):
             wanted = target + axis.values.get(cia402.POSITION_OFFSET)
             self._target = min(max(wanted, low), high)
             axis.limited = wanted != self._target
-            # On a straight line, so that the target is reached when the next one comes.
-            self._left = max(interpolation_time(axis), STEP)
+            # On a straight line, so that the target is reached when the next one comes: after the interpolation time,
+            # or else the period of SYNC.
+            value, exponent = (axis.values.get(cia402.INTERPOLATION_TIME, sub) for sub in (1, 2))
+            self._left = max(value * 10.0**exponent if value else axis.sync_period, STEP)
             self._rate = (self._target - axis.demand.position) / self._left
 
     def step(self) -> None:
@@ -421,7 +384,7 @@ def software_limits(values: AxisValues) -> tuple[float, float]:
     return (low, high) if low < high else (-inf, inf)
 
 
-def within_limits(axis: Leads, velocity: float) -> float:
+def within_limits(axis: MovedAxis, velocity: float) -> float:
     """Return a velocity at which the axis can still stop before the software limit ahead; note if it is less."""
     low, high = software_limits(axis.values)
     way = high - axis.demand.position if velocity > 0 else axis.demand.position - low
@@ -429,9 +392,3 @@ def within_limits(axis: Leads, velocity: float) -> float:
     most = sqrt(2 * ramp * max(way, 0.0))
     axis.limited = most < abs(velocity)
     return max(min(velocity, most), -most)
-
-
-def interpolation_time(axis: Leads) -> float:
-    """Return the seconds between two cyclic targets: 0x60C2, or else the period of SYNC."""
-    value, exponent = (axis.values.get(cia402.INTERPOLATION_TIME, sub) for sub in (1, 2))
-    return value * 10.0**exponent if value else axis.sync_period

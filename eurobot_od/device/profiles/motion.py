@@ -7,7 +7,7 @@ itself has for velocity; only `Units` converts. Time passes in steps of `STEP`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import copysign, sqrt
+from math import copysign, inf, sqrt
 from typing import NamedTuple
 
 from eurobot_od.od import cia402
@@ -28,46 +28,31 @@ RPM = ("rpm", "rev/min", "1/min", "min-1")
 """How files write revolutions per minute."""
 
 
-class FileValues:
-    """The objects of a device as a profile sees them, here those of its file."""
+class AxisValues:
+    """The objects of one axis as a profile sees them, here those of its file.
 
-    def __init__(self, dictionary: Dictionary) -> None:
-        self._dictionary = dictionary
-        self._known: dict[Address, bool] = {}
+    `offset` is added to the indices of the first axis; a device without axes has 0.
+    """
 
-    def has(self, address: Address) -> bool:
-        """Tell whether the file has an object."""
-        if address not in self._known:
-            self._known[address] = self._dictionary.variable(address) is not None
-        return self._known[address]
+    def __init__(self, dictionary: Dictionary, offset: int = 0) -> None:
+        self._dictionary, self._offset = dictionary, offset
+        self._known: dict[tuple[int, int], Address | None] = {}
 
-    def get(self, address: Address) -> int | None:
-        """Return its default, None if it has none, or one that is not a number."""
-        return self._dictionary.number(address)
-
-    def put(self, address: Address, value: int) -> None:
-        """Keep nothing: a file stays as it is."""
-
-    def unit(self, address: Address) -> str:
-        """Return the unit that the file gives it; empty without one."""
-        variable = self._dictionary.variable(address)
-        return "" if variable is None else str(variable.unit)
-
-
-class AxisValues(NamedTuple):
-    """The objects of one axis; `offset` is added to the indices of the first one."""
-
-    values: FileValues
-    offset: int = 0
+    def _address(self, index: int, sub: int) -> Address | None:
+        """Return the address of an object, None if the file does not have it."""
+        if (index, sub) not in self._known:
+            address = index + self._offset, sub
+            self._known[index, sub] = address if self._dictionary.variable(address) is not None else None
+        return self._known[index, sub]
 
     def has(self, index: int, sub: int = 0) -> bool:
         """Tell whether the axis has an object."""
-        return self.values.has((index + self.offset, sub))
+        return self._address(index, sub) is not None
 
     def find(self, index: int, sub: int = 0) -> int | None:
         """Return an object's value; None if the axis does not have it, or if it has no value."""
-        address = index + self.offset, sub
-        return self.values.get(address) if self.values.has(address) else None
+        address = self._address(index, sub)
+        return None if address is None else self._value(address)
 
     def get(self, index: int, sub: int = 0, default: int = 0) -> int:
         """Return an object's value; `default` if the axis does not have it, or if it has no value."""
@@ -76,13 +61,21 @@ class AxisValues(NamedTuple):
 
     def put(self, index: int, value: int) -> None:
         """Give an object a value, if the axis has it."""
-        address = index + self.offset, 0
-        if self.values.has(address) and self.values.get(address) != value:
-            self.values.put(address, value)
+        address = self._address(index, 0)
+        if address is not None and self._value(address) != value:
+            self._keep(address, value)
 
     def unit(self, index: int) -> str:
-        """Return the unit of an object in the file."""
-        return self.values.unit((index + self.offset, 0))
+        """Return the unit that the file gives an object; empty without one."""
+        variable = self._dictionary.variable((index + self._offset, 0))
+        return "" if variable is None else str(variable.unit)
+
+    def _value(self, address: Address) -> int | None:
+        """Return the default of an object, None if it has none, or one that is not a number."""
+        return self._dictionary.number(address)
+
+    def _keep(self, address: Address, value: int) -> None:
+        """Keep nothing: a file stays as it is."""
 
 
 class Units(NamedTuple):
@@ -261,3 +254,31 @@ class Motor:
         self.position += by
         # The machine has not moved: its switches and index pulses stay where they are.
         self.origin += by
+
+
+class MovedAxis:
+    """What a mode of operation sees of its axis: the objects, the demand that it leads, and the motor that follows.
+
+    `sync_period` is the time between two SYNCs in seconds, if it is known.
+    """
+
+    def __init__(self, values: AxisValues, plant: Plant) -> None:
+        self.values, self.units = values, Units.of(values)
+        self.demand, self.motor = Demand(), Motor(plant, self.units.turn)
+        self.limited = self.homed = self.following_error = False
+        self.sync_period = STEP
+
+    def velocity(self, index: int, sub: int = 0, default: float = inf) -> float:
+        """Return a velocity in position units/s; `default` if the axis does not have the object."""
+        value = self.values.find(index, sub)
+        return default if value is None else value * self.units.velocity
+
+    def acceleration(self, index: int) -> float:
+        """Return an acceleration in position units/s²; if the object gives none, the most that the motor can do."""
+        said = self.values.get(index) * self.units.velocity
+        return said if said > 0 else self.motor.plant.acceleration * self.units.turn
+
+    @property
+    def stands(self) -> bool:
+        """Whether both motor and demand stand still."""
+        return self.demand.velocity == 0 and abs(self.motor.velocity) < 1.0

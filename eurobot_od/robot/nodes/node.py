@@ -309,12 +309,12 @@ class CallingNode(RobotNode):
         def settled(call: Future[Result]) -> None:
             if call.cancelled():  # this is the caller's thread, and only the node's may close the script
                 with self.guard:
-                    self.soon(flow.drop)
+                    self.soon(flow.go_on)
 
         flow = Flow(script, self._timers, send, self._ended)
         with self.guard:
             self._flows.append(flow)
-            self.soon(flow.start)
+            self.soon(flow.go_on)
             if self._is_off:  # no tick will come: it would wait for ever
                 self.end(flow, StateError(LEAVING))
         flow.call.add_done_callback(settled)

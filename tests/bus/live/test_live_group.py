@@ -15,15 +15,13 @@ import can
 import pytest
 
 from eurobot_od.bus.live.live import LiveGroup
-from eurobot_od.client.boot import boot_slave, start_slave
-from eurobot_od.client.description import described
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import NodeGroup
 from eurobot_od.errors import BusError
 from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.od.dictionary import Dictionary
-from tests.client.peers import master_on, new_channel, open_bus
+from tests.client.peers import boot_slave, master_on, new_channel, open_bus, start_slave
 from tests.eds_text import DEVICE_TYPE, variable
 
 GUARDED = DEVICE_TYPE + variable("100C", "Guard time", "UNSIGNED16", "0")
@@ -56,7 +54,7 @@ def test_a_master_boots_devices_that_share_one_thread(text: str) -> None:
     with running(text, text, text) as (channel, files), master_on(channel) as master:
         for dictionary in files:
             node = master.node(dictionary.node_id)
-            slave = boot_slave(node, described(dictionary), datetime.now())
+            slave = boot_slave(node, dictionary, datetime.now())
             assert slave.failed is None
             assert start_slave(node, slave, dictionary) is NmtState.OPERATIONAL
 
@@ -72,7 +70,7 @@ def test_a_device_that_expects_to_be_guarded_on_is_not_guarded_once() -> None:
     """Else it would go back to PRE-OPERATIONAL after its life time, 0.1 s."""
     with running(LIFE_GUARDED) as (channel, [dictionary]), master_on(channel) as master:
         node = master.node(dictionary.node_id)
-        slave = boot_slave(node, described(dictionary), datetime.now())
+        slave = boot_slave(node, dictionary, datetime.now())
         assert start_slave(node, slave, dictionary) is None
         master.pump(0.5)
         master.request(0x700 + node.node_id)

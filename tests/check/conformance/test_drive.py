@@ -10,7 +10,7 @@ from eurobot_od.check.conformance import drive
 from eurobot_od.check.conformance.drive import MotionBounds
 from eurobot_od.check.report import Status
 from eurobot_od.check.suite import Suite
-from eurobot_od.device.faults.device import DRIVE_FAULTS
+from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary

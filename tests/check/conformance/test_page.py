@@ -18,7 +18,7 @@ from eurobot_od.check.conformance.page import DeviceRun
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Step, Suite
-from eurobot_od.device.faults.device import FAULTS
+from eurobot_od.device.faults import FAULTS
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.dictionary import Dictionary

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.device.profiles.axis import DriveAxis
-from eurobot_od.device.profiles.motion import AxisValues, FileValues, Plant
+from eurobot_od.device.profiles.motion import AxisValues, Plant
 from eurobot_od.od.cia402 import CONTROLWORD, State, state_of
 from eurobot_od.od.values import Address
 
@@ -51,22 +51,23 @@ ROUND_TABLE = Plant()
 """The axis without ends."""
 
 
-class Shelf(FileValues):
+class Shelf(AxisValues):
     """Values in a dict."""
 
-    def __init__(self, values: Mapping[Address, int]) -> None:
-        self.values = dict(values)
+    def __init__(self, values: Mapping[Address, int], offset: int = 0) -> None:
+        self.values, self._offset = dict(values), offset
 
-    def has(self, address: Address) -> bool:
-        return address in self.values
+    def _address(self, index: int, sub: int) -> Address | None:
+        address = index + self._offset, sub
+        return address if address in self.values else None
 
-    def get(self, address: Address) -> int:
+    def _value(self, address: Address) -> int:
         return self.values[address]
 
-    def put(self, address: Address, value: int) -> None:
+    def _keep(self, address: Address, value: int) -> None:
         self.values[address] = value
 
-    def unit(self, address: Address) -> str:
+    def unit(self, index: int) -> str:
         return ""
 
 
@@ -84,7 +85,7 @@ class Bench:
         values = {a: value for a, value in {**OBJECTS, **(objects or {})}.items() if a[0] not in without}
         self.shelf, self.now = Shelf(values), 0.0
         self.faults: list[int | None] = []
-        self.axis = kind(AxisValues(self.shelf), plant, self.faults.append)
+        self.axis = kind(self.shelf, plant, self.faults.append)
         self.axis.control(0.0)
 
     def __getitem__(self, index: int) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from eurobot_od.client.network import SimulatedNetwork, simulated
-from eurobot_od.device.faults.device import DRIVE_FAULTS
+from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.device.profiles import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import SimulatedDevice

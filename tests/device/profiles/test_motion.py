@@ -8,7 +8,7 @@ from math import copysign
 
 import pytest
 
-from eurobot_od.device.profiles.motion import STEP, TURN, AxisValues, Demand, Motor, Plant, Units
+from eurobot_od.device.profiles.motion import STEP, TURN, Demand, Motor, Plant, Units
 from eurobot_od.od.cia402 import Switch
 from eurobot_od.od.values import Address
 from tests.device.profiles.bench import Shelf
@@ -35,7 +35,7 @@ TURNS = [
 
 @rows("objects, turn", TURNS)
 def test_position_units_of_a_turn(objects: Mapping[Address, int], turn: float) -> None:
-    assert Units.of(AxisValues(Shelf(objects))).turn == turn
+    assert Units.of(Shelf(objects)).turn == turn
 
 
 VELOCITIES = [
@@ -51,12 +51,12 @@ VELOCITIES = [
 
 @pytest.mark.parametrize(("objects", "velocity"), VELOCITIES)
 def test_position_units_a_second_in_a_unit_of_velocity(objects: Mapping[Address, int], velocity: float) -> None:
-    assert Units.of(AxisValues(Shelf(objects))).velocity == pytest.approx(velocity)
+    assert Units.of(Shelf(objects)).velocity == pytest.approx(velocity)
 
 
 @rows("index, offset, own", [(0x6040, 0x800, 0x6840), (0x6040, 0x2000, 0x8040), (0x607A, 0x3800, 0x987A)])
 def test_a_further_axis_has_its_objects_further_on(index: int, offset: int, own: int) -> None:
-    values = AxisValues(Shelf({(own, 0): 7, (own, 1): 8}), offset)
+    values = Shelf({(own, 0): 7, (own, 1): 8}, offset)
     assert (values.has(index), values.find(index, 1), values.get(index)) == (True, 8, 7)
     values.put(index, 9)
     assert (values.get(index), values.has(index, 2), values.find(index, 2), values.get(index, 2, 5)) == (
@@ -70,12 +70,12 @@ def test_a_further_axis_has_its_objects_further_on(index: int, offset: int, own:
 class Written(Shelf):
     """Velocities that the file gives in revolutions per minute."""
 
-    def unit(self, address: Address) -> str:
-        return "RPM" if address == (0x60FF, 0) else ""
+    def unit(self, index: int) -> str:
+        return "RPM" if index == 0x60FF else ""
 
 
 def test_a_unit_that_the_file_writes_counts_where_no_object_says_one() -> None:
-    assert Units.of(AxisValues(Written(_factors(encoder=(6000, 1))))).velocity == 100.0
+    assert Units.of(Written(_factors(encoder=(6000, 1)))).velocity == 100.0
 
 
 # The demand

@@ -13,10 +13,11 @@ import pytest
 
 from eurobot_od.bus.live import FrameReader, Live
 from eurobot_od.client.configure import Configured, configure
-from eurobot_od.client.description import from_file, scan
+from eurobot_od.client.description import scan
 from eurobot_od.frame import Frame
 from eurobot_od.od import dcf
 from eurobot_od.od.description import DescribedDevice
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.values import Address, PdoDirection, Value
 from eurobot_od.robot import dialects
@@ -76,7 +77,7 @@ def configured_from_dcf(channel: str, node: Node, file: Path) -> Configured:
         )
     )
     with master_on(channel) as master:
-        return configure(master.node(node.device.node_id), from_file(file), NOW)
+        return configure(master.node(node.device.node_id), Dictionary.load(file), NOW)
 
 
 def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path) -> None:

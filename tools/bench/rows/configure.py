@@ -21,10 +21,10 @@ from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Wa
 from bench.shared import new_bus, new_channel
 from eurobot_od.bus.live import Live
 from eurobot_od.client.configure import all_writes, configure, parameters
-from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
 from eurobot_od.od import dcf
 from eurobot_od.od.dcf import Write
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, default_of, limits
 from eurobot_od.od.values import Address, Value, pdo_of
 from eurobot_od.robot import dialects
@@ -43,23 +43,23 @@ SAME = (0x1016, 0x1029, 0x1F80)
 """Objects that have few values that a node takes."""
 
 
-def descriptions(folder: Path) -> dict[str, Description]:
+def descriptions(folder: Path) -> dict[str, Dictionary]:
     """Write and read three DCFs with all parameters of the drive: as delivered, few different, all different."""
     eds = dialects.folder() / "drive.eds"
-    dictionary = from_file(eds).dictionary
+    dictionary = Dictionary.load(eds)
     delivered = {address_of(each): default_of(each) for each in parameters(dictionary)}
-    kinds: dict[str, Mapping[Address, Value]] = {"delivered": {}, "few": FEW, "all": dict(other_values(from_file(eds)))}
+    kinds: dict[str, Mapping[Address, Value]] = {"delivered": {}, "few": FEW, "all": dict(other_values(dictionary))}
     files = {name: folder / f"{name}.dcf" for name in kinds}
     for name, file in files.items():
         file.write_text(dcf.with_values(dictionary.device, {**delivered, **kinds[name]}, NODE, "drive", BITRATE))
-    return {name: from_file(file) for name, file in files.items()}
+    return {name: Dictionary.load(file) for name, file in files.items()}
 
 
-def other_values(description: Description) -> Iterator[tuple[Address, int]]:
+def other_values(dictionary: Dictionary) -> Iterator[tuple[Address, int]]:
     """Give another value to every parameter that can have any; PDOs another transmission type."""
-    for each in parameters(description.dictionary):
+    for each in parameters(dictionary):
         address, value, range_ = address_of(each), default_of(each), limits(each)
-        if address == description.dictionary.node_id_address or each.index in SAME:
+        if address == dictionary.node_id_address or each.index in SAME:
             continue
         if not isinstance(value, int) or range_ is None:
             continue
@@ -83,7 +83,7 @@ def stock(bus: can.BusABC, writes: Sequence[Write]) -> float:
     return seconds
 
 
-def ours(bus: can.BusABC, description: Description) -> float:
+def ours(bus: can.BusABC, description: Dictionary) -> float:
     """Return the seconds of a whole configuration."""
     with Master(bus) as master:
         started = time.perf_counter()

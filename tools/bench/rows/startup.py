@@ -21,7 +21,6 @@ from bench.measure import ONCE, Claim, Contender, Figures, Quantity, Scale, Seri
 from bench.process import OURS, PROGRAMS, PYTHON, run, until_first_line
 from bench.traffic import recorded_traffic, write_candump
 from eurobot_od.client.configure import parameters
-from eurobot_od.client.description import from_file
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
@@ -110,7 +109,7 @@ def made_files() -> Iterator[dict[str, Path]]:
 
 
 def _dcf(eds: Path) -> str:
-    dictionary = from_file(eds).dictionary
+    dictionary = Dictionary.load(eds)
     values = {address_of(thing): dictionary.default(address_of(thing)) for thing in parameters(dictionary)}
     return dcf.with_values(dictionary.device, values, dictionary.node_id, NODE, 500)
 

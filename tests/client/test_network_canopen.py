@@ -13,8 +13,15 @@ from typing import Any
 import pytest
 
 from eurobot_od.bus.live import Live
-from eurobot_od.client.canopen_names import BaseNode402, RemoteNode, SdoAbortedError, SdoCommunicationError
-from eurobot_od.client.network import Network, SimulatedNetwork, simulated
+from eurobot_od.client.network import (
+    BaseNode402,
+    Network,
+    RemoteNode,
+    SdoAbortedError,
+    SdoCommunicationError,
+    SimulatedNetwork,
+    simulated,
+)
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import EurobotError, HeartbeatLost, LocalError, UnknownName
 from eurobot_od.od.standard import LssState

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from eurobot_od.device.faults.device import FAULTS
+from eurobot_od.device.faults import FAULTS
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame

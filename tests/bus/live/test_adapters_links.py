@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.bus.live.links import (
+from eurobot_od.bus.live.adapters import (
     INSTEAD,
     NO_SOCKETCAN,
     ONLY_LINUX,
