@@ -267,13 +267,9 @@ class ConsoleFormat(LineFormat):
         data = bytes.fromhex((found["data"] or b"").decode())[: length if found["length"] else MOST_BYTES]
         if not found["remote"] and len(data) != min(length, 64 if found["length"] else MOST_BYTES):
             raise ValueError(line)
-        raw: Raw
-        if extended and identifier & ERROR_FLAG:
-            raw = foreign(Damage.ERROR_FRAME, identifier, data)
-        elif found["length"] and len(found["length"]) == FD_DIGITS:
-            raw = foreign(Damage.FD, identifier, data, extended)
-        else:
-            raw = frame(identifier, data, extended, length if found["remote"] else None)
+        is_error, is_fd = extended and identifier & ERROR_FLAG, len(found["length"] or b"") == FD_DIGITS
+        length = length if found["remote"] else len(data)
+        raw = recorded(identifier, data, length, extended, found["remote"], is_error, is_fd)
         return time, found["channel"].decode(), raw
 
 
@@ -353,12 +349,12 @@ class AscFormat(LineFormat):
         if direction not in ASC_DIRECTIONS:
             raise ValueError(direction)
         extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
-        _, _, dlc, length, *words = rest if rest[0] in ASC_BITS else rest[1:]
-        data = bytes([int(octet, 16) for octet in words[: int(length)]])
-        flags = int(words[int(length) + 2], 16)
-        if flags & ASC_FD_FLAG or len(data) > MOST_BYTES:  # some lines have no flags
-            return foreign(Damage.FD, number, data, extended)
-        return frame(number, data, extended, int(dlc, 16) if flags & ASC_REMOTE_FLAG else None)
+        _, _, dlc, count, *words = rest if rest[0] in ASC_BITS else rest[1:]
+        data = bytes([int(octet, 16) for octet in words[: int(count)]])
+        flags = int(words[int(count) + 2], 16)
+        is_remote = flags & ASC_REMOTE_FLAG  # some lines have no flags
+        length = int(dlc, 16) if is_remote else len(data)
+        return recorded(number, data, length, extended, is_remote, is_fd=flags & ASC_FD_FLAG)
 
     def _data(self, length: bytes, *octets: bytes) -> bytes:
         count = min(int(length, self._base), MOST_BYTES)  # a DLC of 9 to 15 means 8 bytes, too (ISO 11898-1)
@@ -490,9 +486,9 @@ class BusmasterFormat(LineFormat):
         time = hours * 3600 + minutes * 60 + seconds_ + parts / 10_000
         number = int(identifier.removeprefix(b"0x"), self._base)
         data = bytes([int(octet, self._base) for octet in octets])
-        if direction not in ASC_DIRECTIONS or (not is_remote and len(data) != int(length)):
+        if direction not in ASC_DIRECTIONS:
             raise ValueError(line)
-        raw = frame(number, data, extended, int(length) if is_remote else None)
+        raw = recorded(number, data, int(length), extended, is_remote)
         if self._mode == b"RELATIVE":
             self._before = time = self._before + time
         since = self._midnight if self._mode == b"SYSTEM" else self._began
@@ -523,12 +519,8 @@ class GvretFormat(LineFormat):
         channel, length, *octets = rest[1:] if self._has_direction else rest
         # An old log has eight octets in each line.
         data, number = bytes([int(octet, 16) for octet in octets[: int(length)]]), int(identifier, 16)
-        time = seconds(int(stamp) / 1e6)
-        if len(data) > MOST_BYTES:
-            return time, channel.decode(), foreign(Damage.FD, number, data, extended.lower() in GVRET_TRUE)
-        if len(data) != int(length):
-            raise ValueError(line)
-        return time, channel.decode(), frame(number, data, extended.lower() in GVRET_TRUE)
+        raw = recorded(number, data, int(length), extended.lower() in GVRET_TRUE)
+        return seconds(int(stamp) / 1e6), channel.decode(), raw
 
 
 # IXXAT's traces, `"00:02:20.66";"703";"Std";"";"7F "`, as MiniMon and canAnalyser Mini write them, columns as headed
@@ -557,11 +549,7 @@ class IxxatFormat(LineFormat):
         if b"rtr" in said.get(b"flags", b"").lower():  # and as its data `Remote request  DLC = 1`
             return time, channel, frame(number, b"", extended, int(text.rpartition(b"=")[2]))
         data = bytes.fromhex(text.decode())
-        if len(data) > MOST_BYTES:
-            return time, channel, foreign(Damage.FD, number, data, extended)
-        if len(data) != int(said.get(b"dlc", len(data))):
-            raise ValueError(line)
-        return time, channel, frame(number, data, extended)
+        return time, channel, recorded(number, data, int(said.get(b"dlc", len(data))), extended)
 
 
 IXXAT_KINDS = {b"std": False, b"ext": True}
@@ -596,9 +584,7 @@ class KvaserFormat(LineFormat):
         if found["error"]:
             return time, channel, Foreign(Damage.ERROR_FRAME, shortened(line))
         data = bytes.fromhex(found["data"].decode())
-        if len(data) != int(found["length"]):
-            raise ValueError(line)
-        return time, channel, frame(identifier, data, found["extended"])
+        return time, channel, recorded(identifier, data, int(found["length"]), found["extended"])
 
 
 # CSV, `1396.123456,0x8,0,0,0,8,0nQjWSwBw6U=`, as python-can writes it: identifier, flags, length, data in base 64
