@@ -28,20 +28,10 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Catalogue
-from eurobot_od.season import campaign
+from eurobot_od.season import campaign, columns
 from eurobot_od.season import season as tables
-from eurobot_od.season.batches import FOREIGN, ColumnBatch, batches
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
-from eurobot_od.season.columns import (
-    FROM_DATA,
-    LENGTH,
-    PLACE,
-    WORD,
-    MessageChecks,
-    message_columns,
-    of_others,
-    readable,
-)
+from eurobot_od.season.columns import ENTRY, FOREIGN, FRAMES, FROM_DATA, LENGTH, ColumnBatch, batches
 from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
@@ -88,7 +78,7 @@ class NetworkDecoding:
         # An identifier of the predefined set that a message has is the message's.
         found = self.decoder.services
         self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
-        self.others = Unmapped.of(self.decoder.dictionaries)
+        self.others = Unmapped(self.decoder.dictionaries)
 
     def as_shown(self, decoder: Decoder) -> NetworkDecoding:
         """Return the same network as a bus has shown it to be."""
@@ -111,10 +101,10 @@ class NetworkDecoding:
 
     def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Yield what is wrong with frames that belong to no message."""
-        return of_others(frames, self.services, self.messages, self.others)
+        return columns.of_others(frames, self.services, self.messages, self.others)
 
 
-EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
+EMPTY = pl.DataFrame(schema={columns.WORD: pl.UInt64, LENGTH: pl.UInt32})
 
 
 class MessageDecoding:
@@ -122,9 +112,9 @@ class MessageDecoding:
 
     def __init__(self, binding: Binding, table: str, answers: str) -> None:
         place = [each.name for each in tables.PLACE]
-        columns = message_columns(binding, place)
+        fields = columns.message_columns(binding, place)
         # Polars itself knows of which type an expression is: it is asked with no rows.
-        made = EMPTY.select(each.expression.alias(each.name) for each in columns).to_arrow().schema
+        made = EMPTY.select(each.expression.alias(each.name) for each in fields).to_arrow().schema
         said = {
             "message": binding.name,
             "cob_id": f"0x{binding.cob_id:03X}",
@@ -133,10 +123,10 @@ class MessageDecoding:
             "answers": answers,
         }
         schema = pa.schema([*tables.PLACE, *made], said)
-        self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in columns})
-        self._checks = MessageChecks(binding)
-        self._readable = readable(binding)
-        self._columns = [*place, *(each.expression.alias(each.name) for each in columns)]
+        self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in fields})
+        self._checks = columns.MessageChecks(binding)
+        self._readable = columns.readable(binding)
+        self._columns = [*place, *(each.expression.alias(each.name) for each in fields)]
 
     def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
         """Return the rows of the frames that are long enough, and what is wrong with them all."""
@@ -179,8 +169,8 @@ class _Table:
     def write(self, rows: pl.DataFrame) -> None:
         """Write rows with the columns of the schema."""
         if len(rows):
-            columns = rows.select(self.schema.names).to_arrow().columns
-            self._writer.write_table(pa.Table.from_arrays(columns, schema=self.schema))
+            arrays = rows.select(self.schema.names).to_arrow().columns
+            self._writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema))
 
 
 class _MessageTable:
@@ -234,11 +224,11 @@ def of_transfer(transfer: SdoTransfer) -> Fields:
 
 def said_by(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
     """Return the rows of a service's frames, all of one identifier, as far as they have a length that it can have."""
-    right, columns = frames.filter(pl.col(LENGTH).is_in(service.lengths)), rows_of(OF_SERVICES[service.name])
+    right, wanted = frames.filter(pl.col(LENGTH).is_in(service.lengths)), rows_of(OF_SERVICES[service.name])
     different = right["data"].unique()  # most are many times the same
-    types = {"data": pl.Binary()} | {name: type_ for name, type_ in columns.items() if name not in PLACE}
+    types = {"data": pl.Binary()} | {name: type_ for name, type_ in wanted.items() if name not in ENTRY}
     said = pl.DataFrame([{"data": each} | service.fields(each) for each in different], types)
-    return right.join(said, on="data", maintain_order="left").select(columns.names())
+    return right.join(said, on="data", maintain_order="left").select(wanted.names())
 
 
 class RunTables:
@@ -329,9 +319,7 @@ class RunTables:
         done: dict[str, int] = {}
         wrong: list[Fields] = []
         followed = frames.filter(self._decoding.followed & ~pl.col("remote"))
-        for number, time, channel, cob_id, data in followed.select(
-            "line", "t", "channel", "cob_id", "data"
-        ).iter_rows():
+        for number, time, channel, cob_id, data, *_ in followed.select(FRAMES.names()).iter_rows():
             force = self._now.get(channel, self._first)
             meaning = force.decode(Frame(cob_id, data))
             if is_followed(meaning):

@@ -38,6 +38,7 @@ from eurobot_od.traffic.meaning import (
     texts_writer,
     with_defects,
     words_of,
+    wrong,
 )
 from eurobot_od.traffic.services import GUARDING, HEARTBEAT, LSS, NMT, SDO, guarding_words
 from eurobot_od.traffic.transfers import LssConfiguration, Transfers
@@ -107,9 +108,7 @@ class TextOutput(Output):
         self._several = several
 
     def row(self, meaning: Meaning) -> str:
-        name, text = meaning.name, meaning.text
-        if meaning.defects:
-            name, text = name or "?", with_defects(meaning)
+        name, text = meaning.name or "?" * bool(meaning.defects), with_defects(meaning)
         return one_line(f"{name.ljust(NAME_WIDTH)} {text}" if text else name)
 
     def rows_of(self, binding: Binding) -> Rows:
@@ -186,7 +185,7 @@ class JsonOutput(Output):
         if meaning.message is not None or meaning.fields:
             data["fields"] = _fields(meaning)
         if meaning.defects:
-            data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
+            data["damage"] = [{"kind": each.damage.value, "text": each.text} for each in meaning.defects]
         return _json(data)[1:]  # the writer opens the object with the place and the time
 
     def line_writer(self, log: str) -> WriteLine:
@@ -228,11 +227,9 @@ class CsvOutput(Output):
         self.header = ",".join(("log", "line", "timestamp", "channel", *FRAME, "text", "damage", *self._fields)) + "\n"
 
     def row(self, meaning: Meaning) -> str:
-        known = _identification(meaning)
-        fields = _fields(meaning)
-        damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
+        known, fields = _identification(meaning), _fields(meaning)
         head = [known.get(key, "") for key in FRAME]
-        return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])
+        return _joined([*head, meaning.text, wrong(meaning), *(fields.get(field, "") for field in self._fields)])
 
     def line_writer(self, log: str) -> WriteLine:
         start, quoted = _joined([log]), lru_cache(lambda channel: _joined([channel]))

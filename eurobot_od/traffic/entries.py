@@ -75,6 +75,9 @@ FOREIGN_FRAME = re.compile(r"(?P<identifier>[0-9A-F]{3}|[0-9A-F]{8})#(?:#[0-9A-F
 
 Raw: TypeAlias = Frame | Foreign
 
+Timed: TypeAlias = tuple[float, Raw]
+"""A time in s, and what came then."""
+
 LogEntry: TypeAlias = tuple[int, float, str, Raw]
 """One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what stands there."""
 

@@ -28,14 +28,9 @@ SCHEMA = "jsonschema"
 DAMAGE = "damage"
 
 TYPES: Mapping[ColumnForm, str] = {
-    ColumnForm.NUMBER: "number",
-    ColumnForm.BITS: "string",
-    ColumnForm.SCALED: "number",
+    **dict.fromkeys((ColumnForm.NUMBER, ColumnForm.SCALED, ColumnForm.REAL), "number"),
+    **dict.fromkeys((ColumnForm.BITS, ColumnForm.WORD, ColumnForm.TEXT, ColumnForm.OCTETS), "string"),
     ColumnForm.BOOLEAN: "boolean",
-    ColumnForm.WORD: "string",
-    ColumnForm.REAL: "number",
-    ColumnForm.TEXT: "string",
-    ColumnForm.OCTETS: "string",
 }
 """JSON types of field values, as `Kind.plain` writes them."""
 

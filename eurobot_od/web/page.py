@@ -28,7 +28,7 @@ from eurobot_od.pdo.kinds import ColumnForm, Message, kinds
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from eurobot_od.traffic.meaning import Decoder, Meaning
+from eurobot_od.traffic.meaning import Decoder, Meaning, wrong
 from eurobot_od.traffic.monitor import MonitorRow, NodesHealth
 from eurobot_od.web.drives import axes_of, drive_data, machine_data, moves
 from eurobot_od.web.events import BusEvents, PageEvent
@@ -174,11 +174,6 @@ def values(meaning: Meaning) -> list[Any] | None:
     return [kind.plain(value) for kind, value in zip(written.values(), meaning.message)]
 
 
-def defects(meaning: Meaning) -> str:
-    """Return what is wrong with a frame, empty if nothing is."""
-    return "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
-
-
 def key_of(raw: Raw) -> int | str:
     """Return by what the page tells rows apart: the identifier, or the word for damage."""
     return raw.damage.value if isinstance(raw, Foreign) else raw.cob_id
@@ -238,7 +233,7 @@ class _Row:
         self.times.append(round(time, DIGITS))
         self.values.append(found or [])
         if meaning.defects:
-            self.wrong[len(self.times) - 1] = defects(meaning)
+            self.wrong[len(self.times) - 1] = wrong(meaning)
         if isinstance(meaning.raw, Frame):
             self.bits += frame_bits(meaning.raw)
 
@@ -323,10 +318,10 @@ class Columns:
 
 
 FILES = Path(__file__).with_name("files")
-STYLES = ("uplot.css", "page.css", "diagnosis.css")
+STYLES = ("uplot.css", "page.css")
 SCRIPTS = (  # in this order: each uses the ones before it
     *("uplot.js", "dom.js", "store.js", "messages.js", "trace.js", "plots.js", "nodes.js", "objects.js", "send.js"),
-    *("events.js", "diagnosis.js", "drive.js", "page.js"),
+    *("events.js", "drive.js", "page.js"),
 )
 
 PART = re.compile(r"\{\{(\w+)\}\}")
@@ -351,7 +346,6 @@ def page(
     parts = {
         "policy": f"{NOTHING}; {allowed}",
         "title": escape(title),
-        "icon": base64.b64encode((FILES / "icon.svg").read_bytes()).decode(),
         "styles": "\n".join(f"<style>{each}</style>" for each in styles),
         "scripts": "\n".join(f"<script>{each}</script>" for each in scripts),
         # Without `<`, no text from a file or a bus can end the script element that it is in.

@@ -27,11 +27,11 @@ from eurobot_od.od.dictionary import SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.entries import Damage, Raw
-from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.traffic.meaning import Decoder, wrong
 from eurobot_od.traffic.monitor import BusSource, Traffic
 from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.events import BusEvents, PageEvent
-from eurobot_od.web.page import DIGITS, Panel, defects, event_data, hex_of, is_foreign, key_of, values
+from eurobot_od.web.page import DIGITS, Panel, event_data, hex_of, is_foreign, key_of, values
 
 # A second bus on one adapter, for a master that asks nodes while the session takes every frame
 
@@ -269,7 +269,7 @@ class Session:
         if isinstance(raw, Frame):
             self.tap.give(raw)
             self.recording.write(now, raw)
-        shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, defects(meaning)]
+        shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, wrong(meaning)]
         self.history.add(COMPACT(shown))
         for event in self._watch.take(self._traffic.frames, now, meaning):
             self._enter(event)
@@ -348,7 +348,7 @@ class Session:
             "data": hex_of(row.meaning),
             "values": found,
             "text": row.meaning.text,
-            "defects": defects(row.meaning),
+            "defects": wrong(row.meaning),
             "foreign": is_foreign(row.meaning),
         }
         self._written[key] = row.count, json.dumps(data)

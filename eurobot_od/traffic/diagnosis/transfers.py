@@ -15,8 +15,7 @@ from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate, ServerCommand, code_and_reason, when_sent
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
-from eurobot_od.traffic.diagnosis.incidents import Occurrences
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
+from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
 from eurobot_od.traffic.services import NMT, CanopenService, SdoEnd, object_words
@@ -96,9 +95,8 @@ class SdoWatcher(Watcher):
     def _answer(self, time: float, line: SdoLine, node: ObservedNode, data: bytes) -> None:
         needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
         if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
-            self.bus.found(
-                BusRule.SDO_UNASKED, node.name, f"answers without a request: {label(Initiate.of(data).address)}"
-            )
+            text = f"answers without a request: {label(Initiate.of(data).address)}"
+            self.bus.found(BusRule.SDO_UNASKED, node.name, text)
         line.asked = None
 
     def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:

@@ -13,18 +13,8 @@ from datetime import UTC, datetime
 from struct import Struct
 from typing import BinaryIO, NamedTuple, TypeAlias
 
-from eurobot_od.traffic.entries import (
-    Damage,
-    Entries,
-    Foreign,
-    Raw,
-    ends_within,
-    frame,
-    read_each,
-    recorded,
-    seconds,
-    shortened,
-)
+from eurobot_od.traffic import entries
+from eurobot_od.traffic.entries import Damage, Entries, Foreign, Raw
 
 FILE_HEADER = Struct("<4sL32xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
@@ -79,7 +69,7 @@ BlfObject: TypeAlias = tuple[int, float, bytes]
 def read_blf(file: BinaryIO, largest: int) -> Entries:
     """Read a BLF file; if it is not one, or is cut off, its last entry says so."""
     frames = (each for each in _objects(file, largest) if each[0] in FRAME_TYPES)
-    return read_each(frames, _entry, ends_within("an object", zlib.error))
+    return entries.read_each(frames, _entry, entries.ends_within("an object", zlib.error))
 
 
 def _start(file: BinaryIO) -> float:
@@ -165,20 +155,21 @@ def _entry(found: BlfObject) -> tuple[float, str, Raw]:
     if kind in FD_HARDWARE:
         return time, channel, _of_fd_hardware(FD_HARDWARE[kind], body)
     if kind in FOREIGN_TYPES:
-        return time, channel, Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
+        return time, channel, Foreign(FOREIGN_TYPES[kind], entries.shortened(body[2:].hex().upper()))
     _, flags, length, identifier, data = CLASSIC.unpack_from(body)
     remote = length if flags & REMOTE_FLAG else None
-    return time, channel, frame(identifier & ~EXTENDED_FLAG, data[:length], identifier & EXTENDED_FLAG, remote)
+    return time, channel, entries.frame(identifier & ~EXTENDED_FLAG, data[:length], identifier & EXTENDED_FLAG, remote)
 
 
 def _of_fd_hardware(layout: FdLayout, body: bytes) -> Raw:
     """Read what hardware for CAN FD has recorded: its flags tell whether the frame is a classic one."""
     fields = layout.fields.unpack_from(body)
-    dlc, identifier, flags, length = (fields[place] for place in layout.places)
-    data = body[layout.fields.size :][:length]
+    dlc, identifier, flags, count = (fields[place] for place in layout.places)
+    data = body[layout.fields.size :][:count]
     is_fd, number = flags & layout.is_fd, identifier & ~EXTENDED_FLAG
     is_remote = (fields[1] & REMOTE_FLAG) if layout.remote is None else flags & layout.remote
-    return recorded(number, data, dlc if is_remote else len(data), identifier & EXTENDED_FLAG, is_remote, is_fd=is_fd)
+    length = dlc if is_remote else len(data)
+    return entries.recorded(number, data, length, identifier & EXTENDED_FLAG, is_remote, is_fd=is_fd)
 
 
 # pcap and pcapng, as Wireshark, tshark and tcpdump write them (the IETF's drafts, and the link type SocketCAN, 227, of
@@ -222,7 +213,8 @@ def _captured(packet: Packet) -> tuple[float, str, Raw]:
     data = content[PACKET.size : PACKET.size + length]
     number, extended, remote = identifier & IDENTIFIER, identifier & EXTENDED, identifier & REMOTE
     is_fd = fd_flags & FD or len(content) > CLASSIC_PACKET
-    return seconds(time), channel, recorded(number, data, length, extended, remote, identifier & ERROR, is_fd)
+    raw = entries.recorded(number, data, length, extended, remote, identifier & ERROR, is_fd)
+    return entries.seconds(time), channel, raw
 
 
 class Interface(NamedTuple):
@@ -235,12 +227,12 @@ class Interface(NamedTuple):
 
 def read_pcap(file: BinaryIO, largest: int) -> Entries:
     """Read a pcap file; if it is not one, or is cut off, its last entry says so."""
-    return read_each(_pcap_packets(file, largest), _captured, ends_within("a packet"))
+    return entries.read_each(_pcap_packets(file, largest), _captured, entries.ends_within("a packet"))
 
 
 def read_pcapng(file: BinaryIO, largest: int) -> Entries:
     """Read a pcapng file; as `read_pcap`."""
-    return read_each(_pcapng_packets(file, largest), _captured, ends_within("a packet"))
+    return entries.read_each(_pcapng_packets(file, largest), _captured, entries.ends_within("a packet"))
 
 
 def _taken(file: BinaryIO, size: int, largest: int) -> bytes:
