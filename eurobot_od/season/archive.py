@@ -99,10 +99,6 @@ class NetworkDecoding:
             pl.col("cob_id").is_in([cob_id for name in (SDO, LSS, NMT) for cob_id in named.get(name, ())]) | is_boot_up
         )
 
-    def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
-        """Yield what is wrong with frames that belong to no message."""
-        return columns.of_others(frames, self.services, self.messages, self.others)
-
 
 EMPTY = pl.DataFrame(schema={columns.WORD: pl.UInt64, LENGTH: pl.UInt32})
 
@@ -115,13 +111,8 @@ class MessageDecoding:
         fields = columns.message_columns(binding, place)
         # Polars itself knows of which type an expression is: it is asked with no rows.
         made = EMPTY.select(each.expression.alias(each.name) for each in fields).to_arrow().schema
-        said = {
-            "message": binding.name,
-            "cob_id": f"0x{binding.cob_id:03X}",
-            "senders": ", ".join(binding.senders),
-            "receivers": ", ".join(binding.receivers),
-            "answers": answers,
-        }
+        said = {"message": binding.name, "cob_id": f"0x{binding.cob_id:03X}", "answers": answers}
+        said |= {"senders": ", ".join(binding.senders), "receivers": ", ".join(binding.receivers)}
         schema = pa.schema([*tables.PLACE, *made], said)
         self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in fields})
         self._checks = columns.MessageChecks(binding)
@@ -235,7 +226,8 @@ class RunTables:
     """All tables of a run, each a file in a folder; they are whole at the end of the `with` block."""
 
     def __init__(self, folder: Path, run: str, decoding: NetworkDecoding) -> None:
-        self._folder, self._run, self._decoding = folder, run, decoding
+        self._folder, self._decoding = folder, decoding
+        self._constant = pl.lit(run).cast(pl.Categorical).alias("run")
         folder.mkdir(parents=True)
         self._stack = ExitStack()
         self._frames, self._damage, *services = (
@@ -309,10 +301,6 @@ class RunTables:
             self._ends["start"] = min(each[0] for each in times) if begin is None else begin
             self._ends["end"] = max(each[-1] for each in times)
 
-    @cached_property
-    def _constant(self) -> pl.Expr:
-        return pl.lit(self._run).cast(pl.Categorical).alias("run")
-
     def _by_what_is_in_force(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Write the messages as their devices are set, which other frames may change; yield what is wrong with all."""
         channel_is, line = pl.col("channel").cast(pl.String), pl.col("line")
@@ -357,7 +345,8 @@ class RunTables:
                 if service and service.name in self._said and service.name != SDO:
                     self._said[service.name].append(said_by(service, some))
         if others:
-            yield from force.decoding.defects_of_others(pl.concat(others))
+            known = force.decoding
+            yield from columns.of_others(pl.concat(others), known.services, known.messages, known.others)
 
     def _write_services(self) -> None:
         self._said[SDO].append(pl.DataFrame(self._transfers, rows_of(tables.SDO)))

@@ -310,7 +310,10 @@ class Follower:
         said = self._transfers.take(time, channel, end, frame.data)
         if not any(said):
             return meaning
-        self._learn(channel, said.ended)
+        ended = said.ended
+        # Of a write only what the device has confirmed.
+        if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
+            self._news(channel, self._in_force(channel).show(ended.end.server, ended.address, ended.content))
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         # The segments of a block look like any other command.
@@ -322,11 +325,6 @@ class Follower:
         """Yield the transfers that the end of the log cuts off, with channel and the last frame's meaning."""
         for key, transfer in self._transfers.unfinished():
             yield key[0], self._last[key], transfer
-
-    def _learn(self, channel: str, ended: SdoTransfer | None) -> None:
-        """Take in what a transfer shows of a device; of a write only what the device has confirmed."""
-        if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
-            self._news(channel, self._in_force(channel).show(ended.end.server, ended.address, ended.content))
 
     def _news(self, channel: str, is_news: bool) -> None:
         if is_news:
@@ -418,14 +416,12 @@ class InUse:
 
     def at_once(self, head: int | Raw) -> Rows | None:
         """Return what writes the frames of an identifier; None if they are decoded one by one."""
-        try:
-            return self._made[head]
-        except KeyError:
-            if not isinstance(head, int):
-                return None
+        if not isinstance(head, int):
+            return None
+        if head not in self._made:
             binding = self._bindings.get(head)
-            made = self._made[head] = self._rows_of(binding) if binding else None
-            return made
+            self._made[head] = self._rows_of(binding) if binding else None
+        return self._made[head]
 
 
 class Decoding:

@@ -7,6 +7,7 @@ has EXTENDED in its COB-ID.
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
 from itertools import chain
@@ -140,12 +141,9 @@ class Batch(NamedTuple):
 
     def grouped(self, places: Sequence[int]) -> dict[int | Raw, list[int]]:
         """Return some places, in their order, by their heads."""
-        groups: dict[int | Raw, list[int]] = {}
+        groups = defaultdict[int | Raw, list[int]](list)
         for place, head in zip(places, map(self.heads.__getitem__, places)):
-            try:
-                groups[head].append(place)
-            except KeyError:
-                groups[head] = [place]
+            groups[head].append(place)
         return groups
 
     def entries(self) -> Entries:

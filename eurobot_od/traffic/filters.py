@@ -76,9 +76,8 @@ class Condition(NamedTuple):
         """Return whether it holds; "unknown" is neither less nor greater than anything."""
         found = getattr(message, self.field)
         # None, for "unknown", would raise if it were compared by its order.
-        if found is None or self.value is None:
-            return self.compare(found, self.value) if self.compare in (operator.eq, operator.ne) else False
-        return self.compare(found, self.value)
+        is_ordered = self.compare not in (operator.eq, operator.ne)
+        return not (is_ordered and None in (found, self.value)) and self.compare(found, self.value)
 
 
 def by_value(text: str, protocol: Protocol) -> Wanted:

@@ -224,18 +224,15 @@ class Analysis:
     def _level(self, place: int) -> Interference:
         message = self.messages[place]
         # `<=`, as two nodes may send one identifier: each then waits for the other.
-        others = tuple(
-            n for n, each in enumerate(self.messages) if each.identifier <= message.identifier and n != place
-        )
+        urgent = [n for n, each in enumerate(self.messages) if each.identifier <= message.identifier]
+        others = tuple(n for n in urgent if n != place)
         less = [n for n, each in enumerate(self.messages) if each.identifier > message.identifier]
         # One of them at most: it has begun before the message falls due, and the next arbitration is the message's.
         blocking = max(less, key=lambda n: self.messages[n].bits, default=None)
         blocked = 0 if blocking is None else self.messages[blocking].bits
-        level = [message, *(self.messages[n] for n in others)]
-        recovery = RECOVERY_BITS + max(each.bits for each in level)
-        load = self._share(self.messages[n] for n in others) + Fraction(
-            self.errors.number * recovery, self.errors.interval
-        )
+        recovery = RECOVERY_BITS + max(self.messages[n].bits for n in urgent)
+        load = Fraction(self.errors.number * recovery, self.errors.interval)
+        load += self._share(self.messages[n] for n in others)
         return Interference(message, others, blocking, blocked, load + self._share([message]), load, recovery)
 
     def _share(self, messages: Iterable[PeriodicMessage]) -> Fraction:
@@ -513,26 +510,16 @@ def as_data(report: LoadReport) -> dict[str, Any]:
         "load": round(float(report.load), 6),
         "busy_us": report.busy,
         "deadlines_met": report.holds,
-        "messages": [
-            {
-                "name": row.message.name,
-                "identifier": row.message.identifier,
-                "node": row.message.node,
-                "length": row.message.length,
-                "bits": row.message.bits,
-                "period_us": row.message.period,
-                "jitter_us": row.message.jitter,
-                "answers": row.message.answers or None,
-                "deadline_us": row.message.deadline,
-                "response_us": row.response,
-                "margin_us": row.margin,
-                "blocking": row.blocking or None,
-                "inversion": row.inversion or None,
-                "reason": row.message.reason,
-            }
-            for row in report.rows
-        ],
+        "messages": list(map(_row_data, report.rows)),
     }
+
+
+def _row_data(row: BoundRow) -> dict[str, Any]:
+    message = row.message
+    said = {name: getattr(message, name) for name in ("name", "identifier", "node", "length", "bits", "reason")}
+    said |= {f"{name}_us": getattr(message, name) for name in ("period", "jitter", "deadline")}
+    said |= {"response_us": row.response, "margin_us": row.margin, "answers": message.answers or None}
+    return said | {"blocking": row.blocking or None, "inversion": row.inversion or None}
 
 
 # As a chart: a bar for each message, up to its bound, and a mark at its deadline, on a log scale

@@ -146,6 +146,7 @@ class Traffic:
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | str | Damage | tuple[str, int | str | Damage], MonitorRow] = {}
         self.health = NodesHealth(decoder.dictionaries)
+        self.nodes = self.health.nodes
         self.damage = DamageCounts()
         self.frames = 0
         self.now = 0.0
@@ -190,11 +191,6 @@ class Traffic:
             self.damage.add(*(place or ("frame", self.frames)), meaning.defects)
         self.health.take(time, meaning)
         return meaning
-
-    @property
-    def nodes(self) -> Mapping[str, NodeHealth]:
-        """How each node is."""
-        return self.health.nodes
 
     def clear(self) -> None:
         """Forget what was counted."""
@@ -276,14 +272,8 @@ def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
     period = row.period
     every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
     age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer do not run alike
-    return (
-        f"{one_line(row.channel)} {identifier}".strip(),
-        one_line(row.name),
-        str(row.count),
-        every,
-        age,
-        one_line(with_defects(row.meaning)),
-    )
+    place, name, values = f"{row.channel} {identifier}".strip(), row.name, with_defects(row.meaning)
+    return one_line(place), one_line(name), str(row.count), every, age, one_line(values)
 
 
 def health(name: str, node: NodeHealth, now: float) -> str:

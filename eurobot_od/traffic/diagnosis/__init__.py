@@ -262,12 +262,12 @@ class Diagnosis:
         """Report that there was nothing in a log, or on a bus."""
         missing = ", ".join(each.name for each in self._decoder.dictionaries)
         text = (f"no frame in {log}" if log else "no frame came") + (f": {missing} should be there" if missing else "")
-        self.incidents.at(BusRule.BUS_SILENT, "", "", log, text, "", "").add(SeenAt(0.0, log))
+        self.incidents.at(BusRule.BUS_SILENT, "", "", log, text).add(SeenAt(0.0, log))
 
     def missed(self, notes: Iterable[str]) -> None:
         """Report what could not be taken in, as a source of frames says it."""
         for note in notes:
-            self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note, "", "").add(self._at())
+            self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note).add(self._at())
 
     def so_far(self, time: float) -> list[Incident]:
         """Return the incidents as if a watch ended at a time in s, worst first."""

@@ -109,7 +109,6 @@ class Incident:
     who: str
     text: str
     cause: str
-    remedy: str
     seen: Occurrences = field(default_factory=Occurrences)
 
     @property
@@ -127,8 +126,14 @@ class Incident:
         if self.seen.number > 1:
             when = f"{often}, first at {first.after()}, last at {self.seen.last.after(first)}"
         also = ", ".join(each.after(first) for each in others if each != self.seen.last)
-        found = [("Seen", when), ("Also at", also)]
-        found += [("Likely", self.cause), ("To do", self.remedy), ("Source", f"{self.rule.clause} [{self.rule.id}]")]
+        source = f"{self.rule.clause} [{self.rule.id}]"
+        found = [
+            ("Seen", when),
+            ("Also at", also),
+            ("Likely", self.cause),
+            ("To do", self.rule.remedy),
+            ("Source", source),
+        ]
         return [(what, one_line(text)) for what, text in found if text]
 
     def as_data(self) -> dict[str, Any]:
@@ -143,7 +148,7 @@ class Incident:
             "places": [each._asdict() for each in self.seen.places],
             "last": self.seen.last._asdict(),
             "cause": self.cause,
-            "remedy": self.remedy,
+            "remedy": self.rule.remedy,
             "clause": self.rule.clause,
         }
 
@@ -155,9 +160,7 @@ class Incidents:
         self._found: dict[tuple[IncidentRule, str, str, str], Incident] = {}
         self._number: dict[tuple[IncidentRule, str], int] = {}
 
-    def at(
-        self, rule: IncidentRule, channel: str, who: str, subject: str, text: str, cause: str, remedy: str
-    ) -> Occurrences:
+    def at(self, rule: IncidentRule, channel: str, who: str, subject: str, text: str, cause: str = "") -> Occurrences:
         """Return where an incident was seen; it is new if the rule has none of this node and `subject`."""
         key = rule, channel, who, subject
         if key not in self._found:
@@ -165,7 +168,7 @@ class Incidents:
             if number > MOST:
                 key, who, text = (rule, channel, "", ""), "", f"{rule.what} (others than those above)"
             if key not in self._found:
-                self._found[key] = Incident(rule, channel, who, text, cause or rule.cause, remedy or rule.remedy)
+                self._found[key] = Incident(rule, channel, who, text, cause or rule.cause)
         return self._found[key].seen
 
     def sorted(self, *others: Incidents) -> list[Incident]:
@@ -282,11 +285,10 @@ class ObservedBus:
         subject: Any = "",
         *,
         cause: str = "",
-        remedy: str = "",
         seen: Occurrences | None = None,
     ) -> None:
         """Report that a rule does not hold here, or where it was `seen`; `subject` tells incidents of a node apart."""
-        here = self.report(rule, self.channel, who, str(subject), text, cause, remedy)
+        here = self.report(rule, self.channel, who, str(subject), text, cause)
         here.join(seen or Occurrences.once(self.at()))
 
 

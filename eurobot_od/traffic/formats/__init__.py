@@ -11,7 +11,7 @@ from contextlib import suppress
 from importlib import import_module
 from itertools import chain
 from pathlib import PurePath
-from typing import Any, BinaryIO, NoReturn, cast
+from typing import Any, BinaryIO, cast
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.traffic.entries import LARGEST, Batch, Damage, Entries, Foreign, gathered
@@ -115,14 +115,9 @@ def _read_at_all(found: Iterator[Batch], words: str, name: object) -> Iterator[B
         has_some = True
     else:
         if has_some:
-            refuse(name, words)
+            shown = name if isinstance(name, str) and name != "<stdin>" else "standard input"
+            raise LocalError(f"{shown}: nothing in it can be read as a frame; {words}")
     yield from found
-
-
-def refuse(name: object, words: str) -> NoReturn:
-    """Raise the LocalError for a log of which nothing can be read."""
-    shown = name if isinstance(name, str) and name != "<stdin>" else "standard input"
-    raise LocalError(f"{shown}: nothing in it can be read as a frame; {words}")
 
 
 def likely(beginning: bytes) -> str:

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from types import NoneType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from eurobot_od.errors import LocalError
@@ -28,25 +27,13 @@ CREATE = """CREATE TABLE messages
 
 def of_message(message: can.Message) -> Raw:
     """Return what python-can read, from a log or from a bus; raises ValueError for what no bus can carry."""
-    return recorded(
-        message.arbitration_id,
-        bytes(message.data),
-        message.dlc,
-        message.is_extended_id,
-        message.is_remote_frame,
-        message.is_error_frame,
-        message.is_fd,
-    )
+    flags = message.is_extended_id, message.is_remote_frame, message.is_error_frame, message.is_fd
+    return recorded(message.arbitration_id, bytes(message.data), message.dlc, *flags)
 
 
 ROWS = "SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages"
 
-TYPES: Mapping[str, tuple[type, ...]] = {
-    "ts": (float, int),
-    "arbitration_id": (int,),
-    "dlc": (int,),
-    "data": (bytes, NoneType),
-}
+TYPES: Mapping[str, Any] = {"ts": float | int, "arbitration_id": int, "dlc": int, "data": bytes | None}
 """What the columns have to hold; SQLite itself puts values of any type into any of them."""
 
 IS_TABLE = "SELECT count(*) FROM sqlite_schema WHERE name = 'messages' AND sql LIKE 'CREATE TABLE%'"
