@@ -345,10 +345,7 @@ def _checks(binding: Binding) -> Iterator[Check]:
     length = binding.layout.length
     expected = " or ".join(map(str, binding.lengths))
     start, got = pl.lit(f"{binding.name} ({shown_identifier(binding.cob_id)}): "), pl.col(LENGTH).cast(pl.String)
-    for is_so, end in (
-        (~readable(binding), expected),
-        (pl.col(LENGTH) > length, f"{length}; read all the same"),
-    ):
+    for is_so, end in ((~readable(binding), expected), (pl.col(LENGTH) > length, f"{length}; read all the same")):
         text = pl.concat_str(start, got, pl.lit(f" bytes of data, expected {end}"))
         yield Check(Damage.WRONG_LENGTH, is_so, text)
     for field in binding.limits:

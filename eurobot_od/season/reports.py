@@ -113,9 +113,7 @@ REPORTS: Mapping[str, SeasonReport] = {
         _bars("jitter, ms", f"SELECT message, jitter_ms FROM ({PERIODS}) WHERE jitter_ms IS NOT NULL"),
     ),
     "answers": SeasonReport(
-        "From a request to its answer",
-        ANSWERS,
-        _bars("95 % are faster, ms", f"SELECT answer, p95_ms FROM ({ANSWERS})"),
+        "From a request to its answer", ANSWERS, _bars("95 % are faster, ms", f"SELECT answer, p95_ms FROM ({ANSWERS})")
     ),
     "load": SeasonReport(
         "Bus load without stuff bits, and at most with them",

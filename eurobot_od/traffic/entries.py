@@ -250,10 +250,10 @@ def recorded(
     identifier: int,
     data: bytes,
     length: int,
-    extended: object,
-    remote: object = False,
-    error: object = False,
-    is_fd: object = False,
+    extended: Any,
+    remote: Any = False,
+    error: Any = False,
+    is_fd: Any = False,
 ) -> Raw:
     """Return what a program has recorded; raises ValueError for a length that its data does not have."""
     if error:

@@ -147,11 +147,7 @@ class Window(NamedTuple):
 # Who sends what, as far as the files of the devices name it; NMT commands and SDO requests have no name here
 
 
-OWN_SERVICES = (
-    (EMCY, values.EMCY_BASE),
-    (SDO_ANSWERS, values.SDO_RESPONSE_BASE),
-    (None, values.ERROR_CONTROL_BASE),
-)
+OWN_SERVICES = ((EMCY, values.EMCY_BASE), (SDO_ANSWERS, values.SDO_RESPONSE_BASE), (None, values.ERROR_CONTROL_BASE))
 """What a device sends besides messages: the object with its identifier, and the predefined identifier."""
 
 

@@ -148,9 +148,8 @@ class Running:
     @property
     def broken(self) -> str:
         """Say that it did not end, and how much of it came."""
-        came = (
-            amount(self.size, "byte") if self.announced is None else f"{self.size} of {amount(self.announced, 'byte')}"
-        )
+        came = amount(self.size if self.announced is None else self.announced, "byte")
+        came = came if self.announced is None else f"{self.size} of {came}"
         variable = self.end.dictionary.variable(self.address) if self.end.dictionary and self.address else None
         type_ = DATA_TYPES.get(variable.data_type or 0) if variable else None
         misfit = self.announced is not None and type_ is not None and type_.size not in (0, self.announced)
@@ -312,9 +311,8 @@ class Transfers:
     def boot(self, channel: str, server: int) -> Iterator[Said]:
         """End the transfers with a server that has booted up: it knows nothing of them."""
         for key in [key for key, each in self._running.items() if key[0] == channel and each.end.server == server]:
-            said = self._give_up(key, self._running[key].heard)
             self._before.pop(key, None)
-            yield said
+            yield self._give_up(key, self._running[key].heard)
 
     def _finish(self, key: tuple[str, int], time: float) -> Said:
         """End a transfer with the frame that has come."""

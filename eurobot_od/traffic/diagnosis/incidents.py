@@ -100,6 +100,10 @@ class IncidentRule(Enum):
         return list(Severity).index(self.severity), self.stage, list(type(self)).index(self)
 
 
+FACTS = "Seen", "Also at", "Likely", "To do", "Source"
+"""What is said of an incident besides its title."""
+
+
 @dataclass(frozen=True)
 class Incident:
     """A rule that does not hold: on which bus (empty if there is only one), at `who`, and what exactly."""
@@ -126,15 +130,8 @@ class Incident:
         if self.seen.number > 1:
             when = f"{often}, first at {first.after()}, last at {self.seen.last.after(first)}"
         also = ", ".join(each.after(first) for each in others if each != self.seen.last)
-        source = f"{self.rule.clause} [{self.rule.id}]"
-        found = [
-            ("Seen", when),
-            ("Also at", also),
-            ("Likely", self.cause),
-            ("To do", self.rule.remedy),
-            ("Source", source),
-        ]
-        return [(what, one_line(text)) for what, text in found if text]
+        found = when, also, self.cause, self.rule.remedy, f"{self.rule.clause} [{self.rule.id}]"
+        return [(what, one_line(text)) for what, text in zip(FACTS, found) if text]
 
     def as_data(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -252,8 +249,7 @@ class ObservedBus:
     ) -> None:
         self.channel, self.files, self.decoder, self.at, self.report = channel, decoder, decoder, at, report
         self.began = self.now = 0.0
-        self.names = {each.node_id: each.name for each in decoder.dictionaries}
-        self.numbers = {name: node_id for node_id, name in self.names.items()}
+        self.numbers = {each.name: each.node_id for each in decoder.dictionaries}
         self._shown = shown
         self.nodes = {
             each.node_id: ObservedNode(each.node_id, each.name, partial(shown, each.node_id), each)

@@ -113,7 +113,7 @@ class PdoWatcher(Watcher):
             return None
         if decoder is not self.bus.files and sender.dictionary:
             self._mapped(cob_id, binding, sender)
-        if not binding.receivers and len(self.bus.names) > 1:
+        if not binding.receivers and len(self.bus.numbers) > 1:
             text = f"{binding.name} (0x{identifier_text(cob_id)}) is received by no file"
             self.bus.found(BusRule.PDO_UNHEARD, sender.name, text, cob_id)
         has_type = decoder.protocol.catalogue.find(binding.name) is not None
@@ -173,11 +173,6 @@ class AnswerWatcher(Watcher):
     def __init__(self, bus: ObservedBus, promised: MessageSet, bit_rate: int) -> None:
         super().__init__(bus)
         self._seen = SeenTraffic(bit_rate, promised)
-        identifiers = {each.name: each.identifier for each in promised.messages}
-        self._answers: dict[int, list[PeriodicMessage]] = {}
-        for each in promised.messages:
-            if each.answers in identifiers:
-                self._answers.setdefault(identifiers[each.answers], []).append(each)
         self._open: dict[int, tuple[float, PeriodicMessage, Occurrences]] = {}
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -192,9 +187,8 @@ class AnswerWatcher(Watcher):
             text = f"{meaning.name} comes {brief(seen.answered)} after its request, {computed}"
             self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, frame.cob_id)
             seen.answered = None
-        for each in self._answers.get(frame.cob_id, ()):
-            if each.identifier not in self._open:
-                self._open[each.identifier] = time, each, Occurrences.once(self.bus.at())
+        for answer in self._seen.answers.get(frame.cob_id, set()) - self._open.keys():
+            self._open[answer] = time, self._seen.promised[answer].message, Occurrences.once(self.bus.at())
 
     def tick(self, time: float) -> None:
         for identifier, (since, answer, asked) in list(self._open.items()):
