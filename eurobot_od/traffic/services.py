@@ -53,10 +53,11 @@ READ, WRITE = "read", "write"
 
 
 class SdoCommand(NamedTuple):
-    """A kind of SDO frame: its words, and if it names an object, what is done with that: READ or WRITE."""
+    """A kind of SDO frame: its words, what its transfer does, READ or WRITE, and whether it names the object."""
 
     words: str | Callable[[bytes], str]
-    direction: str = ""
+    direction: str
+    names_object: bool = False
 
 
 def _segment(data: bytes) -> str:
@@ -69,27 +70,27 @@ def _acknowledged(data: bytes) -> str:
 
 COMMANDS: tuple[Mapping[tuple[int, int], SdoCommand], ...] = (
     {
-        (ClientCommand.DOWNLOAD_SEGMENT, 0): SdoCommand(_segment),
-        (ClientCommand.DOWNLOAD, 0): SdoCommand("write", WRITE),
-        (ClientCommand.UPLOAD, 0): SdoCommand("read", READ),
-        (ClientCommand.UPLOAD_SEGMENT, 0): SdoCommand("next segment"),
-        (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): SdoCommand("read", READ),
-        (ClientCommand.BLOCK_UPLOAD, Block.END): SdoCommand("end of blocks taken"),
-        (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): SdoCommand(_acknowledged),
-        (ClientCommand.BLOCK_UPLOAD, Block.START): SdoCommand("start of blocks"),
-        (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): SdoCommand("write", WRITE),
-        (ClientCommand.BLOCK_DOWNLOAD, Block.END): SdoCommand("end of blocks"),
+        (ClientCommand.DOWNLOAD_SEGMENT, 0): SdoCommand(_segment, WRITE),
+        (ClientCommand.DOWNLOAD, 0): SdoCommand("write", WRITE, names_object=True),
+        (ClientCommand.UPLOAD, 0): SdoCommand("read", READ, names_object=True),
+        (ClientCommand.UPLOAD_SEGMENT, 0): SdoCommand("next segment", READ),
+        (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): SdoCommand("read", READ, names_object=True),
+        (ClientCommand.BLOCK_UPLOAD, Block.END): SdoCommand("end of blocks taken", READ),
+        (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): SdoCommand(_acknowledged, READ),
+        (ClientCommand.BLOCK_UPLOAD, Block.START): SdoCommand("start of blocks", READ),
+        (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): SdoCommand("write", WRITE, names_object=True),
+        (ClientCommand.BLOCK_DOWNLOAD, Block.END): SdoCommand("end of blocks", WRITE),
     },
     {
-        (ServerCommand.UPLOAD_SEGMENT, 0): SdoCommand(_segment),
-        (ServerCommand.DOWNLOAD_SEGMENT, 0): SdoCommand("segment taken"),
-        (ServerCommand.UPLOAD, 0): SdoCommand("value of", READ),
-        (ServerCommand.DOWNLOAD, 0): SdoCommand("written", WRITE),
-        (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): SdoCommand("ready for", WRITE),
-        (ServerCommand.BLOCK_DOWNLOAD, Block.END): SdoCommand("end of blocks taken"),
-        (ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE): SdoCommand(_acknowledged),
-        (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): SdoCommand("value of", READ),
-        (ServerCommand.BLOCK_UPLOAD, Block.END): SdoCommand("end of blocks"),
+        (ServerCommand.UPLOAD_SEGMENT, 0): SdoCommand(_segment, READ),
+        (ServerCommand.DOWNLOAD_SEGMENT, 0): SdoCommand("segment taken", WRITE),
+        (ServerCommand.UPLOAD, 0): SdoCommand("value of", READ, names_object=True),
+        (ServerCommand.DOWNLOAD, 0): SdoCommand("written", WRITE, names_object=True),
+        (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): SdoCommand("ready for", WRITE, names_object=True),
+        (ServerCommand.BLOCK_DOWNLOAD, Block.END): SdoCommand("end of blocks taken", WRITE),
+        (ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE): SdoCommand(_acknowledged, WRITE),
+        (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): SdoCommand("value of", READ, names_object=True),
+        (ServerCommand.BLOCK_UPLOAD, Block.END): SdoCommand("end of blocks", READ),
     },
 )
 """The requests, and the answers, by command specifier and sub-command; aborts are alike from both ends."""
@@ -138,7 +139,7 @@ def sdo_words(end: SdoEnd, data: bytes) -> str:
     is_abort = data[0] >> 5 == ClientCommand.ABORT
     if command is None and not is_abort:
         return f"block command 0x{data[0]:02X}" if end.is_in_blocks(data) else f"command {data[0] >> 5}"
-    if command and not command.direction:
+    if command and not command.names_object:
         return command.words if isinstance(command.words, str) else command.words(data)
     named = object_words(end.dictionary, initiate.address)
     if command is None:
@@ -318,7 +319,7 @@ def sdo_fields(end: SdoEnd, data: bytes) -> Fields:
     named = {"index": initiate.address[0], "subindex": initiate.address[1]}
     if data[0] == wire.ABORT:
         return said | named | abort_fields(initiate.number)
-    if command is None or not command.direction:
+    if command is None or not command.names_object:
         return said
     said |= {"direction": command.direction} | named
     content, size = end.content(command.direction, data)

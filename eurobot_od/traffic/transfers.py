@@ -17,7 +17,7 @@ from binascii import crc_hqx
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from eurobot_od.od.standard import LSS_IDENTITY, Lss
 from eurobot_od.od.values import DATA_TYPES, Address
@@ -27,7 +27,7 @@ from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.entries import shortened
 from eurobot_od.traffic.meaning import SdoTransfer
-from eurobot_od.traffic.services import READ, WRITE, SdoEnd, command_of, object_words, value_words
+from eurobot_od.traffic.services import READ, SdoEnd, command_of, object_words, value_words
 
 KEPT = 4096
 """Bytes of a content that are kept for its value; of a longer one only size and CRC are said."""
@@ -219,11 +219,8 @@ def _took(running: Running, time: float) -> str:
     return duration(max(0.0, time - running.began), 6)
 
 
-class Step(NamedTuple):
-    """What a frame does in a transfer that goes the same way, READ or WRITE."""
-
-    direction: str
-    act: Callable[[Transfers, tuple[str, int], Running, float, bytes], Said]
+SdoStep: TypeAlias = "Callable[[Transfers, tuple[str, int], Running, float, bytes], Said]"
+"""What a frame does in its transfer."""
 
 
 class Transfers:
@@ -252,15 +249,15 @@ class Transfers:
         return said._replace(lost=left.lost or said.lost, ended=left.ended or said.ended)
 
     def _step(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
-        command = end.command(data)
-        if command and command.direction and not end.is_answer:
+        command, step = end.command(data), STEPS[end.is_answer].get(command_of(end.is_answer, data))
+        if command and command.names_object and not end.is_answer:
             return self._begin(key, Running.begun(end, command.direction, time, data))
-        running, step = self._running.get(key), STEPS[end.is_answer].get(command_of(end.is_answer, data))
-        if running is None or step is None or running.is_upload is not (step.direction == READ):
+        running = self._running.get(key)
+        if not (running and command and step) or running.is_upload is not (command.direction == READ):
             return NOTHING
         if end.is_in_blocks(data) and running.how is not How.BLOCKS:
             return NOTHING
-        return step.act(self, key, running, time, data)
+        return step(self, key, running, time, data)
 
     def unfinished(self) -> Iterator[tuple[tuple[str, int], SdoTransfer]]:
         """Yield the transfers that the end of the log cuts off, each with its channel of the log and of the SDO."""
@@ -422,24 +419,24 @@ class Transfers:
 # What each frame does
 
 
-STEPS: tuple[Mapping[tuple[int, int], Step], ...] = (
+STEPS: tuple[Mapping[tuple[int, int], SdoStep], ...] = (
     {
-        (ClientCommand.DOWNLOAD_SEGMENT, 0): Step(WRITE, Transfers._segment),
-        (ClientCommand.BLOCK_DOWNLOAD, Block.END): Step(WRITE, Transfers._blocks_end),
-        (ClientCommand.BLOCK_UPLOAD, Block.START): Step(READ, Transfers._start),
-        (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): Step(READ, Transfers._acknowledged),
-        (ClientCommand.BLOCK_UPLOAD, Block.END): Step(READ, Transfers._blocks_end_taken),
+        (ClientCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment,
+        (ClientCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end,
+        (ClientCommand.BLOCK_UPLOAD, Block.START): Transfers._start,
+        (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
+        (ClientCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end_taken,
     },
     {
-        (ServerCommand.UPLOAD, 0): Step(READ, Transfers._value),
-        (ServerCommand.DOWNLOAD, 0): Step(WRITE, Transfers._written),
-        (ServerCommand.UPLOAD_SEGMENT, 0): Step(READ, Transfers._segment),
-        (ServerCommand.DOWNLOAD_SEGMENT, 0): Step(WRITE, Transfers._segment_taken),
-        (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): Step(WRITE, Transfers._blocks_begin),
-        (ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE): Step(WRITE, Transfers._acknowledged),
-        (ServerCommand.BLOCK_DOWNLOAD, Block.END): Step(WRITE, Transfers._blocks_end_taken),
-        (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): Step(READ, Transfers._blocks_begin),
-        (ServerCommand.BLOCK_UPLOAD, Block.END): Step(READ, Transfers._blocks_end),
+        (ServerCommand.UPLOAD, 0): Transfers._value,
+        (ServerCommand.DOWNLOAD, 0): Transfers._written,
+        (ServerCommand.UPLOAD_SEGMENT, 0): Transfers._segment,
+        (ServerCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment_taken,
+        (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): Transfers._blocks_begin,
+        (ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
+        (ServerCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end_taken,
+        (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._blocks_begin,
+        (ServerCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end,
     },
 )
 """By requests and answers, command specifier and sub-command; what begins a transfer is not among them."""

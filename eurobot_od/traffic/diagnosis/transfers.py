@@ -77,7 +77,7 @@ class SdoWatcher(Watcher):
 
     def _request(self, time: float, line: SdoLine, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
         command = end.command(data)
-        named = command is not None and command.direction
+        named = command is not None and command.names_object
         if named and line.asked is not None and self._is_hasty(line.asked):
             text = f"is asked again {duration(time - line.asked, 6)} after a request, before its answer"
             self.bus.found(BusRule.TWO_CLIENTS, node.name, text)
