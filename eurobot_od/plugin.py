@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from eurobot_od.pdo.kinds import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.reports import SeasonReport
-    from eurobot_od.traffic.diagnosis.observed import Watcher
+    from eurobot_od.traffic.diagnosis.incidents import Watcher
     from eurobot_od.web.page import Panel
 
     NodeT = TypeVar("NodeT", bound=Node)

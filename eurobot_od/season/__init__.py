@@ -1,6 +1,6 @@
 """A season of logs as columns: Parquet files that Polars, DuckDB and everything else in that world reads.
 
-    logs  ->  batches of columns      `batches`: any format, in streaming
+    logs  ->  batches of columns      `columns`: any format, in streaming
           ->  messages and defects    `columns`: expressions on the data as a 64-bit integer
           ->  files of a run          `archive`: Parquet, table by table; names in `season`
           ->  SEASON/TABLE/RUN.parquet   `archive`: whole or not at all, each log once

@@ -98,10 +98,7 @@ def _scales(across: Sequence[float], up: Sequence[float]) -> tuple[Axis, Axis]:
     low, high = min(across), max(across)
     most = max(0.0, *up) or 1.0
     # An axis has a length also where all values are one.
-    return (
-        Axis(low, high if high > low else low + 1, LEFT, LEFT + PLOT),
-        Axis(min(0.0, *up), most, TOP + HEIGHT, TOP),
-    )
+    return Axis(low, high if high > low else low + 1, LEFT, LEFT + PLOT), Axis(min(0.0, *up), most, TOP + HEIGHT, TOP)
 
 
 def _lines(rows: pl.DataFrame, chart: Chart) -> Drawn:

@@ -28,20 +28,10 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Catalogue
-from eurobot_od.season import campaign
+from eurobot_od.season import campaign, columns
 from eurobot_od.season import season as tables
-from eurobot_od.season.batches import FOREIGN, ColumnBatch, batches
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
-from eurobot_od.season.columns import (
-    FROM_DATA,
-    LENGTH,
-    PLACE,
-    WORD,
-    MessageChecks,
-    message_columns,
-    of_others,
-    readable,
-)
+from eurobot_od.season.columns import ENTRY, FOREIGN, FRAMES, FROM_DATA, LENGTH, ColumnBatch, batches
 from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
@@ -88,7 +78,7 @@ class NetworkDecoding:
         # An identifier of the predefined set that a message has is the message's.
         found = self.decoder.services
         self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
-        self.others = Unmapped.of(self.decoder.dictionaries)
+        self.others = Unmapped(self.decoder.dictionaries)
 
     def as_shown(self, decoder: Decoder) -> NetworkDecoding:
         """Return the same network as a bus has shown it to be."""
@@ -109,12 +99,8 @@ class NetworkDecoding:
             pl.col("cob_id").is_in([cob_id for name in (SDO, LSS, NMT) for cob_id in named.get(name, ())]) | is_boot_up
         )
 
-    def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
-        """Yield what is wrong with frames that belong to no message."""
-        return of_others(frames, self.services, self.messages, self.others)
 
-
-EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
+EMPTY = pl.DataFrame(schema={columns.WORD: pl.UInt64, LENGTH: pl.UInt32})
 
 
 class MessageDecoding:
@@ -122,21 +108,16 @@ class MessageDecoding:
 
     def __init__(self, binding: Binding, table: str, answers: str) -> None:
         place = [each.name for each in tables.PLACE]
-        columns = message_columns(binding, place)
+        fields = columns.message_columns(binding, place)
         # Polars itself knows of which type an expression is: it is asked with no rows.
-        made = EMPTY.select(each.expression.alias(each.name) for each in columns).to_arrow().schema
-        said = {
-            "message": binding.name,
-            "cob_id": f"0x{binding.cob_id:03X}",
-            "senders": ", ".join(binding.senders),
-            "receivers": ", ".join(binding.receivers),
-            "answers": answers,
-        }
+        made = EMPTY.select(each.expression.alias(each.name) for each in fields).to_arrow().schema
+        said = {"message": binding.name, "cob_id": f"0x{binding.cob_id:03X}", "answers": answers}
+        said |= {"senders": ", ".join(binding.senders), "receivers": ", ".join(binding.receivers)}
         schema = pa.schema([*tables.PLACE, *made], said)
-        self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in columns})
-        self._checks = MessageChecks(binding)
-        self._readable = readable(binding)
-        self._columns = [*place, *(each.expression.alias(each.name) for each in columns)]
+        self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in fields})
+        self._checks = columns.MessageChecks(binding)
+        self._readable = columns.readable(binding)
+        self._columns = [*place, *(each.expression.alias(each.name) for each in fields)]
 
     def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
         """Return the rows of the frames that are long enough, and what is wrong with them all."""
@@ -179,8 +160,8 @@ class _Table:
     def write(self, rows: pl.DataFrame) -> None:
         """Write rows with the columns of the schema."""
         if len(rows):
-            columns = rows.select(self.schema.names).to_arrow().columns
-            self._writer.write_table(pa.Table.from_arrays(columns, schema=self.schema))
+            arrays = rows.select(self.schema.names).to_arrow().columns
+            self._writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema))
 
 
 class _MessageTable:
@@ -234,18 +215,19 @@ def of_transfer(transfer: SdoTransfer) -> Fields:
 
 def said_by(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
     """Return the rows of a service's frames, all of one identifier, as far as they have a length that it can have."""
-    right, columns = frames.filter(pl.col(LENGTH).is_in(service.lengths)), rows_of(OF_SERVICES[service.name])
+    right, wanted = frames.filter(pl.col(LENGTH).is_in(service.lengths)), rows_of(OF_SERVICES[service.name])
     different = right["data"].unique()  # most are many times the same
-    types = {"data": pl.Binary()} | {name: type_ for name, type_ in columns.items() if name not in PLACE}
+    types = {"data": pl.Binary()} | {name: type_ for name, type_ in wanted.items() if name not in ENTRY}
     said = pl.DataFrame([{"data": each} | service.fields(each) for each in different], types)
-    return right.join(said, on="data", maintain_order="left").select(columns.names())
+    return right.join(said, on="data", maintain_order="left").select(wanted.names())
 
 
 class RunTables:
     """All tables of a run, each a file in a folder; they are whole at the end of the `with` block."""
 
     def __init__(self, folder: Path, run: str, decoding: NetworkDecoding) -> None:
-        self._folder, self._run, self._decoding = folder, run, decoding
+        self._folder, self._decoding = folder, decoding
+        self._constant = pl.lit(run).cast(pl.Categorical).alias("run")
         folder.mkdir(parents=True)
         self._stack = ExitStack()
         self._frames, self._damage, *services = (
@@ -319,19 +301,13 @@ class RunTables:
             self._ends["start"] = min(each[0] for each in times) if begin is None else begin
             self._ends["end"] = max(each[-1] for each in times)
 
-    @cached_property
-    def _constant(self) -> pl.Expr:
-        return pl.lit(self._run).cast(pl.Categorical).alias("run")
-
     def _by_what_is_in_force(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Write the messages as their devices are set, which other frames may change; yield what is wrong with all."""
         channel_is, line = pl.col("channel").cast(pl.String), pl.col("line")
         done: dict[str, int] = {}
         wrong: list[Fields] = []
         followed = frames.filter(self._decoding.followed & ~pl.col("remote"))
-        for number, time, channel, cob_id, data in followed.select(
-            "line", "t", "channel", "cob_id", "data"
-        ).iter_rows():
+        for number, time, channel, cob_id, data, *_ in followed.select(FRAMES.names()).iter_rows():
             force = self._now.get(channel, self._first)
             meaning = force.decode(Frame(cob_id, data))
             if is_followed(meaning):
@@ -369,7 +345,8 @@ class RunTables:
                 if service and service.name in self._said and service.name != SDO:
                     self._said[service.name].append(said_by(service, some))
         if others:
-            yield from force.decoding.defects_of_others(pl.concat(others))
+            known = force.decoding
+            yield from columns.of_others(pl.concat(others), known.services, known.messages, known.others)
 
     def _write_services(self) -> None:
         self._said[SDO].append(pl.DataFrame(self._transfers, rows_of(tables.SDO)))

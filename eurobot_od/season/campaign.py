@@ -156,10 +156,7 @@ ResultT = TypeVar("ResultT")
 
 
 def run(
-    do: Callable[[ItemT], ResultT],
-    items: Sequence[ItemT],
-    workers: Workers,
-    results: Results[ResultT] | None = None,
+    do: Callable[[ItemT], ResultT], items: Sequence[ItemT], workers: Workers, results: Results[ResultT] | None = None
 ) -> Generator[ResultT, None, None]:
     """Yield what `do` makes of each item, in their order; `do` and everything it needs is sent to the workers.
 

@@ -1,32 +1,109 @@
-"""A message's frames to columns, all at once: expressions on the eight data bytes, taken as one 64-bit integer.
+"""A log of any format as batches of columns, and a message's frames to the columns of its fields, all at once.
+
+A batch has frames with line, time, channel, identifier and data, and all else apart: what `traffic.formats` reads, and
+nothing is read here. Memory holds a few batches, however long the log is.
 
 Rule of this file: a column says what `Protocol.decode` says about each frame. A value that is not a plain number of the
 field's unit (unknown, a code such as `blocked`, out of range) is null in the field's column; the column `FIELD_flag`
 beside it, null for a plain value, says what it is: `unknown`, the code's word, or `out of range: ` and the raw value.
 
-A field is a few shifts and masks of the word, as its PDO is mapped. Polars has no shift: dividing or multiplying by a
-power of two does the same.
+A field is a few shifts and masks of the data, taken as one 64-bit word, as its PDO is mapped. Polars has no shift:
+dividing or multiplying by a power of two does the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial, reduce
 from operator import add
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import polars as pl
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from eurobot_od.errors import shown_identifier
-from eurobot_od.frame import identifier_text
+from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import Run
 from eurobot_od.pdo.kinds import ColumnForm, first_free
-from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic import formats
+from eurobot_od.traffic.entries import Batch, Damage
 from eurobot_od.traffic.meaning import Unmapped
 from eurobot_od.traffic.services import CanopenService
+
+ROWS = 1 << 17
+"""A batch has about this many entries, if the log has them."""
+
+AHEAD = 2
+"""Batches made ahead: some take longer to be written than others."""
+
+ENTRY: Mapping[str, pl.DataType] = {"line": pl.UInt64(), "t": pl.Float64(), "channel": pl.Categorical()}
+FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt32(), "data": pl.Binary(), "remote": pl.Boolean()})
+FOREIGN = pl.Schema({**ENTRY, "kind": pl.String(), "text": pl.String()})
+NOTHING = pl.DataFrame(schema=FOREIGN)
+
+
+class ColumnBatch(NamedTuple):
+    """Consecutive entries of a log: the `frames`, and the `foreign` entries that are not frames; `size` in bytes.
+
+    `size` is how much of the log was read for it, 0 if that is unknown.
+    """
+
+    frames: pl.DataFrame
+    foreign: pl.DataFrame
+    size: int = 0
+
+
+def batches(file: BinaryIO, form: str | None = None) -> Iterator[ColumnBatch]:
+    """Yield the batches of an open log, making the next ones meanwhile; errors as `formats.batches`."""
+    made = _joined(map(_columns, formats.batches(file, form)), file)
+    with ThreadPoolExecutor(1) as thread:  # one: the batches come out of one generator
+        coming = deque(thread.submit(next, made, None) for _ in range(AHEAD))
+        while (batch := coming.popleft().result()) is not None:
+            coming.append(thread.submit(next, made, None))
+            yield batch
+
+
+def _joined(parts: Iterator[ColumnBatch], file: BinaryIO) -> Iterator[ColumnBatch]:
+    """Join small batches into batches of about ROWS entries."""
+    taken, rows, read = list[ColumnBatch](), 0, 0
+    for part in parts:
+        taken.append(part)
+        rows += len(part.frames) + len(part.foreign)
+        if rows >= ROWS:
+            yield _one(taken, file.tell() - read)
+            taken, rows, read = [], 0, file.tell()
+    if taken:
+        yield _one(taken, file.tell() - read)
+
+
+def _one(parts: list[ColumnBatch], size: int) -> ColumnBatch:
+    frames, foreign, _ = zip(*parts)
+    return ColumnBatch(pl.concat(frames), pl.concat(foreign), size)
+
+
+def _columns(batch: Batch) -> ColumnBatch:
+    """Return the entries of a batch as tables."""
+    heads = [head if head.__class__ is int else None for head in batch.heads]
+    # Nearly always one: a text that is the same in each row is made once.
+    channels = batch.channels[:1] if batch.is_of_one_channel else batch.channels
+    columns: tuple[Sequence[object], ...] = batch.lines, list(batch.times), channels, heads, batch.data, [False]
+    made = [pl.Series(name, each, FRAMES[name]) for name, each in zip(FRAMES, columns)]
+    frames = pl.DataFrame([each if len(each) > 1 else each.new_from_index(0, len(heads)) for each in made])
+    if None not in heads:
+        return ColumnBatch(frames, NOTHING)
+    others = [entry for entry, head in zip(batch.entries(), heads) if head is None]
+    remote = [(*place, raw.cob_id, raw.data, True) for *place, raw in others if isinstance(raw, Frame)]
+    foreign = [(*place, raw.damage.value, raw.text) for *place, raw in others if not isinstance(raw, Frame)]
+    frames = pl.concat([frames.drop_nulls("cob_id"), pl.DataFrame(remote, FRAMES, orient="row")])
+    return ColumnBatch(frames.sort("line"), pl.DataFrame(foreign, FOREIGN, orient="row"))
+
+
+# The columns of a message
+
 
 WORD, LENGTH = "word", "length"
 """Columns that expressions are made of: the data as a little-endian integer, filled up with zeros, and its bytes."""
@@ -242,9 +319,6 @@ def _bits(run: Run) -> pl.Expr:
 # What is wrong with frames, all at once: a defect has the kind and the words that `traffic.meaning.Decoder` has for it
 
 
-PLACE = ("line", "t", "channel")
-
-
 class Check(NamedTuple):
     """A possible defect of a frame: its kind, the condition, and the words for it."""
 
@@ -271,10 +345,7 @@ def _checks(binding: Binding) -> Iterator[Check]:
     length = binding.layout.length
     expected = " or ".join(map(str, binding.lengths))
     start, got = pl.lit(f"{binding.name} ({shown_identifier(binding.cob_id)}): "), pl.col(LENGTH).cast(pl.String)
-    for is_so, end in (
-        (~readable(binding), expected),
-        (pl.col(LENGTH) > length, f"{length}; read all the same"),
-    ):
+    for is_so, end in ((~readable(binding), expected), (pl.col(LENGTH) > length, f"{length}; read all the same")):
         text = pl.concat_str(start, got, pl.lit(f" bytes of data, expected {end}"))
         yield Check(Damage.WRONG_LENGTH, is_so, text)
     for field in binding.limits:
@@ -317,4 +388,4 @@ def _frame(cob_id: int) -> pl.Expr:
 
 
 def _defects(frames: pl.DataFrame, damage: Damage, text: pl.Expr) -> pl.DataFrame:
-    return frames.select(*PLACE, pl.lit(damage.value).alias("kind"), text.alias("text"))
+    return frames.select(*ENTRY, pl.lit(damage.value).alias("kind"), text.alias("text"))

@@ -93,38 +93,37 @@ SELECT log, channel, CAST(sum(s.frames) AS BIGINT) AS frames, round(any_value(r.
     round(max(load) * 100, 2) AS "peak_%", CAST(arg_max(second, (load, -second)) AS BIGINT) AS peak_second
 FROM seconds s JOIN runs r ON s.run = r.run GROUP BY log, channel ORDER BY log, channel"""
 
+LOAD_OVER_TIME = f"""{SECONDS}
+SELECT second, avg(load) * 100 AS "mean of the logs", max(load) * 100 AS "highest"
+FROM seconds GROUP BY second ORDER BY second"""
+
 DAMAGE = """
 SELECT log, d.kind, count(*) AS number, arg_min(line, line) AS first_line, arg_min(text, line) AS first
 FROM damage d JOIN runs r ON d.run = r.run GROUP BY log, d.kind ORDER BY number DESC, log, d.kind"""
+
+
+def _bars(up: str, sql: str) -> Chart:
+    return Chart(ChartKind.BARS, "", up, sql)
+
 
 REPORTS: Mapping[str, SeasonReport] = {
     "periods": SeasonReport(
         "Periods of messages, and their jitter",
         PERIODS,
-        Chart(
-            ChartKind.BARS, "", "jitter, ms", f"SELECT message, jitter_ms FROM ({PERIODS}) WHERE jitter_ms IS NOT NULL"
-        ),
+        _bars("jitter, ms", f"SELECT message, jitter_ms FROM ({PERIODS}) WHERE jitter_ms IS NOT NULL"),
     ),
     "answers": SeasonReport(
-        "From a request to its answer",
-        ANSWERS,
-        Chart(ChartKind.BARS, "", "95 % are faster, ms", f"SELECT answer, p95_ms FROM ({ANSWERS})"),
+        "From a request to its answer", ANSWERS, _bars("95 % are faster, ms", f"SELECT answer, p95_ms FROM ({ANSWERS})")
     ),
     "load": SeasonReport(
         "Bus load without stuff bits, and at most with them",
         LOAD,
-        Chart(
-            ChartKind.LINES,
-            "second of the log",
-            "bus load, %",
-            f'{SECONDS} SELECT second, avg(load) * 100 AS "mean of the logs", max(load) * 100 AS "highest" '
-            "FROM seconds GROUP BY second ORDER BY second",
-        ),
+        Chart(ChartKind.LINES, "second of the log", "bus load, %", LOAD_OVER_TIME),
     ),
     "damage": SeasonReport(
         "What is damaged, by log",
         DAMAGE,
-        Chart(ChartKind.BARS, "", "number", f"SELECT log || ': ' || kind, number FROM ({DAMAGE}) LIMIT 40"),
+        _bars("number", f"SELECT log || ': ' || kind, number FROM ({DAMAGE}) LIMIT 40"),
     ),
 }
 """Reports by name; `$bitrate` is in bit/s."""

@@ -10,11 +10,12 @@ import dataclasses
 import hashlib
 import json
 import types
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
-from functools import cache
+from functools import cache, partial
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Generic, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -28,86 +29,82 @@ from eurobot_od.support.texts import encodable
 # None, and records of all these are all that a record may have.
 
 
-SIMPLE: Mapping[object, pa.DataType] = {
-    int: pa.int64(),
-    float: pa.float64(),
-    str: pa.string(),
-    bool: pa.bool_(),
-    bytes: pa.binary(),
-    Path: pa.string(),
+class Form(NamedTuple):
+    """How values of a type are kept: the column, and how a value becomes what is in it, and back."""
+
+    column: pa.DataType
+    plain: Callable[[Any], Any] = lambda value: value
+    made: Callable[[Any], Any] = lambda value: value
+
+
+SIMPLE: Mapping[object, Form] = {
+    int: Form(pa.int64()),
+    float: Form(pa.float64()),
+    str: Form(pa.string(), encodable),
+    bool: Form(pa.bool_()),
+    bytes: Form(pa.binary()),
+    Path: Form(pa.string(), lambda value: encodable(str(value)), Path),
 }
 
 
 @cache
-def fields(record: Any) -> dict[str, Any]:
-    """Return the types of a record's fields by name."""
+def form_of(hint: Any) -> Form:
+    """Return the form of a type; that of what may be None is that of the type beside it."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        (hint,) = (each for each in arguments if each is not type(None))
+        form = form_of(hint)
+        return form._replace(plain=_unless_none(form.plain), made=_unless_none(form.made))
+    if hint in SIMPLE:
+        return SIMPLE[hint]
+    if origin in (list, tuple):
+        item = form_of(arguments[0])
+        return Form(
+            pa.list_(item.column),
+            lambda value: list(map(item.plain, value)),
+            lambda value: origin(map(item.made, value)),
+        )
+    if origin is dict:
+        item = form_of(arguments[1])
+        return Form(
+            pa.map_(pa.string(), item.column),
+            lambda value: [(key, item.plain(each)) for key, each in value.items()],
+            lambda value: {key: item.made(each) for key, each in value},
+        )
+    if issubclass(hint, Enum):
+        return Form(pa.string(), attrgetter("name"), hint.__getitem__)
+    return Form(pa.struct(list(schema(hint))), row, partial(record_of, hint))
+
+
+def _each(of: Callable[[Iterable[Any]], Any], convert: Callable[[Any], Any], values: Iterable[Any]) -> Any:
+    return of(map(convert, values))
+
+
+def _unless_none(convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return lambda value: None if value is None else convert(value)
+
+
+@cache
+def fields(record: Any) -> dict[str, Form]:
+    """Return the forms of a record's fields by name."""
     hints = get_type_hints(record)
-    if dataclasses.is_dataclass(record):
-        return {each.name: hints[each.name] for each in dataclasses.fields(record)}
-    names: Iterable[str] = record._fields  # a named tuple's
-    return {name: hints[name] for name in names}
+    names = [each.name for each in dataclasses.fields(record)] if dataclasses.is_dataclass(record) else record._fields
+    return {name: form_of(hints[name]) for name in names}
 
 
 def schema(record: type) -> pa.Schema:
     """Return the columns of a record."""
-    return pa.schema([(name, _column(hint)) for name, hint in fields(record).items()])
+    return pa.schema([(name, form.column) for name, form in fields(record).items()])
 
 
 def row(record: Any) -> dict[str, Any]:
     """Return a record as a row."""
-    return {name: _plain(getattr(record, name), hint) for name, hint in fields(type(record)).items()}  # type: ignore[arg-type]
+    return {name: form.plain(getattr(record, name)) for name, form in fields(type(record)).items()}  # type: ignore[arg-type]
 
 
 def record_of(record: type, row: Mapping[str, Any]) -> Any:
     """Return the record that a row was made of."""
-    return record(**{name: _made(row[name], hint) for name, hint in fields(record).items()})
-
-
-def _optional(hint: Any) -> Any:
-    """Return the type of what may be None, or the type itself."""
-    if get_origin(hint) in (Union, types.UnionType):
-        (hint,) = (each for each in get_args(hint) if each is not type(None))
-    return hint
-
-
-def _column(hint: Any) -> pa.DataType:
-    hint = _optional(hint)
-    if hint in SIMPLE:
-        return SIMPLE[hint]
-    if get_origin(hint) in (list, tuple):
-        return pa.list_(_column(get_args(hint)[0]))
-    if get_origin(hint) is dict:
-        return pa.map_(pa.string(), _column(get_args(hint)[1]))
-    if issubclass(hint, Enum):
-        return pa.string()
-    return pa.struct([(name, _column(each)) for name, each in fields(hint).items()])
-
-
-def _plain(value: Any, hint: Any) -> Any:
-    hint = _optional(hint)
-    if value is not None and hint in (str, Path):
-        return encodable(str(value))
-    if value is None or hint in SIMPLE:
-        return value
-    if get_origin(hint) in (list, tuple):
-        return [_plain(each, get_args(hint)[0]) for each in value]
-    if get_origin(hint) is dict:
-        return [(key, _plain(each, get_args(hint)[1])) for key, each in value.items()]
-    return value.name if issubclass(hint, Enum) else row(value)
-
-
-def _made(value: Any, hint: Any) -> Any:
-    hint = _optional(hint)
-    if value is None or (hint in SIMPLE and hint is not Path):
-        return value
-    origin = get_origin(hint)
-    if origin in (list, tuple):
-        return origin(_made(each, get_args(hint)[0]) for each in value)
-    if origin is dict:
-        return {key: _made(each, get_args(hint)[1]) for key, each in value}
-    if hint is Path:
-        return Path(value)
-    return hint[value] if issubclass(hint, Enum) else record_of(hint, value)
+    return record(**{name: form.made(row[name]) for name, form in fields(record).items()})
 
 
 def verified(file: Path, schema: pa.Schema) -> pa.Table | None:

@@ -65,21 +65,31 @@ UNITS = {"t": "s", "seconds": "s"}
 
 SUFFIX = ".parquet"
 
+TYPES: Mapping[str, pa.DataType] = {
+    name: type_
+    for type_, names in (
+        (pa.uint8(), ("node", "subindex", "register")),
+        (pa.uint16(), ("index", "code")),
+        (pa.uint32(), ("size", "abort")),
+        (pa.int64(), ("bytes", "frames", "damage")),
+        (pa.float64(), ("start", "end", "seconds")),
+        (pa.string(), ("run", "log", "format", "network", "eds")),
+        (pa.bool_(), ("whole",)),
+        (WORD, ("kind", "direction", "how", "state", "command")),
+        (TEXT, ("text", "object", "value", "abort_name", "words")),
+        (OCTETS, ("content", "info")),
+    )
+    for name in names
+}
+"""The types of the columns that the logs, damage and services have."""
+
+
+def _schema(*names: str, place: Iterable[pa.Field] = PLACE) -> pa.Schema:
+    return pa.schema([*place, *((name, TYPES[name]) for name in names)])
+
+
 SCHEMAS: Mapping[str, pa.Schema] = {
-    RUNS: pa.schema(
-        [
-            ("run", pa.string()),
-            ("log", pa.string()),
-            ("format", pa.string()),
-            ("bytes", pa.int64()),
-            ("start", pa.float64()),
-            ("end", pa.float64()),
-            ("frames", pa.int64()),
-            ("damage", pa.int64()),
-            ("network", pa.string()),
-            ("eds", pa.string()),
-        ]
-    ),
+    RUNS: _schema(*("run", "log", "format", "bytes", "start", "end", "frames", "damage", "network", "eds"), place=()),
     FRAMES: pa.schema(
         [
             *PLACE,
@@ -88,37 +98,14 @@ SCHEMAS: Mapping[str, pa.Schema] = {
             pa.field("remote", pa.bool_(), nullable=False),
         ]
     ),
-    DAMAGE: pa.schema([*PLACE, ("kind", WORD), ("text", TEXT)]),
-    SDO: pa.schema(
-        [
-            *PLACE,
-            ("node", pa.uint8()),
-            ("direction", WORD),
-            ("index", pa.uint16()),
-            ("subindex", pa.uint8()),
-            ("object", TEXT),
-            ("value", TEXT),
-            ("content", OCTETS),
-            ("size", pa.uint32()),
-            ("how", WORD),
-            ("seconds", pa.float64()),
-            ("whole", pa.bool_()),
-            ("abort", pa.uint32()),
-            ("abort_name", TEXT),
-        ]
+    DAMAGE: _schema("kind", "text"),
+    SDO: _schema(
+        *("node", "direction", "index", "subindex", "object", "value", "content", "size", "how", "seconds", "whole"),
+        *("abort", "abort_name"),
     ),
-    EMCY: pa.schema(
-        [
-            *PLACE,
-            ("node", pa.uint8()),
-            ("code", pa.uint16()),
-            ("register", pa.uint8()),
-            ("words", TEXT),
-            ("info", OCTETS),
-        ]
-    ),
-    HEARTBEAT: pa.schema([*PLACE, ("node", pa.uint8()), ("state", WORD)]),
-    NMT: pa.schema([*PLACE, ("node", pa.uint8()), ("command", WORD)]),
+    EMCY: _schema("node", "code", "register", "words", "info"),
+    HEARTBEAT: _schema("node", "state"),
+    NMT: _schema("node", "command"),
 }
 
 

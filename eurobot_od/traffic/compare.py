@@ -23,11 +23,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.kinds import kinds
-from eurobot_od.traffic.entries import REMEMBERED, Raw
+from eurobot_od.traffic.entries import REMEMBERED, Raw, Timed
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
-
-Timed: TypeAlias = tuple[float, Raw]
-"""A time in s, and what came then."""
 
 
 class ComparedEntry(NamedTuple):
@@ -190,9 +187,7 @@ class _Comparison:
         return abs(other.time - one.time) <= self._tolerances.time + 1e-9  # times are decimals of a microsecond
 
     def _alone(self, kind: DifferenceKind, seen: ComparedEntry) -> Difference:
-        meaning = self._meaning(seen)
-        text = with_defects(meaning) if meaning.defects else meaning.text
-        return Difference(seen.time, kind, self._name(seen), text)
+        return Difference(seen.time, kind, self._name(seen), with_defects(self._meaning(seen)))
 
     def _name(self, seen: ComparedEntry) -> str:
         """Return what a frame is called: its message, its identifier, or what is wrong with it."""

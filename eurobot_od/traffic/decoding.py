@@ -38,6 +38,7 @@ from eurobot_od.traffic.meaning import (
     texts_writer,
     with_defects,
     words_of,
+    wrong,
 )
 from eurobot_od.traffic.services import GUARDING, HEARTBEAT, LSS, NMT, SDO, guarding_words
 from eurobot_od.traffic.transfers import LssConfiguration, Transfers
@@ -107,9 +108,7 @@ class TextOutput(Output):
         self._several = several
 
     def row(self, meaning: Meaning) -> str:
-        name, text = meaning.name, meaning.text
-        if meaning.defects:
-            name, text = name or "?", with_defects(meaning)
+        name, text = meaning.name or "?" * bool(meaning.defects), with_defects(meaning)
         return one_line(f"{name.ljust(NAME_WIDTH)} {text}" if text else name)
 
     def rows_of(self, binding: Binding) -> Rows:
@@ -186,7 +185,7 @@ class JsonOutput(Output):
         if meaning.message is not None or meaning.fields:
             data["fields"] = _fields(meaning)
         if meaning.defects:
-            data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
+            data["damage"] = [{"kind": each.damage.value, "text": each.text} for each in meaning.defects]
         return _json(data)[1:]  # the writer opens the object with the place and the time
 
     def line_writer(self, log: str) -> WriteLine:
@@ -228,11 +227,9 @@ class CsvOutput(Output):
         self.header = ",".join(("log", "line", "timestamp", "channel", *FRAME, "text", "damage", *self._fields)) + "\n"
 
     def row(self, meaning: Meaning) -> str:
-        known = _identification(meaning)
-        fields = _fields(meaning)
-        damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
+        known, fields = _identification(meaning), _fields(meaning)
         head = [known.get(key, "") for key in FRAME]
-        return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])
+        return _joined([*head, meaning.text, wrong(meaning), *(fields.get(field, "") for field in self._fields)])
 
     def line_writer(self, log: str) -> WriteLine:
         start, quoted = _joined([log]), lru_cache(lambda channel: _joined([channel]))
@@ -313,7 +310,10 @@ class Follower:
         said = self._transfers.take(time, channel, end, frame.data)
         if not any(said):
             return meaning
-        self._learn(channel, said.ended)
+        ended = said.ended
+        # Of a write only what the device has confirmed.
+        if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
+            self._news(channel, self._in_force(channel).show(ended.end.server, ended.address, ended.content))
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         # The segments of a block look like any other command.
@@ -325,11 +325,6 @@ class Follower:
         """Yield the transfers that the end of the log cuts off, with channel and the last frame's meaning."""
         for key, transfer in self._transfers.unfinished():
             yield key[0], self._last[key], transfer
-
-    def _learn(self, channel: str, ended: SdoTransfer | None) -> None:
-        """Take in what a transfer shows of a device; of a write only what the device has confirmed."""
-        if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
-            self._news(channel, self._in_force(channel).show(ended.end.server, ended.address, ended.content))
 
     def _news(self, channel: str, is_news: bool) -> None:
         if is_news:
@@ -421,14 +416,12 @@ class InUse:
 
     def at_once(self, head: int | Raw) -> Rows | None:
         """Return what writes the frames of an identifier; None if they are decoded one by one."""
-        try:
-            return self._made[head]
-        except KeyError:
-            if not isinstance(head, int):
-                return None
+        if not isinstance(head, int):
+            return None
+        if head not in self._made:
             binding = self._bindings.get(head)
-            made = self._made[head] = self._rows_of(binding) if binding else None
-            return made
+            self._made[head] = self._rows_of(binding) if binding else None
+        return self._made[head]
 
 
 class Decoding:

@@ -7,11 +7,12 @@ has EXTENDED in its COB-ID.
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
 from itertools import chain
 from struct import error as StructError  # noqa: N812 (a class with a small name)
-from typing import Any, BinaryIO, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, HIGHEST_IDENTIFIER, MOST_BYTES, Frame, RemoteFrame
 
@@ -75,6 +76,9 @@ FOREIGN_FRAME = re.compile(r"(?P<identifier>[0-9A-F]{3}|[0-9A-F]{8})#(?:#[0-9A-F
 
 Raw: TypeAlias = Frame | Foreign
 
+Timed: TypeAlias = tuple[float, Raw]
+"""A time in s, and what came then."""
+
 LogEntry: TypeAlias = tuple[int, float, str, Raw]
 """One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what stands there."""
 
@@ -137,12 +141,9 @@ class Batch(NamedTuple):
 
     def grouped(self, places: Sequence[int]) -> dict[int | Raw, list[int]]:
         """Return some places, in their order, by their heads."""
-        groups: dict[int | Raw, list[int]] = {}
+        groups = defaultdict[int | Raw, list[int]](list)
         for place, head in zip(places, map(self.heads.__getitem__, places)):
-            try:
-                groups[head].append(place)
-            except KeyError:
-                groups[head] = [place]
+            groups[head].append(place)
         return groups
 
     def entries(self) -> Entries:
@@ -181,28 +182,46 @@ def gathered(entries: Entries, most: int) -> Iterator[Batch]:
         yield Batch.of(some)
 
 
-Read: TypeAlias = Callable[[BinaryIO, int], Entries]
-"""A reader of a format: an open file, and the most bytes of a line or record, in; entries out."""
-
 BAD = (ValueError, LookupError, TypeError, ArithmeticError, StructError)
 """What a reader raises for an entry that it cannot read."""
 
 Item = TypeVar("Item")
 
 
-def read_each(items: Iterable[Item], entry: Callable[[Item], tuple[float, str, Raw]]) -> Entries:
+Reason: TypeAlias = Callable[[Exception], Foreign | None]
+"""Says of an error why a log cannot be read any further; None for any other error."""
+
+
+def read_each(items: Iterable[Item], entry: Callable[[Item], tuple[float, str, Raw]], reason: Reason) -> Entries:
     """Read items of a log; `entry` gives time in s, channel and what stands there, or raises one of BAD.
 
-    A bad one is Foreign, with the time of the entry before, and costs no other.
+    A bad one is Foreign, with the time of the entry before, and costs no other. Where the items themselves end with an
+    error that has a `reason`, the last entry is that.
     """
-    time = 0.0
-    for number, item in enumerate(items, 1):
-        try:
-            time, channel, raw = entry(item)
-        except BAD as error:
-            yield number, time, "", Foreign(Damage.UNREADABLE, shortened(str(error)))
-        else:
-            yield number, time, channel, raw
+    number, time = 0, 0.0
+    try:
+        for number, item in enumerate(items, 1):
+            try:
+                time, channel, raw = entry(item)
+            except BAD as error:
+                yield number, time, "", Foreign(Damage.UNREADABLE, shortened(str(error)))
+            else:
+                yield number, time, channel, raw
+    except Exception as error:
+        if (why := reason(error)) is None:
+            raise
+        yield number + 1, time, "", why
+
+
+def ends_within(what: str, *more: type[Exception]) -> Reason:
+    """Return the reasons of a file of records: it ends within one, which `more` errors show, too, or is not one."""
+
+    def reason(error: Exception) -> Foreign | None:
+        if isinstance(error, (EOFError, StructError, *more)):
+            return Foreign(Damage.CUT_OFF, f"the file ends in the middle of {what}")
+        return Foreign(Damage.UNREADABLE, str(error)) if isinstance(error, ValueError) else None
+
+    return reason
 
 
 def seconds(text: bytes | float) -> float:
@@ -231,18 +250,18 @@ def recorded(
     identifier: int,
     data: bytes,
     length: int,
-    extended: object,
-    remote: object,
-    error: object,
-    is_fd: bool = False,
+    extended: Any,
+    remote: Any = False,
+    error: Any = False,
+    is_fd: Any = False,
 ) -> Raw:
-    """Return what python-can has recorded; raises ValueError for a length that its data does not have."""
-    if length != len(data) and not (remote or error):
-        raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
+    """Return what a program has recorded; raises ValueError for a length that its data does not have."""
     if error:
-        return foreign(Damage.ERROR_FRAME, identifier, data)
-    if is_fd or len(data) > MOST_BYTES:  # its tables do not say that a frame is one of CAN FD; its length does
+        return foreign(Damage.ERROR_FRAME, identifier, data, extended)
+    if is_fd or len(data) > MOST_BYTES:  # not every table says that a frame is one of CAN FD; its length does
         return foreign(Damage.FD, identifier, data, extended)
+    if length != len(data) and not remote:
+        raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
     return frame(identifier, data, extended, length if remote else None)
 
 

@@ -76,9 +76,8 @@ class Condition(NamedTuple):
         """Return whether it holds; "unknown" is neither less nor greater than anything."""
         found = getattr(message, self.field)
         # None, for "unknown", would raise if it were compared by its order.
-        if found is None or self.value is None:
-            return self.compare(found, self.value) if self.compare in (operator.eq, operator.ne) else False
-        return self.compare(found, self.value)
+        is_ordered = self.compare not in (operator.eq, operator.ne)
+        return not (is_ordered and None in (found, self.value)) and self.compare(found, self.value)
 
 
 def by_value(text: str, protocol: Protocol) -> Wanted:
@@ -148,11 +147,7 @@ class Window(NamedTuple):
 # Who sends what, as far as the files of the devices name it; NMT commands and SDO requests have no name here
 
 
-OWN_SERVICES = (
-    (EMCY, values.EMCY_BASE),
-    (SDO_ANSWERS, values.SDO_RESPONSE_BASE),
-    (None, values.ERROR_CONTROL_BASE),
-)
+OWN_SERVICES = ((EMCY, values.EMCY_BASE), (SDO_ANSWERS, values.SDO_RESPONSE_BASE), (None, values.ERROR_CONTROL_BASE))
 """What a device sends besides messages: the object with its identifier, and the predefined identifier."""
 
 

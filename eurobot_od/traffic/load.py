@@ -157,11 +157,14 @@ class Bound(NamedTuple):
     message of its own node that can fill the last mailbox; None if there is no such message.
     """
 
-    response: int | None
-    waiting: int | None
-    busy: int | None
-    blocking: int | None
+    response: int | None = None
+    waiting: int | None = None
+    busy: int | None = None
+    blocking: int | None = None
     inversion: int | None = None
+
+
+UNBOUND = Bound()
 
 
 class Interference(NamedTuple):
@@ -182,17 +185,6 @@ class Interference(NamedTuple):
 
 Waits: TypeAlias = tuple[int, int, int]
 """A message that another waits for: its bits, its period, and how long before an instance may have fallen due."""
-
-
-class Times(NamedTuple):
-    """The times of a Bound."""
-
-    response: int | None = None
-    waiting: int | None = None
-    busy: int | None = None
-
-
-NO_TIMES = Times()
 
 
 class Analysis:
@@ -232,18 +224,15 @@ class Analysis:
     def _level(self, place: int) -> Interference:
         message = self.messages[place]
         # `<=`, as two nodes may send one identifier: each then waits for the other.
-        others = tuple(
-            n for n, each in enumerate(self.messages) if each.identifier <= message.identifier and n != place
-        )
+        urgent = [n for n, each in enumerate(self.messages) if each.identifier <= message.identifier]
+        others = tuple(n for n in urgent if n != place)
         less = [n for n, each in enumerate(self.messages) if each.identifier > message.identifier]
         # One of them at most: it has begun before the message falls due, and the next arbitration is the message's.
         blocking = max(less, key=lambda n: self.messages[n].bits, default=None)
         blocked = 0 if blocking is None else self.messages[blocking].bits
-        level = [message, *(self.messages[n] for n in others)]
-        recovery = RECOVERY_BITS + max(each.bits for each in level)
-        load = self._share(self.messages[n] for n in others) + Fraction(
-            self.errors.number * recovery, self.errors.interval
-        )
+        recovery = RECOVERY_BITS + max(self.messages[n].bits for n in urgent)
+        load = Fraction(self.errors.number * recovery, self.errors.interval)
+        load += self._share(self.messages[n] for n in others)
         return Interference(message, others, blocking, blocked, load + self._share([message]), load, recovery)
 
     def _share(self, messages: Iterable[PeriodicMessage]) -> Fraction:
@@ -304,13 +293,16 @@ class _Solution:
     def _solve(self) -> None:
         self._times = []
         for level, own in zip(self._levels, self._jitters):
-            others = [(self._messages[n], jitter) for n in level.others if (jitter := self._jitters[n]) is not None]
-            if own is None or len(others) < len(level.others) or level.load >= FULL:
-                self._times.append(NO_TIMES)  # no bound either where a more urgent message has none
-            else:
-                waits = [(each.bits, each.period, jitter) for each, jitter in others]
-                self._times.append(_times(level, own, waits, self._errors))
+            waits = self._waits(level, level.others, self._jitters)
+            bounded = waits is not None and own is not None
+            self._times.append(_times(level, own or 0, waits or [], self._errors) if bounded else UNBOUND)
         self._in_mailbox = {n: self._mailbox_time(n) for n in {each for rivals in self._rivals for each in rivals}}
+
+    def _waits(self, level: Interference, places: Sequence[int], early: Sequence[int | None]) -> list[Waits] | None:
+        """Return what a message waits for; None where a bus is full, or one of those has no bound either."""
+        others = [(self._messages[n], each) for n in places if (each := early[n]) is not None]
+        waits = [(message.bits, message.period, each) for message, each in others]
+        return waits if len(waits) == len(places) and level.load < FULL else None
 
     @property
     def late(self) -> frozenset[str]:
@@ -321,7 +313,7 @@ class _Solution:
     def bounds(self) -> tuple[Bound, ...]:
         """Return what is proved."""
         return tuple(
-            Bound(*times, level.blocking, max(rivals, key=self._waiting, default=None))
+            times._replace(blocking=level.blocking, inversion=max(rivals, key=self._waiting, default=None))
             for times, level, rivals in zip(self._times, self._levels, self._rivals)
         )
 
@@ -341,15 +333,14 @@ class _Solution:
     def _mailbox_time(self, place: int) -> int | None:
         level = self._levels[place]
         outside = [n for n in level.others if self._messages[n].node != level.message.node]
-        others = [(self._messages[n], response) for n in outside if (response := self._times[n].response) is not None]
-        if len(others) < len(outside) or level.load >= FULL:
+        waits = self._waits(level, outside, [each.response for each in self._times])
+        if waits is None:
             return None
-        waits = [(each.bits, each.period, response) for each, response in others]
         queued = _least(_queued(level, 0, waits, self._errors), level.blocked, 0, level.load)
         return None if queued is None else queued + level.message.bits
 
 
-def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: ErrorRate) -> Times:
+def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: ErrorRate) -> Bound:
     """Solve the equations of one message."""
     bits, period = level.message.bits, level.message.period
     behind = sum(j * c // t for c, t, j in others)  # rounded down, so that no search starts beyond its solution
@@ -360,7 +351,7 @@ def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: Er
 
     busy = _least(in_busy_period, bits, level.blocked + behind, level.load)
     if busy is None or busy + jitter > INSTANCES * period:
-        return NO_TIMES
+        return UNBOUND
     response = waiting = queued = 0
     for instance in range(_ceil(busy + jitter, period)):
         ahead = instance * bits
@@ -368,11 +359,11 @@ def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: Er
             _queued(level, ahead, others, errors), queued, level.blocked + ahead + behind, level.load_of_others
         )
         if found is None:
-            return NO_TIMES
+            return UNBOUND
         queued = found  # w grows with the instance, so the search for the next one starts here
         sent, due = queued + bits, instance * period - jitter
         response, waiting = max(response, sent - due), max(waiting, sent - max(due, 0))
-    return Times(response, waiting, busy)
+    return Bound(response, waiting, busy)
 
 
 def _queued(level: Interference, ahead: int, others: Sequence[Waits], errors: ErrorRate) -> Callable[[int], int]:
@@ -479,18 +470,11 @@ def table(report: LoadReport) -> Iterator[str]:
     lines: list[tuple[str, ...]] = [HEADINGS]
     for row in report.rows:
         message, left = row.message, row.margin
-        lines.append(
-            (
-                f"{message.identifier:03X}",
-                message.name,
-                message.node,
-                ms(message.period),
-                NO_BOUND if row.response is None else ms(row.response),
-                ms(message.deadline),
-                MISSED if left is None else f"{MISSED} {ms(left)}" if left < 0 else ms(left),
-                held_up_by(row),
-            )
-        )
+        response = NO_BOUND if row.response is None else ms(row.response)
+        margin = MISSED if left is None else f"{MISSED} {ms(left)}" if left < 0 else ms(left)
+        held_up = ", ".join(filter(None, (row.blocking, row.inversion and f"{row.inversion} in the mailboxes")))
+        times = ms(message.period), response, ms(message.deadline), margin
+        lines.append((f"{message.identifier:03X}", message.name, message.node, *times, held_up))
     yield from columns(lines, "lllrrrr")
     yield ""
     yield summary(report)
@@ -511,13 +495,6 @@ def too_slow(messages: MessageSet) -> Iterator[str]:
             yield f"the EDS files offer a bit rate that is too slow: {summary(report)}"
 
 
-def held_up_by(row: BoundRow) -> str:
-    """Say which less urgent frames a message may have to wait for."""
-    parts = [row.blocking] if row.blocking else []
-    parts += [f"{row.inversion} in the mailboxes"] if row.inversion else []
-    return ", ".join(parts)
-
-
 def ms(microseconds: int) -> str:
     """Write microseconds as milliseconds."""
     return f"{microseconds / 1000:.2f}"
@@ -533,26 +510,16 @@ def as_data(report: LoadReport) -> dict[str, Any]:
         "load": round(float(report.load), 6),
         "busy_us": report.busy,
         "deadlines_met": report.holds,
-        "messages": [
-            {
-                "name": row.message.name,
-                "identifier": row.message.identifier,
-                "node": row.message.node,
-                "length": row.message.length,
-                "bits": row.message.bits,
-                "period_us": row.message.period,
-                "jitter_us": row.message.jitter,
-                "answers": row.message.answers or None,
-                "deadline_us": row.message.deadline,
-                "response_us": row.response,
-                "margin_us": row.margin,
-                "blocking": row.blocking or None,
-                "inversion": row.inversion or None,
-                "reason": row.message.reason,
-            }
-            for row in report.rows
-        ],
+        "messages": list(map(_row_data, report.rows)),
     }
+
+
+def _row_data(row: BoundRow) -> dict[str, Any]:
+    message = row.message
+    said = {name: getattr(message, name) for name in ("name", "identifier", "node", "length", "bits", "reason")}
+    said |= {f"{name}_us": getattr(message, name) for name in ("period", "jitter", "deadline")}
+    said |= {"response_us": row.response, "margin_us": row.margin, "answers": message.answers or None}
+    return said | {"blocking": row.blocking or None, "inversion": row.inversion or None}
 
 
 # As a chart: a bar for each message, up to its bound, and a mark at its deadline, on a log scale
@@ -632,7 +599,7 @@ def network_set(
     if missing:
         where = "`traffic` of the network file, or of the table that it is made from"
         raise LocalError(f"no period is known of {', '.join(missing)}; say it in {where}")
-    mailboxes = {device.name: count for device in devices if (count := _mailboxes(device))}
+    mailboxes = {device.name: count for device in devices if (count := _setting(device, MAILBOXES))}
     bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
     rates = [set(device.objects.device_information.allowed_baudrates) for device in devices]
     offered = tuple(sorted(set.intersection(*rates))) if rates else ()
@@ -643,9 +610,9 @@ def network_set(
     return MessageSet(tuple(urgent_first), mailboxes, bit_rate=bit_rate, offered=offered)
 
 
-def _mailboxes(device: Dictionary) -> int | None:
+def _setting(device: Dictionary, name: str) -> int | None:
     try:
-        return device.number(device.address(MAILBOXES))
+        return device.number(device.address(name))
     except DictionaryError:  # no device has to have such a setting
         return None
 
@@ -712,9 +679,8 @@ class _Rows:
 
     def refuse_unknown(self, known: set[str]) -> None:
         """Refuse a row of a message that no node sends."""
-        for name in self._rows:
-            if name not in known:
-                raise self._error(name, f"traffic of {name!r}, which no node sends")
+        for name in (each for each in self._rows if each not in known):
+            raise self._error(name, f"traffic of {name!r}, which no node sends")
 
     def sent(self, name: str, message: PeriodicMessage) -> Iterator[PeriodicMessage]:
         """Give a message as its row says, if there is one."""
@@ -734,11 +700,10 @@ class _Rows:
                 raise self._error(row.answers, f"{name!r} answers {row.answers!r}, which has no period")
             met.add(row.answers)
             row = self._rows[row.answers]
-        period = self._time(row.every, "") if row.every else 0
-        if not period:
-            raise self._error(
-                row.every or name, f"{name!r} has a period of 0" if row.every else f"{name!r} has no period"
-            )
+        if not row.every:
+            raise self._error(name, f"{name!r} has no period")
+        if not (period := self._time(row.every, "")):
+            raise self._error(row.every, f"{name!r} has a period of 0")
         return period
 
     def _time(self, text: str, node: str) -> int:
@@ -746,11 +711,7 @@ class _Rows:
         if texts.is_duration(text):
             return texts.microseconds(text)
         for device in sorted(self._devices, key=lambda each: each.name != node):
-            try:
-                number = device.number(device.address(text))
-            except DictionaryError:
-                continue
-            if number is not None:
+            if (number := _setting(device, text)) is not None:
                 return number * MS
         raise self._error(text, f"{text!r} is neither a duration nor a setting of a device")
 

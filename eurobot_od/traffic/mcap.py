@@ -7,6 +7,7 @@ that goes into a channel of its own; the caller says which message draws what.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import IO, Any, NamedTuple
 
@@ -28,14 +29,9 @@ SCHEMA = "jsonschema"
 DAMAGE = "damage"
 
 TYPES: Mapping[ColumnForm, str] = {
-    ColumnForm.NUMBER: "number",
-    ColumnForm.BITS: "string",
-    ColumnForm.SCALED: "number",
+    **dict.fromkeys((ColumnForm.NUMBER, ColumnForm.SCALED, ColumnForm.REAL), "number"),
+    **dict.fromkeys((ColumnForm.BITS, ColumnForm.WORD, ColumnForm.TEXT, ColumnForm.OCTETS), "string"),
     ColumnForm.BOOLEAN: "boolean",
-    ColumnForm.WORD: "string",
-    ColumnForm.REAL: "number",
-    ColumnForm.TEXT: "string",
-    ColumnForm.OCTETS: "string",
 }
 """JSON types of field values, as `Kind.plain` writes them."""
 
@@ -53,7 +49,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     writer = Writer(file)
     writer.start(library="eurobot-od")
     channels = _Channels(writer, drawings)
-    written, latest = Written(), 0.0
+    counts, latest = Counter[str](), 0.0
     following = Following(decoder)
     for line, time, channel, raw in entries:
         meaning = following(time, channel, raw)
@@ -67,13 +63,11 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
         for name, content in made:
             channels.add(name, content, time, meaning)
         names = [name for name, _ in made]
-        written = Written(
-            written.messages + (meaning.name in names and meaning.message is not None),
-            written.drawings + sum(name.endswith(DRAWN) for name in names),
-            written.damage + (DAMAGE in names),
-        )
+        counts["messages"] += meaning.name in names and meaning.message is not None
+        counts["drawings"] += sum(name.endswith(DRAWN) for name in names)
+        counts["damage"] += DAMAGE in names
     writer.finish()  # type: ignore[no-untyped-call]
-    return written
+    return Written(**counts)
 
 
 DRAWN = "/drawing"

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from struct import unpack
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import EXTENDED, MOST_BYTES, Frame, RemoteFrame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.pdos import OnRefused, fatal
+from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import ALL_NODES, Address, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import compiled, extract
@@ -24,24 +24,10 @@ from eurobot_od.pdo.in_force import InForce
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, OutOfRange, flagged_fields
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
+from eurobot_od.traffic import services
 from eurobot_od.traffic.dbc import ForeignMessage
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
-from eurobot_od.traffic.services import (
-    GUARDING,
-    HEARTBEAT,
-    READ,
-    SDO,
-    WRITE,
-    CanopenService,
-    Fields,
-    SdoEnd,
-    abort_fields,
-    content_fields,
-    object_words,
-    plain,
-    services,
-    value_words,
-)
+from eurobot_od.traffic.services import GUARDING, HEARTBEAT, SDO, CanopenService, Fields, SdoEnd, plain
 
 CANOPEN = "CANopen"
 """The group of the services, as messages have theirs in the catalogue."""
@@ -54,25 +40,15 @@ REQUEST = "remote frame: asks for it"
 
 
 class Defect(NamedTuple):
-    """One thing that is wrong with a frame, and what exactly."""
+    """One thing that is wrong with a frame, what exactly, and the likely reason, empty if there are too many."""
 
     damage: Damage
     text: str
-
-    @property
-    def reason(self) -> str:
-        """The likely reason, empty if there are too many."""
-        return ""
+    reason: str = ""
 
 
-class Contradiction(Defect):
-    """A frame of a length that its PDO's mapping cannot have."""
-
-    __slots__ = ()
-
-    @property
-    def reason(self) -> str:
-        return "the device is likely mapped otherwise than its file says: `pdo NODE` or `monitor --ask` shows how"
+MAPPED_OTHERWISE = "the device is likely mapped otherwise than its file says: `pdo NODE` or `monitor --ask` shows how"
+"""Why a frame has a length that its PDO's mapping cannot have."""
 
 
 class SdoTransfer(NamedTuple):
@@ -99,13 +75,17 @@ class SdoTransfer(NamedTuple):
     def fields(self) -> Fields:
         """What it was, as data."""
         said: Fields = {"node": self.end.server} if self.end else {}
-        said |= {"direction": READ if self.is_upload else WRITE, "how": self.how, "seconds": self.seconds}
+        said |= {
+            "direction": services.READ if self.is_upload else services.WRITE,
+            "how": self.how,
+            "seconds": self.seconds,
+        }
         said["size"] = self.size
         if self.address is not None:
             said |= {"index": self.address[0], "subindex": self.address[1]}
             if self.content is not None:
-                said |= content_fields(self.end and self.end.dictionary, self.address, self.content)
-        return said if self.aborted is None else said | abort_fields(self.aborted)
+                said |= services.content_fields(self.end and self.end.dictionary, self.address, self.content)
+        return said if self.aborted is None else said | services.abort_fields(self.aborted)
 
 
 class Meaning(NamedTuple):
@@ -141,10 +121,16 @@ class Meaning(NamedTuple):
         return self.message is not None or all(each.damage is Damage.INCOMPLETE for each in self.defects)
 
 
+def wrong(meaning: Meaning) -> str:
+    """Say what is wrong with a frame; empty if nothing is."""
+    return "; ".join(f"{each.damage.value}: {each.text}" for each in meaning.defects)
+
+
 def with_defects(meaning: Meaning) -> str:
-    """Write a damaged frame as far as it could be read, and after `!` what is wrong with it."""
-    wrong = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
-    return f"{meaning.text}  ! {wrong}" if meaning.is_read else f"! {wrong}"
+    """Write a frame as far as it could be read, and after `!` what is wrong with it."""
+    if not meaning.defects:
+        return meaning.text
+    return f"{meaning.text}  ! {wrong(meaning)}" if meaning.is_read else f"! {wrong(meaning)}"
 
 
 class Decoder:
@@ -183,7 +169,7 @@ class Decoder:
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
         """The services by identifier; made late, as many logs have none."""
-        return services(self.dictionaries, self.errors, self._master, self.learned)
+        return services.services(self.dictionaries, self.errors, self._master, self.learned)
 
     @cached_property
     def errors(self) -> ErrorWords:
@@ -193,7 +179,7 @@ class Decoder:
     @cached_property
     def _unmapped(self) -> Unmapped:
         """What PDOs there are besides the messages; asked only for what is neither a message nor a service."""
-        return Unmapped.of(self.dictionaries)
+        return Unmapped(self.dictionaries)
 
     def __call__(self, raw: Raw) -> Meaning:
         """Return the meaning of a frame."""
@@ -265,7 +251,8 @@ class Decoder:
             text = found.text(frame.data)
         # Where there is no file, PDOs are told apart by identifier and length.
         name = found.name if self.dictionaries else f"{found.name}, {amount(len(frame.data), 'byte')}"
-        return Meaning(frame, name, "", found.nodes, None, text, defects, sender=found.sender)
+        sender = found.nodes[0] if found.is_sent else ""
+        return Meaning(frame, name, "", found.nodes, None, text, defects, sender=sender)
 
     def _request(self, frame: RemoteFrame) -> Meaning:
         """Return the meaning of a remote frame: it asks for the frame of its identifier."""
@@ -302,7 +289,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         try:
             message = decode(data)
         except FrameLengthError as error:
-            defect = Contradiction(Damage.WRONG_LENGTH, str(error))
+            defect = Defect(Damage.WRONG_LENGTH, str(error), MAPPED_OTHERWISE)
             return Meaning(frame, name, group, nodes, None, str(error), (defect,), sender=sender)
         defects: tuple[Defect, ...] = ()
         # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
@@ -393,7 +380,7 @@ def _field_text(binding: Binding, field: str, number: int, names: dict[str, Any]
 def _defects(frame: Frame, message: Message, binding: Binding, allowed: Callable[[str], str]) -> Iterator[Defect]:
     if len(frame.data) > binding.layout.length:
         error = FrameLengthError(binding.name, frame.cob_id, len(frame.data), str(binding.layout.length))
-        yield Contradiction(Damage.WRONG_LENGTH, f"{error}; read all the same")
+        yield Defect(Damage.WRONG_LENGTH, f"{error}; read all the same", MAPPED_OTHERWISE)
     for field in flagged_fields(message):
         value = int(getattr(message, field))
         yield Defect(Damage.OUT_OF_RANGE, f"{binding.name}: {field} = {value}, allowed: {allowed(field)}")
@@ -465,42 +452,31 @@ class OtherPdo(NamedTuple):
     why: str = ""
     length: int | None = None
 
-    @property
-    def sender(self) -> str:
-        """Who sends it; empty if that is not known."""
-        return self.nodes[0] if self.is_sent else ""
+
+def _is_sent(pdo: Pdo) -> bool:
+    return pdo.direction is PdoDirection.TPDO
 
 
 class Unmapped:
     """The PDOs by identifier that are not messages, and guesses for identifiers of the predefined connection set."""
 
-    def __init__(self, known: Mapping[int, OtherPdo], nodes: Mapping[int, str]) -> None:
-        self._known, self._nodes = known, nodes
-
-    @classmethod
-    def of(cls, dictionaries: Iterable[Dictionary]) -> Self:
-        """Return those of some devices."""
+    def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
         devices = {each.node_id: each for each in dictionaries}
-        pdos = [
-            (each, pdo)
-            for each in devices.values()
-            for pdo in each.read_pdos(each.default, lambda _: None, listening=True)
-            if pdo.cob_id
-        ]
-        known: dict[int, OtherPdo] = {}
-        for device, pdo in pdos:
-            is_sent = pdo.direction is PdoDirection.TPDO
+        self._nodes = {node_id: each.name for node_id, each in devices.items()}
+        self._known: dict[int, OtherPdo] = {}
+        read = ((each, each.read_pdos(each.default, lambda _: None, listening=True)) for each in devices.values())
+        pdos = [(device, pdo) for device, found in read for pdo in found if pdo.cob_id]
+        # Valid ones last, and of these the senders, as they know what they send.
+        for device, pdo in sorted(pdos, key=lambda each: (each[1].valid, each[1].valid and _is_sent(each[1]))):
             if not pdo.valid:
                 why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
-                known[pdo.cob_id] = OtherPdo(pdo.title, (device.name,), plain, is_sent, Damage.SWITCHED_OFF, why)
-        # Senders last, as they know what they send.
-        for device, pdo in sorted(pdos, key=lambda each: each[1].direction is PdoDirection.TPDO):
-            is_sent = pdo.direction is PdoDirection.TPDO
-            if pdo.valid and pdo.multiplex is not None:
-                name = f"{device.name}.{pdo.key}"
-                text = partial(_mpdo_words, devices)
-                known[pdo.cob_id] = OtherPdo(name, (device.name,), text, is_sent, length=MPDO_LENGTH)
-        return cls(known, {node_id: each.name for node_id, each in devices.items()})
+                known = OtherPdo(pdo.title, (device.name,), plain, _is_sent(pdo), Damage.SWITCHED_OFF, why)
+            elif pdo.multiplex is not None:
+                words = partial(_mpdo_words, devices)
+                known = OtherPdo(f"{device.name}.{pdo.key}", (device.name,), words, _is_sent(pdo), length=MPDO_LENGTH)
+            else:
+                continue
+            self._known[pdo.cob_id] = known
 
     def is_in_file(self, cob_id: int) -> bool:
         """Whether a file says what an identifier is for."""
@@ -548,4 +524,4 @@ def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
     type_ = values.DATA_TYPES.get(variable.data_type or 0) if variable else None
     # A shorter object has the first of the four bytes; how many, is unknown for a type without a size.
     size = type_.size if type_ and 0 < type_.size < 4 else 4
-    return f"{object_words(device, address)} {whose} = {value_words(device, address, octets[:size])}"
+    return f"{services.object_words(device, address)} {whose} = {services.value_words(device, address, octets[:size])}"

@@ -25,7 +25,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import GAP, amount, columns, one_line
 from eurobot_od.traffic.decoding import Following
-from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw, shortened
+from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw, Timed, shortened
 from eurobot_od.traffic.formats.python_can import of_message
 from eurobot_od.traffic.load import MessageSet
 from eurobot_od.traffic.meaning import CANOPEN, REQUEST, DamageCounts, Decoder, Meaning, with_defects
@@ -146,6 +146,7 @@ class Traffic:
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | str | Damage | tuple[str, int | str | Damage], MonitorRow] = {}
         self.health = NodesHealth(decoder.dictionaries)
+        self.nodes = self.health.nodes
         self.damage = DamageCounts()
         self.frames = 0
         self.now = 0.0
@@ -191,11 +192,6 @@ class Traffic:
         self.health.take(time, meaning)
         return meaning
 
-    @property
-    def nodes(self) -> Mapping[str, NodeHealth]:
-        """How each node is."""
-        return self.health.nodes
-
     def clear(self) -> None:
         """Forget what was counted."""
         # Not the frames and bits of all: the load is a difference between two of their counts.
@@ -228,7 +224,7 @@ SORTS: Mapping[str, Callable[[MonitorRow], Any]] = {
     "identifier": lambda row: (row.identifier is None, row.identifier or 0),
     "name": lambda row: row.name.casefold(),
     "count": lambda row: -row.count,
-    "period": lambda row: row.period.mean if row.period else float("inf"),
+    "period": lambda row: row.period.mean if row.period else inf,
     "age": lambda row: -row.last,
     "wrong": lambda row: -row.wrong,
 }
@@ -276,19 +272,8 @@ def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
     period = row.period
     every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
     age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer do not run alike
-    return (
-        f"{one_line(row.channel)} {identifier}".strip(),
-        one_line(row.name),
-        str(row.count),
-        every,
-        age,
-        one_line(values(row)),
-    )
-
-
-def values(row: MonitorRow) -> str:
-    """Write the last values and what is wrong with them."""
-    return with_defects(row.meaning) if row.meaning.defects else row.meaning.text
+    place, name, values = f"{row.channel} {identifier}".strip(), row.name, with_defects(row.meaning)
+    return one_line(place), one_line(name), str(row.count), every, age, one_line(values)
 
 
 def health(name: str, node: NodeHealth, now: float) -> str:
@@ -359,9 +344,6 @@ KEYS: Mapping[str, Callable[[Controls], Mapping[str, object]]] = {
 """What the keys change while no filter is being typed."""
 
 
-Timed: TypeAlias = tuple[float, Raw]
-"""A time in s, and what came then."""
-
 Place: TypeAlias = tuple[str, int]
 """A log, and a line of it."""
 
@@ -424,14 +406,11 @@ class BusSource:
         self._overflow, self._noted, self._given = 0, -inf, 0.0
         self._leaving = ExitStack()
 
-        def take(time: float, frame: Frame) -> None:
-            self._enter(time, frame)
-
         def back(gap: float) -> None:
             self.trouble, self._restarted = "", True
             self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
 
-        watch = FrameReader(bus, take, None, self._fail, self._take_foreign, opener=opener, back=back)
+        watch = FrameReader(bus, self._enter, None, self._fail, self._take_foreign, opener=opener, back=back)
         self._watch = self._leaving.enter_context(watch)
 
     def _fail(self, why: BusError) -> None:
@@ -559,13 +538,13 @@ class LogSource:
     @property
     def now(self) -> float:
         """The present in s, by the log's clock."""
-        if self.ended or self._speed == float("inf"):
+        if self.ended or self._speed == inf:
             return self._last
         return self._first + (self._clock() - self._started) * self._speed
 
     def pause(self, longest: float) -> float:
         """Return how long to wait before the next poll, s."""
-        return 0.0 if self._speed == float("inf") else longest
+        return 0.0 if self._speed == inf else longest
 
     def close(self) -> None:
         """Close the logs."""
@@ -573,7 +552,7 @@ class LogSource:
 
     def poll(self) -> Iterator[Timed]:
         """Return the entries whose time has come."""
-        until = float("inf") if self._speed == float("inf") else self.now
+        until = inf if self._speed == inf else self.now
         for _ in range(AT_ONCE):
             if self._next is None or self._next[1][1] > until:
                 break

@@ -130,14 +130,9 @@ class Lines:
 
         from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED
 
-        message = Message(
-            timestamp=time,
-            arbitration_id=frame.cob_id & HIGHEST_EXTENDED,
-            is_extended_id=frame.cob_id >= EXTENDED,
-            is_remote_frame=frame.is_remote,
-            dlc=len(frame.data),
-            data=None if frame.is_remote else frame.data,
-        )
+        identifier, extended = frame.cob_id & HIGHEST_EXTENDED, frame.cob_id >= EXTENDED
+        length, data = len(frame.data), None if frame.is_remote else frame.data
+        message = Message(time, identifier, extended, frame.is_remote, dlc=length, data=data)
         with self._lock:
             if self.failure is None and not self._over.is_set():
                 self._try(lambda: self._writer(message))

@@ -14,54 +14,14 @@ from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, sdo_channels
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.standard import (
-    ANY_BIT,
-    AUTOMATIC,
-    BIT_RATES,
-    EMCY,
-    IDENTITY_RANGE,
-    LSS_IDENTITY,
-    SRDO_DATA,
-    SRDO_DIRECTION,
-    SRDO_INVERTED,
-    SRDOS,
-    SYNC,
-    SYNC_PRODUCER,
-    TIME,
-    UNCONFIGURED,
-    Lss,
-    LssState,
-    refusal_words,
-)
+from eurobot_od.od.standard import LSS_IDENTITY, Lss, LssState
 from eurobot_od.od.values import ALL_NODES, Address, Value
 from eurobot_od.od.values import text as time_text
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.protocol import ErrorWords
-from eurobot_od.sdo.wire import (
-    ABORT,
-    ANSWER_SUB_COMMAND,
-    BLOCK_SIZE_GIVEN,
-    EXPEDITED,
-    LAST,
-    REQUEST_SUB_COMMAND,
-    Block,
-    ClientCommand,
-    Initiate,
-    ServerCommand,
-    code_and_reason,
-    part_in,
-    reason,
-)
+from eurobot_od.sdo import wire
+from eurobot_od.sdo.wire import Block, ClientCommand, Initiate, ServerCommand
 from eurobot_od.traffic.entries import MASTER
-
-SdoText: TypeAlias = Callable[["Dictionary | None", bytes], str]
-Commands: TypeAlias = Mapping[int, SdoText]
-
-
-def frame_words(commands: Commands, dictionary: Dictionary | None, data: bytes) -> str:
-    """Say what an SDO frame asks or answers; `commands` are those of its direction."""
-    text = commands.get(data[0] >> 5)
-    return text(dictionary, data) if text else f"command {data[0] >> 5}"
 
 
 def object_words(dictionary: Dictionary | None, address: Address) -> str:
@@ -89,93 +49,106 @@ def value_words(dictionary: Dictionary | None, address: Address, octets: bytes) 
     return with_words(value.hex(" ") if isinstance(value, bytes) else str(value), said)
 
 
-def _segment(_: Dictionary | None, data: bytes) -> str:
-    return f"segment of {len(part_in(data))} bytes" + ", the last" * (data[0] & LAST)
+READ, WRITE = "read", "write"
 
 
-def _abort(dictionary: Dictionary | None, data: bytes) -> str:
-    _, address, _ = abort = Initiate.of(data)
-    return f"abort {object_words(dictionary, address)}: {code_and_reason(abort.number)}"
+class SdoCommand(NamedTuple):
+    """A kind of SDO frame: its words, what its transfer does, READ or WRITE, and whether it names the object."""
+
+    words: str | Callable[[bytes], str]
+    direction: str
+    names_object: bool = False
 
 
-def _of_object(what: str, value: bool = False) -> SdoText:
-    def text(dictionary: Dictionary | None, data: bytes) -> str:
+def _segment(data: bytes) -> str:
+    return f"segment of {len(wire.part_in(data))} bytes" + ", the last" * (data[0] & wire.LAST)
+
+
+def _acknowledged(data: bytes) -> str:
+    return f"block taken up to segment {data[1]}"
+
+
+COMMANDS: tuple[Mapping[tuple[int, int], SdoCommand], ...] = (
+    {
+        (ClientCommand.DOWNLOAD_SEGMENT, 0): SdoCommand(_segment, WRITE),
+        (ClientCommand.DOWNLOAD, 0): SdoCommand("write", WRITE, names_object=True),
+        (ClientCommand.UPLOAD, 0): SdoCommand("read", READ, names_object=True),
+        (ClientCommand.UPLOAD_SEGMENT, 0): SdoCommand("next segment", READ),
+        (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): SdoCommand("read", READ, names_object=True),
+        (ClientCommand.BLOCK_UPLOAD, Block.END): SdoCommand("end of blocks taken", READ),
+        (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): SdoCommand(_acknowledged, READ),
+        (ClientCommand.BLOCK_UPLOAD, Block.START): SdoCommand("start of blocks", READ),
+        (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): SdoCommand("write", WRITE, names_object=True),
+        (ClientCommand.BLOCK_DOWNLOAD, Block.END): SdoCommand("end of blocks", WRITE),
+    },
+    {
+        (ServerCommand.UPLOAD_SEGMENT, 0): SdoCommand(_segment, READ),
+        (ServerCommand.DOWNLOAD_SEGMENT, 0): SdoCommand("segment taken", WRITE),
+        (ServerCommand.UPLOAD, 0): SdoCommand("value of", READ, names_object=True),
+        (ServerCommand.DOWNLOAD, 0): SdoCommand("written", WRITE, names_object=True),
+        (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): SdoCommand("ready for", WRITE, names_object=True),
+        (ServerCommand.BLOCK_DOWNLOAD, Block.END): SdoCommand("end of blocks taken", WRITE),
+        (ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE): SdoCommand(_acknowledged, WRITE),
+        (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): SdoCommand("value of", READ, names_object=True),
+        (ServerCommand.BLOCK_UPLOAD, Block.END): SdoCommand("end of blocks", READ),
+    },
+)
+"""The requests, and the answers, by command specifier and sub-command; aborts are alike from both ends."""
+
+
+def command_of(is_answer: bool, data: bytes) -> tuple[int, int]:
+    """Return the command specifier of a request or an answer, and its sub-command, 0 without any."""
+    masks = wire.ANSWER_SUB_COMMAND if is_answer else wire.REQUEST_SUB_COMMAND
+    return data[0] >> 5, data[0] & masks.get(data[0] >> 5, 0)
+
+
+class SdoEnd(NamedTuple):
+    """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests.
+
+    `server` is the node-ID of the one with the objects.
+    """
+
+    channel: int
+    is_answer: bool
+    dictionary: Dictionary | None
+    server: int
+
+    def command(self, data: bytes) -> SdoCommand | None:
+        """Return what a frame is; None for an abort, and for a command that CiA 301 does not have."""
+        return COMMANDS[self.is_answer].get(command_of(self.is_answer, data))
+
+    def is_in_blocks(self, data: bytes) -> bool:
+        """Whether a frame is of a block transfer."""
+        return data[0] >> 5 in (wire.ANSWER_SUB_COMMAND if self.is_answer else wire.REQUEST_SUB_COMMAND)
+
+    def content(self, direction: str, data: bytes) -> tuple[bytes | None, int | None]:
+        """Return the content of the object that a frame names, and its size, as far as they are in the frame."""
         initiate = Initiate.of(data)
-        said = f"{what} {object_words(dictionary, initiate.address)}"
-        if not value:
-            return said
-        if not initiate.command & EXPEDITED:
-            return said if initiate.size is None else f"{said}, {initiate.size} bytes"
-        return f"{said} = {value_words(dictionary, initiate.address, initiate.rest[: initiate.size])}"
-
-    return text
-
-
-def _plainly(what: str) -> SdoText:
-    return lambda _dictionary, _data: what
+        if self.is_answer is not (direction == READ):  # the other end has the content
+            return None, None
+        if self.is_in_blocks(data):
+            return None, initiate.number if data[0] & wire.BLOCK_SIZE_GIVEN else None
+        if data[0] & wire.EXPEDITED:
+            return initiate.rest[: initiate.size], initiate.size
+        return None, initiate.size
 
 
-def _block(mask: int, words: Mapping[int, SdoText]) -> SdoText:
-    """Return the words of a block transfer by its sub-command."""
-
-    def text(dictionary: Dictionary | None, data: bytes) -> str:
-        found = words.get(data[0] & mask)
-        return found(dictionary, data) if found else f"block command 0x{data[0]:02X}"
-
-    return text
-
-
-def _begun(what: str, with_size: bool = False) -> SdoText:
-    def text(dictionary: Dictionary | None, data: bytes) -> str:
-        initiate = Initiate.of(data)
-        size = f", {initiate.number} bytes" * bool(with_size and initiate.command & BLOCK_SIZE_GIVEN)
-        return f"{what} {object_words(dictionary, initiate.address)} in blocks{size}"
-
-    return text
-
-
-_ACKNOWLEDGED: SdoText = lambda _, data: f"block taken up to segment {data[1]}"  # noqa: E731 (a row of the tables)
-
-REQUESTS: Commands = {
-    ClientCommand.DOWNLOAD_SEGMENT: _segment,
-    ClientCommand.DOWNLOAD: _of_object("write", value=True),
-    ClientCommand.UPLOAD: _of_object("read"),
-    ClientCommand.UPLOAD_SEGMENT: _plainly("next segment"),
-    ClientCommand.ABORT: _abort,
-    ClientCommand.BLOCK_UPLOAD: _block(
-        REQUEST_SUB_COMMAND[ClientCommand.BLOCK_UPLOAD],
-        {
-            Block.INITIATE: _begun("read"),
-            Block.END: _plainly("end of blocks taken"),
-            Block.ACKNOWLEDGE: _ACKNOWLEDGED,
-            Block.START: _plainly("start of blocks"),
-        },
-    ),
-    ClientCommand.BLOCK_DOWNLOAD: _block(
-        REQUEST_SUB_COMMAND[ClientCommand.BLOCK_DOWNLOAD],
-        {Block.INITIATE: _begun("write", with_size=True), Block.END: _plainly("end of blocks")},
-    ),
-}
-
-ANSWERS: Commands = {
-    ServerCommand.UPLOAD_SEGMENT: _segment,
-    ServerCommand.DOWNLOAD_SEGMENT: _plainly("segment taken"),
-    ServerCommand.UPLOAD: _of_object("value of", value=True),
-    ServerCommand.DOWNLOAD: _of_object("written"),
-    ServerCommand.ABORT: _abort,
-    ServerCommand.BLOCK_DOWNLOAD: _block(
-        ANSWER_SUB_COMMAND[ServerCommand.BLOCK_DOWNLOAD],
-        {
-            Block.INITIATE: _begun("ready for"),
-            Block.END: _plainly("end of blocks taken"),
-            Block.ACKNOWLEDGE: _ACKNOWLEDGED,
-        },
-    ),
-    ServerCommand.BLOCK_UPLOAD: _block(
-        ANSWER_SUB_COMMAND[ServerCommand.BLOCK_UPLOAD],
-        {Block.INITIATE: _begun("value of", with_size=True), Block.END: _plainly("end of blocks")},
-    ),
-}
+def sdo_words(end: SdoEnd, data: bytes) -> str:
+    """Say what an SDO frame asks or answers."""
+    initiate, command = Initiate.of(data), end.command(data)
+    is_abort = data[0] >> 5 == ClientCommand.ABORT
+    if command is None and not is_abort:
+        return f"block command 0x{data[0]:02X}" if end.is_in_blocks(data) else f"command {data[0] >> 5}"
+    if command and not command.names_object:
+        return command.words if isinstance(command.words, str) else command.words(data)
+    named = object_words(end.dictionary, initiate.address)
+    if command is None:
+        return f"abort {named}: {wire.code_and_reason(initiate.number)}"
+    content, size = end.content(command.direction, data)
+    said = f"{command.words} {named}{' in blocks' * end.is_in_blocks(data)}"
+    if content is not None:
+        return f"{said} = {value_words(end.dictionary, initiate.address, content)}"
+    return said if size is None else f"{said}, {size} bytes"
 
 
 # NMT, SYNC, TIME, EMCY, error control, flying masters
@@ -241,24 +214,12 @@ def said_plainly(what: str) -> Callable[[bytes], str]:
 # LSS (CiA 305)
 
 
-def lss_request(data: bytes) -> str:
-    """Say what a master asks."""
-    words = LSS_REQUESTS.get(data[0])
-    return words(data) if words else f"request 0x{data[0]:02X}, {data[1:].hex(' ')}"
-
-
-def lss_answer(data: bytes) -> str:
-    """Say what a device answers."""
-    words = LSS_ANSWERS.get(data[0])
-    return words(data) if words else f"answer 0x{data[0]:02X}, {data[1:].hex(' ')}"
-
-
 def _number(data: bytes) -> str:
     return f"0x{int.from_bytes(data[1:5], 'little'):08X}"
 
 
 def _node_id(number: int) -> str:
-    return "no node-ID" if number == UNCONFIGURED else f"node-ID {number}"
+    return "no node-ID" if number == standard.UNCONFIGURED else f"node-ID {number}"
 
 
 def _state(data: bytes) -> str:
@@ -268,86 +229,75 @@ def _state(data: bytes) -> str:
 
 def _bit_rate(data: bytes) -> str:
     table, index = data[1], data[2]
-    rates = {index: f"{kbit} kbit/s" for kbit, index in BIT_RATES.items()} | {AUTOMATIC: "found by the device"}
+    rates = {index: f"{kbit} kbit/s" for kbit, index in standard.BIT_RATES.items()} | {
+        standard.AUTOMATIC: "found by the device"
+    }
     known = rates.get(index, f"index {index}") if table == 0 else f"index {index} of table {table}"
     return f"set bit rate: {known}"
 
 
 def _fastscan(data: bytes) -> str:
     bit, part, then = data[5], data[6], data[7]
-    if bit == ANY_BIT:
+    if bit == standard.ANY_BIT:
         return "fastscan: is a device without a node-ID there?"
     name, following = (LSS_IDENTITY[each] if each < len(LSS_IDENTITY) else f"part {each}" for each in (part, then))
     return f"fastscan: {name} {_number(data)} down to bit {bit}, then {following}"
 
 
-def _done(command: Lss) -> Callable[[bytes], str]:
-    name = {
-        Lss.CONFIGURE_NODE_ID: "set node-ID",
-        Lss.CONFIGURE_BIT_TIMING: "set bit rate",
-        Lss.STORE: "store",
-    }[command]
-    return lambda data: f"{name}: {refusal_words(command, data[1], data[2]) if data[1] else 'done'}"
+DONE = {Lss.CONFIGURE_NODE_ID: "set node-ID", Lss.CONFIGURE_BIT_TIMING: "set bit rate", Lss.STORE: "store"}
 
 
-LSS_REQUESTS: Mapping[int, Callable[[bytes], str]] = {
+def _done(command: Lss, data: bytes) -> str:
+    refused = standard.refusal_words(command, data[1], data[2]) if data[1] else "done"
+    return f"{DONE[command]}: {refused}"
+
+
+LssWords: TypeAlias = Mapping[int, Callable[[bytes], str]]
+
+
+def _of_identity(what: str, first: Lss, parts: Iterable[str], with_number: bool = True) -> LssWords:
+    """Return the words of the commands for each part of an identity, which has their numbers from the first one on."""
+
+    def words(part: str, data: bytes) -> str:
+        return f"{what} {part} {_number(data)}".lstrip() if with_number else f"{what} {part}"
+
+    return {first + number: partial(words, part) for number, part in enumerate(parts)}
+
+
+LSS_REQUESTS: LssWords = {
     Lss.SWITCH_GLOBAL: _state,
     Lss.CONFIGURE_NODE_ID: lambda data: f"set {_node_id(data[1])}",
     Lss.CONFIGURE_BIT_TIMING: _bit_rate,
     Lss.ACTIVATE_BIT_TIMING: lambda data: f"change the bit rate in {int.from_bytes(data[1:3], 'little')} ms",
     Lss.STORE: lambda _: "store",
-    **{
-        Lss.SELECT + n: lambda data, name=name: f"select {name} {_number(data)}"  # type: ignore[misc]
-        for n, name in enumerate(LSS_IDENTITY)
-    },
-    **{
-        Lss.IDENTIFY + n: lambda data, name=name: f"identify {name} {_number(data)}"  # type: ignore[misc]
-        for n, name in enumerate(IDENTITY_RANGE)
-    },
+    **_of_identity("select", Lss.SELECT, LSS_IDENTITY),
+    **_of_identity("identify", Lss.IDENTIFY, standard.IDENTITY_RANGE),
     Lss.IDENTIFY_UNCONFIGURED: lambda _: "identify devices without a node-ID",
     Lss.FASTSCAN: _fastscan,
-    **{
-        Lss.INQUIRE + n: lambda _, name=name: f"inquire {name}"  # type: ignore[misc]
-        for n, name in enumerate(LSS_IDENTITY)
-    },
+    **_of_identity("inquire", Lss.INQUIRE, LSS_IDENTITY, with_number=False),
     Lss.INQUIRE_NODE_ID: lambda _: "inquire node-ID",
 }
 
-LSS_ANSWERS: Mapping[int, Callable[[bytes], str]] = {
-    **{each: _done(each) for each in (Lss.CONFIGURE_NODE_ID, Lss.CONFIGURE_BIT_TIMING, Lss.STORE)},
+LSS_ANSWERS: LssWords = {
+    **{command: partial(_done, command) for command in DONE},
     Lss.SELECTED: lambda _: "selected",
     Lss.IDENTIFY_SLAVE: lambda _: "a device is there",
     Lss.UNCONFIGURED_SLAVE: lambda _: "a device without a node-ID is there",
-    **{
-        Lss.INQUIRE + n: lambda data, name=name: f"{name} {_number(data)}"  # type: ignore[misc]
-        for n, name in enumerate(LSS_IDENTITY)
-    },
+    **_of_identity("", Lss.INQUIRE, LSS_IDENTITY),
     Lss.INQUIRE_NODE_ID: lambda data: _node_id(data[1]),
 }
+
+
+def lss_words(what: str, known: LssWords, data: bytes) -> str:
+    """Say what a master asks, or a device answers."""
+    words = known.get(data[0])
+    return words(data) if words else f"{what} 0x{data[0]:02X}, {data[1:].hex(' ')}"
 
 
 # The same as data: the fields of a service by their names
 
 Fields: TypeAlias = dict[str, Any]
 """What a frame says: numbers, texts, bytes; what it does not say is not in it."""
-
-READ, WRITE = "read", "write"
-
-NAMING: tuple[Mapping[tuple[int, int], str], ...] = (
-    {
-        (ClientCommand.DOWNLOAD, 0): WRITE,
-        (ClientCommand.UPLOAD, 0): READ,
-        (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): WRITE,
-        (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): READ,
-    },
-    {
-        (ServerCommand.DOWNLOAD, 0): WRITE,
-        (ServerCommand.UPLOAD, 0): READ,
-        (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): WRITE,
-        (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): READ,
-    },
-)
-"""The requests, and the answers, that name an object: what is done with it."""
 
 
 def content_fields(dictionary: Dictionary | None, address: Address, octets: bytes) -> Fields:
@@ -359,26 +309,22 @@ def content_fields(dictionary: Dictionary | None, address: Address, octets: byte
 
 def abort_fields(code: int) -> Fields:
     """Return an abort code as data."""
-    return {"abort": code, "abort_name": reason(code)}
+    return {"abort": code, "abort_name": wire.reason(code)}
 
 
 def sdo_fields(end: SdoEnd, data: bytes) -> Fields:
     """Return what an SDO frame says by itself: the node, and the object with its value if it names one."""
-    initiate, command = Initiate.of(data), data[0] >> 5
+    initiate, command = Initiate.of(data), end.command(data)
     said: Fields = {"node": end.server}
     named = {"index": initiate.address[0], "subindex": initiate.address[1]}
-    if data[0] == ABORT:
+    if data[0] == wire.ABORT:
         return said | named | abort_fields(initiate.number)
-    in_blocks = ANSWER_SUB_COMMAND if end.is_answer else REQUEST_SUB_COMMAND
-    direction = NAMING[end.is_answer].get((command, data[0] & in_blocks.get(command, 0)))
-    if direction is None:
+    if command is None or not command.names_object:
         return said
-    said |= {"direction": direction} | named
-    if end.is_answer is not (direction == READ):  # the other end has the content
-        return said
-    if command not in in_blocks and data[0] & EXPEDITED:
-        return said | content_fields(end.dictionary, initiate.address, initiate.rest[: initiate.size])
-    size = initiate.size if command not in in_blocks else initiate.number if data[0] & BLOCK_SIZE_GIVEN else None
+    said |= {"direction": command.direction} | named
+    content, size = end.content(command.direction, data)
+    if content is not None:
+        return said | content_fields(end.dictionary, initiate.address, content)
     return said if size is None else said | {"size": size}
 
 
@@ -414,18 +360,6 @@ TIME_LENGTHS = (6, 8)
 
 SENT = 1
 """The direction of an SRDO that its device sends (CiA 304); 2: it receives it."""
-
-
-class SdoEnd(NamedTuple):
-    """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests.
-
-    `server` is the node-ID of the one with the objects.
-    """
-
-    channel: int
-    is_answer: bool
-    dictionary: Dictionary | None
-    server: int
 
 
 class CanopenService(NamedTuple):
@@ -481,19 +415,13 @@ def services(
     for node_id in values.NODE_IDS:
         node = known.get(node_id, KnownNode.unnamed(node_id))
         said = errors.of(node_id)
-        emcy[node_id] = CanopenService(
-            EMCY_NAME,
-            node.name,
-            (8,),
-            partial(emcy_words, said),
-            node.name,
-            fields=partial(emcy_fields, said, node_id),
-        )
+        words, fields = partial(emcy_words, said), partial(emcy_fields, said, node_id)
+        emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), words, node.name, fields=fields)
         found[values.EMCY_BASE + node_id] = emcy[node_id]
         found |= _sdo(node, values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id, master)
-        found[values.ERROR_CONTROL_BASE + node_id] = CanopenService(
-            HEARTBEAT, node.name, (1,), heartbeat_words, node.name, fields=partial(heartbeat_fields, node_id)
-        )
+        fields = partial(heartbeat_fields, node_id)
+        state = CanopenService(HEARTBEAT, node.name, (1,), heartbeat_words, node.name, fields=fields)
+        found[values.ERROR_CONTROL_BASE + node_id] = state
     devices = [*(each.dictionary for each in known.values() if each.dictionary), *learned]
     for device in devices:  # after the predefined ones: what a node's file says is what it does
         found |= _moved(device, found, emcy[device.node_id]) | _safety(device)
@@ -524,50 +452,47 @@ def _broadcast(names: Mapping[int, str], master: str) -> Services:
         },
         values.SYNC_COB_ID: CanopenService(SYNC_NAME, "", (0, 1), sync_words, master),
         values.TIME_COB_ID: CanopenService(TIME_NAME, "", TIME_LENGTHS, time_words, master),
-        standard.REQUESTS: CanopenService(LSS, "", (standard.LENGTH,), lss_request, master),
-        standard.ANSWERS: CanopenService(LSS, "", (standard.LENGTH,), lss_answer),
+        standard.REQUESTS: CanopenService(LSS, "", (8,), partial(lss_words, "request", LSS_REQUESTS), master),
+        standard.ANSWERS: CanopenService(LSS, "", (8,), partial(lss_words, "answer", LSS_ANSWERS)),
     }
 
 
 @lru_cache(1 << 9)
 def _sdo(node: KnownNode, request: int, answer: int, client: str) -> Services:
     found = {}
-    for cob_id, commands, sender in ((request, REQUESTS, client), (answer, ANSWERS, node.name)):
-        end = SdoEnd(request, commands is ANSWERS, node.dictionary, node.node_id)
-        said = partial(frame_words, commands, node.dictionary)
-        found[cob_id] = CanopenService(SDO, node.name, (8,), said, sender, end, partial(sdo_fields, end))
+    for is_answer, (cob_id, sender) in enumerate(((request, client), (answer, node.name))):
+        end = SdoEnd(request, bool(is_answer), node.dictionary, node.node_id)
+        words, fields = partial(sdo_words, end), partial(sdo_fields, end)
+        found[cob_id] = CanopenService(SDO, node.name, (wire.LENGTH,), words, sender, end, fields)
     return found
 
 
 def _moved(dictionary: Dictionary, predefined: Services, emcy: CanopenService) -> Services:
     """Return what a file says is under another identifier than the predefined one."""
-    entries = {
-        SYNC: predefined[values.SYNC_COB_ID],
-        TIME: predefined[values.TIME_COB_ID],
-        EMCY: emcy,
-    }
+    sync, time = predefined[values.SYNC_COB_ID], predefined[values.TIME_COB_ID]
+    entries = {standard.SYNC: sync, standard.TIME: time, standard.EMCY: emcy}
     found = {address: dictionary.number(address) for address in entries}
     # The highest bit says "not valid" of EMCY only: of TIME it is "consumed", and of SYNC it means nothing.
     return {
         values.identifier(entry): entries[address]
         for address, entry in found.items()
-        if entry is not None and not (address == EMCY and entry & values.NOT_VALID)
+        if entry is not None and not (address == standard.EMCY and entry & values.NOT_VALID)
     }
 
 
 def _produced(dictionary: Dictionary, known: Services) -> Services:
     """Return what a device sends itself, and not the master: SYNC and TIME, if its file says that it produces them."""
-    entries = (dictionary.number(each) or 0 for each in (SYNC, TIME))
-    produced = [values.identifier(entry) for entry in entries if entry & SYNC_PRODUCER]  # of TIME the same bit
+    entries = (dictionary.number(each) or 0 for each in (standard.SYNC, standard.TIME))
+    produced = [values.identifier(entry) for entry in entries if entry & standard.SYNC_PRODUCER]  # of TIME the same bit
     return {cob_id: known[cob_id]._replace(sender=dictionary.name) for cob_id in produced}
 
 
 def _safety(dictionary: Dictionary) -> Services:
     """Return the safety-relevant data objects of a device: its data, and the same with all bits inverted (CiA 304)."""
     found = {}
-    for index in (each for each in SRDOS if each in dictionary.members):
-        if direction := dictionary.number((index, SRDO_DIRECTION)):  # 0: it is not valid
-            for sub, text in ((SRDO_DATA, plain), (SRDO_INVERTED, inverted)):
+    for index in (each for each in standard.SRDOS if each in dictionary.members):
+        if direction := dictionary.number((index, standard.SRDO_DIRECTION)):  # 0: it is not valid
+            for sub, text in ((standard.SRDO_DATA, plain), (standard.SRDO_INVERTED, inverted)):
                 if entry := dictionary.number((index, sub)):
                     found[values.identifier(entry)] = CanopenService(
                         SRDO, dictionary.name, ANY_LENGTH, text, dictionary.name if direction == SENT else ""

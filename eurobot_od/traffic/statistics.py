@@ -83,7 +83,7 @@ class SeenMessage:
 
 
 class SeenTraffic:
-    """What was seen on a bus of `bit_rate` bit/s, `promised` what should be.
+    """What was seen on a bus of `bit_rate` bit/s; `promised` what should be, by identifier, and its `answers`.
 
     `messages` are by identifier and whether they are remote frames: those have another sender. `asking` are the
     identifiers of messages that answer others, and of those.
@@ -92,15 +92,15 @@ class SeenTraffic:
     def __init__(self, bit_rate: int, promised: MessageSet = NOTHING) -> None:
         self.bit_rate = bit_rate
         self.messages: dict[tuple[int, bool], SeenMessage] = {}
-        self._promised: dict[int, BoundRow] = {}
-        self._answers: dict[int, set[int]] = {}
+        self.promised: dict[int, BoundRow] = {}
+        self.answers: dict[int, set[int]] = {}
         rows = load_report(promised, bit_rate).rows
         identifiers = {row.message.name: row.message.identifier for row in rows}
         for row in sorted(rows, key=lambda each: each.response or 0):  # of several senders the one that may be latest
-            self._promised[row.message.identifier] = row
+            self.promised[row.message.identifier] = row
             if row.message.answers in identifiers:
-                self._answers.setdefault(identifiers[row.message.answers], set()).add(row.message.identifier)
-        self.asking = frozenset(self._answers).union(*self._answers.values())
+                self.answers.setdefault(identifiers[row.message.answers], set()).add(row.message.identifier)
+        self.asking = frozenset(self.answers).union(*self.answers.values())
         self._asked: dict[int, float] = {}
         self.begin: float | None = None
         self.end = float("-inf")
@@ -127,7 +127,7 @@ class SeenTraffic:
         key = identifier, is_remote
         seen = self.messages.get(key)
         if seen is None:
-            row = None if is_remote else self._promised.get(identifier)
+            row = None if is_remote else self.promised.get(identifier)
             seen = self.messages[key] = SeenMessage(identifier, name, row.message.node if row else node)
             if row is not None:
                 seen.period = row.message.period / MICROSECONDS
@@ -139,7 +139,7 @@ class SeenTraffic:
 
     def take_asked(self, frames: Iterable[tuple[float, int]]) -> None:
         """Take in, in their order, when frames of `asking` ended, after they were counted, and their identifiers."""
-        asked, answers, longest = self._asked, self._answers, dict[int, float]()
+        asked, answers, longest = self._asked, self.answers, dict[int, float]()
         for time, identifier in frames:
             if identifier in asked:
                 took = time - asked.pop(identifier)

@@ -21,41 +21,19 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.od.standard import LSS_IDENTITY, Lss
 from eurobot_od.od.values import DATA_TYPES, Address
-from eurobot_od.sdo.wire import (
-    ABORT,
-    ANSWER_SUB_COMMAND,
-    BLOCK_CRC,
-    BLOCK_LAST,
-    BLOCK_SIZE_GIVEN,
-    EXPEDITED,
-    LAST,
-    NO_TRANSFER,
-    REQUEST_SUB_COMMAND,
-    SEGMENT_SIZE,
-    TOGGLE,
-    Block,
-    ClientCommand,
-    Initiate,
-    ServerCommand,
-    code_and_reason,
-    crc_in,
-    part_in,
-    unused_in,
-)
+from eurobot_od.sdo import wire
+from eurobot_od.sdo.wire import BLOCK_LAST, SEGMENT_SIZE, Block, ClientCommand, Initiate, ServerCommand
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.entries import shortened
 from eurobot_od.traffic.meaning import SdoTransfer
-from eurobot_od.traffic.services import SdoEnd, object_words, value_words
+from eurobot_od.traffic.services import READ, SdoEnd, command_of, object_words, value_words
 
 KEPT = 4096
 """Bytes of a content that are kept for its value; of a longer one only size and CRC are said."""
 
 LONGEST_VALUE = 100
 """Most characters of a value in a line."""
-
-LONGEST_BLOCK = 127
-"""Segments of a block, unless its receiver asks for fewer (CiA 301, 7.2.4.3.9)."""
 
 SKIPPED = "a segment before this one is not in the log"
 """What a wrong toggle bit says."""
@@ -111,12 +89,29 @@ class Running:
     toggle: int = 0
     has_crc: bool = False
     in_block: bool = False
-    longest: int = LONGEST_BLOCK
+    longest: int = wire.BLOCK_SEGMENTS
     heard: float = 0.0
     expected: int = 1
     taken: dict[int, bytes] = field(default_factory=dict)
     tail: bytes = b""
     verdict: str = ""
+
+    @classmethod
+    def begun(cls, end: SdoEnd, direction: str, time: float, data: bytes) -> Running:
+        """Return the transfer that a request begins."""
+        initiate, is_upload = Initiate.of(data), direction == READ
+        running = cls(end, initiate.address, is_upload, time)
+        # A client that reads does not know the size: the server says it in its answer (CiA 301, 7.2.4.3.12).
+        content, running.announced = end.content(direction, data)
+        if end.is_in_blocks(data):
+            running.how, running.heard, running.has_crc = How.BLOCKS, time, bool(data[0] & wire.BLOCK_CRC)
+            running.longest = data[4] if is_upload and data[4] else wire.BLOCK_SEGMENTS
+        elif content is not None:
+            running.announced = None
+            running.add(content)
+        elif not is_upload:
+            running.how = How.SEGMENTED
+        return running
 
     def add(self, part: bytes) -> None:
         """Take in a part of the content."""
@@ -153,9 +148,8 @@ class Running:
     @property
     def broken(self) -> str:
         """Say that it did not end, and how much of it came."""
-        came = (
-            amount(self.size, "byte") if self.announced is None else f"{self.size} of {amount(self.announced, 'byte')}"
-        )
+        came = amount(self.size if self.announced is None else self.announced, "byte")
+        came = came if self.announced is None else f"{self.size} of {came}"
         variable = self.end.dictionary.variable(self.address) if self.end.dictionary and self.address else None
         type_ = DATA_TYPES.get(variable.data_type or 0) if variable else None
         misfit = self.announced is not None and type_ is not None and type_.size not in (0, self.announced)
@@ -225,7 +219,8 @@ def _took(running: Running, time: float) -> str:
     return duration(max(0.0, time - running.began), 6)
 
 
-Step: TypeAlias = "Callable[[Transfers, tuple[str, int], SdoEnd, float, bytes], Said]"
+SdoStep: TypeAlias = "Callable[[Transfers, tuple[str, int], Running, float, bytes], Said]"
+"""What a frame does in its transfer."""
 
 
 class Transfers:
@@ -242,7 +237,7 @@ class Transfers:
         before, self._before[key] = self._before.get(key), (end.is_answer, data)
         if before and before[0] is end.is_answer and (running is None or running.how is not How.BLOCKS):
             running = self._begun_before(key, end, time, before[1], data) or running
-        if data[0] == ABORT:
+        if data[0] == wire.ABORT:
             return self._aborted(key, end, time, data)
         left = NOTHING
         if running and running.in_block and not running.ends_with(end, data):
@@ -254,10 +249,15 @@ class Transfers:
         return said._replace(lost=left.lost or said.lost, ended=left.ended or said.ended)
 
     def _step(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
-        steps, masks = (OF_ANSWERS, ANSWER_SUB_COMMAND) if end.is_answer else (OF_REQUESTS, REQUEST_SUB_COMMAND)
-        specifier = data[0] >> 5
-        step = steps.get((specifier, data[0] & masks.get(specifier, 0)))
-        return step(self, key, end, time, data) if step else NOTHING
+        command, step = end.command(data), STEPS[end.is_answer].get(command_of(end.is_answer, data))
+        if command and command.names_object and not end.is_answer:
+            return self._begin(key, Running.begun(end, command.direction, time, data))
+        running = self._running.get(key)
+        if not (running and command and step) or running.is_upload is not (command.direction == READ):
+            return NOTHING
+        if end.is_in_blocks(data) and running.how is not How.BLOCKS:
+            return NOTHING
+        return step(self, key, running, time, data)
 
     def unfinished(self) -> Iterator[tuple[tuple[str, int], SdoTransfer]]:
         """Yield the transfers that the end of the log cuts off, each with its channel of the log and of the SDO."""
@@ -274,9 +274,9 @@ class Transfers:
         number = before[0] & ~BLOCK_LAST
         if before[0] & BLOCK_LAST or number == 0 or data[0] & ~BLOCK_LAST != number + 1:
             return None
-        running = Running(end, None, end.is_answer, time, How.BLOCKS, in_block=True, taken={number: before[1:]})
-        self._running[key] = running
-        return running
+        taken = {number: before[1:]}
+        self._running[key] = Running(end, None, end.is_answer, time, How.BLOCKS, in_block=True, taken=taken)
+        return self._running[key]
 
     def _begin(self, key: tuple[str, int], running: Running) -> Said:
         """Begin a transfer; one that has not ended was given up, or its end is not in the log."""
@@ -308,9 +308,8 @@ class Transfers:
     def boot(self, channel: str, server: int) -> Iterator[Said]:
         """End the transfers with a server that has booted up: it knows nothing of them."""
         for key in [key for key, each in self._running.items() if key[0] == channel and each.end.server == server]:
-            said = self._give_up(key, self._running[key].heard)
             self._before.pop(key, None)
-            yield said
+            yield self._give_up(key, self._running[key].heard)
 
     def _finish(self, key: tuple[str, int], time: float) -> Said:
         """End a transfer with the frame that has come."""
@@ -326,100 +325,64 @@ class Transfers:
         if running is None:
             return NOTHING
         running.take_rest()
-        name = running.object if abort.address == NO_TRANSFER else object_words(end.dictionary, abort.address)
+        name = running.object if abort.address == wire.NO_TRANSFER else object_words(end.dictionary, abort.address)
         by = "the server" if end.is_answer else "the client"
-        text = f"abort {name}: {code_and_reason(abort.number)}"
+        text = f"abort {name}: {wire.code_and_reason(abort.number)}"
         if running.how is not How.EXPEDITED:
             text += f", by {by} after {amount(running.size, 'byte')} in {_took(running, time)}"
         return Said(text=text, ended=running.ended(time, abort.number))
 
-    # Requests
-
-    def _download(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
-        initiate = Initiate.of(data)
-        running = Running(end, initiate.address, is_upload=False, began=time)
-        if initiate.command & EXPEDITED:
-            running.add(initiate.rest[: initiate.size])
-        else:
-            running.how, running.announced = How.SEGMENTED, initiate.size
-        return self._begin(key, running)
-
-    def _upload(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
-        return self._begin(key, Running(end, Initiate.of(data).address, is_upload=True, began=time))
-
-    def _block(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
-        initiate = Initiate.of(data)
-        is_upload = initiate.command >> 5 == ClientCommand.BLOCK_UPLOAD
-        # A client that reads does not know the size: the server says it in its answer (CiA 301, 7.2.4.3.12).
-        size = initiate.number if initiate.command & BLOCK_SIZE_GIVEN and not is_upload else None
-        running = Running(end, initiate.address, is_upload, time, How.BLOCKS, size, heard=time)
-        running.has_crc = bool(initiate.command & BLOCK_CRC)
-        running.longest = data[4] if is_upload and data[4] else LONGEST_BLOCK
-        return self._begin(key, running)
-
-    def _start(self, key: tuple[str, int], _end: SdoEnd, _time: float, _data: bytes) -> Said:
-        if running := self._running.get(key):
-            running.in_block = running.how is How.BLOCKS
-        return NOTHING
-
     # Segments
 
-    def _segment(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
+    def _segment(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
         """Take in a segment; of a read the last one is the end."""
-        running = self._running.get(key)
-        if running is None or running.how is not How.SEGMENTED or running.is_upload is not end.is_answer:
+        if running.how is not How.SEGMENTED:
             return NOTHING
-        lost = "" if data[0] & TOGGLE == running.toggle else SKIPPED
+        lost = "" if data[0] & wire.TOGGLE == running.toggle else SKIPPED
         running.lost += bool(lost)
-        running.toggle = data[0] & TOGGLE ^ TOGGLE
-        running.add(part_in(data))
-        running.is_last = bool(data[0] & LAST)
-        if running.is_last and running.is_upload:
-            return self._finish(key, time)
-        return Said(lost=lost)
+        running.toggle = data[0] & wire.TOGGLE ^ wire.TOGGLE
+        running.add(wire.part_in(data))
+        running.is_last = bool(data[0] & wire.LAST)
+        return self._finish(key, time) if running.is_last and running.is_upload else Said(lost=lost)
 
-    def _segment_taken(self, key: tuple[str, int], _end: SdoEnd, time: float, _data: bytes) -> Said:
-        running = self._running.get(key)
-        return self._finish(key, time) if running and running.is_last else NOTHING
+    def _segment_taken(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
+        return self._finish(key, time) if running.is_last else NOTHING
 
     # Answers to the first request
 
-    def _value(self, key: tuple[str, int], _end: SdoEnd, time: float, data: bytes) -> Said:
-        running, initiate = self._running.get(key), Initiate.of(data)
-        if running is None or not running.is_upload or running.address != initiate.address:
+    def _value(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
+        initiate = Initiate.of(data)
+        if running.address != initiate.address:
             return NOTHING
         # A server may answer a read in blocks like any other (CiA 301, 7.2.4.3.12).
-        if initiate.command & EXPEDITED:
+        if initiate.command & wire.EXPEDITED:
             running.how = How.EXPEDITED
             running.add(initiate.rest[: initiate.size])
             return Said(ended=self._running.pop(key).ended(time))
         running.how, running.announced = How.SEGMENTED, initiate.size
         return NOTHING
 
-    def _written(self, key: tuple[str, int], _end: SdoEnd, time: float, data: bytes) -> Said:
-        running = self._running.get(key)
-        if running is None or running.is_upload or running.address != Initiate.of(data).address:
+    def _written(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
+        if running.address != Initiate.of(data).address or running.how is not How.EXPEDITED:
             return NOTHING
-        return Said(ended=self._running.pop(key).ended(time)) if running.how is How.EXPEDITED else NOTHING
-
-    def _blocks_begin(self, key: tuple[str, int], _end: SdoEnd, _time: float, data: bytes) -> Said:
-        running, initiate = self._running.get(key), Initiate.of(data)
-        if running is None or running.how is not How.BLOCKS:
-            return NOTHING
-        running.has_crc = running.has_crc and bool(initiate.command & BLOCK_CRC)
-        if running.is_upload:
-            running.announced = initiate.number if initiate.command & BLOCK_SIZE_GIVEN else None
-        else:
-            running.in_block, running.longest = True, data[4] or LONGEST_BLOCK
-        return NOTHING
+        return Said(ended=self._running.pop(key).ended(time))
 
     # Blocks
 
-    def _acknowledged(self, key: tuple[str, int], _end: SdoEnd, _time: float, data: bytes) -> Said:
+    def _blocks_begin(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
+        running.has_crc = running.has_crc and bool(data[0] & wire.BLOCK_CRC)
+        if running.is_upload:
+            running.announced = Initiate.of(data).number if data[0] & wire.BLOCK_SIZE_GIVEN else None
+        else:
+            running.in_block, running.longest = True, data[4] or wire.BLOCK_SEGMENTS
+        return NOTHING
+
+    def _start(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
+        running.in_block = True
+        return NOTHING
+
+    def _acknowledged(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
         """Take over the segments of a block up to the one that the receiver names; those behind it come again."""
-        running = self._running.get(key)
-        if running is None or running.how is not How.BLOCKS:
-            return NOTHING
         highest, missing = data[1], 0
         sent = max(running.taken, default=0)
         for number in range(1, highest + 1):
@@ -430,28 +393,22 @@ class Transfers:
         running.lost += missing
         running.is_last = running.is_last and sent <= highest
         running.in_block = running.in_block and not running.is_last
-        running.longest = data[2] or LONGEST_BLOCK
+        running.longest = data[2] or wire.BLOCK_SEGMENTS
         running.taken.clear()
         running.expected = 1
         again = f", {amount(sent - highest, 'segment')} to be sent again" if sent > highest else ""
         return Said(more=again, lost=f"{amount(missing, 'segment')} of the block not in the log" if missing else "")
 
-    def _blocks_end(self, key: tuple[str, int], _end: SdoEnd, _time: float, data: bytes) -> Said:
+    def _blocks_end(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
         """Take over the last segment, and compare the CRC."""
-        running = self._running.get(key)
-        if running is None or running.how is not How.BLOCKS:
-            return NOTHING
         running.in_block = False
         running.take_over()  # what is left: its acknowledgement is not in the log
-        running.add(running.tail[: SEGMENT_SIZE - unused_in(data)])
+        running.add(running.tail[: SEGMENT_SIZE - wire.unused_in(data)])
         running.count_lost()
-        running.verdict = running.compare(crc_in(data))
+        running.verdict = running.compare(wire.crc_in(data))
         return Said(more=f", {running.verdict}")
 
-    def _blocks_end_taken(self, key: tuple[str, int], _end: SdoEnd, time: float, _data: bytes) -> Said:
-        running = self._running.get(key)
-        if running is None or running.how is not How.BLOCKS:
-            return NOTHING
+    def _blocks_end_taken(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
         if running.verdict:
             return self._finish(key, time)
         running.take_rest()
@@ -462,29 +419,27 @@ class Transfers:
 # What each frame does
 
 
-OF_REQUESTS: Mapping[tuple[int, int], Step] = {
-    (ClientCommand.DOWNLOAD, 0): Transfers._download,
-    (ClientCommand.UPLOAD, 0): Transfers._upload,
-    (ClientCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment,
-    (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): Transfers._block,
-    (ClientCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end,
-    (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._block,
-    (ClientCommand.BLOCK_UPLOAD, Block.START): Transfers._start,
-    (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
-    (ClientCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end_taken,
-}
-
-OF_ANSWERS: Mapping[tuple[int, int], Step] = {
-    (ServerCommand.UPLOAD, 0): Transfers._value,
-    (ServerCommand.DOWNLOAD, 0): Transfers._written,
-    (ServerCommand.UPLOAD_SEGMENT, 0): Transfers._segment,
-    (ServerCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment_taken,
-    (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): Transfers._blocks_begin,
-    (ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
-    (ServerCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end_taken,
-    (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._blocks_begin,
-    (ServerCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end,
-}
+STEPS: tuple[Mapping[tuple[int, int], SdoStep], ...] = (
+    {
+        (ClientCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment,
+        (ClientCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end,
+        (ClientCommand.BLOCK_UPLOAD, Block.START): Transfers._start,
+        (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
+        (ClientCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end_taken,
+    },
+    {
+        (ServerCommand.UPLOAD, 0): Transfers._value,
+        (ServerCommand.DOWNLOAD, 0): Transfers._written,
+        (ServerCommand.UPLOAD_SEGMENT, 0): Transfers._segment,
+        (ServerCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment_taken,
+        (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): Transfers._blocks_begin,
+        (ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
+        (ServerCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end_taken,
+        (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._blocks_begin,
+        (ServerCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end,
+    },
+)
+"""By requests and answers, command specifier and sub-command; what begins a transfer is not among them."""
 
 
 # LSS: whose node-ID it sets (CiA 305)

@@ -111,21 +111,15 @@ def drive_data(dictionary: Dictionary) -> dict[str, Any] | None:
     if not axes:
         return None
     suggested = dictionary.variable((cia402.PROFILE_VELOCITY, 0))
-    return {
-        "axes": [
-            {
-                "objects": {
-                    name: label((index + axis.offset, 0))
-                    for name, index in SHOWN.items()
-                    if dictionary.variable((index + axis.offset, 0))
-                },
-                "bounds": {name: bounds(dictionary, axis, name) for name in LARGEST},
-                "units": units(dictionary, axis),
-            }
-            for axis in axes
-        ],
-        "velocity": (suggested and suggested.default) or 100,
-    }
+    velocity = (suggested and suggested.default) or 100
+    return {"axes": [_axis_data(dictionary, each) for each in axes], "velocity": velocity}
+
+
+def _axis_data(dictionary: Dictionary, axis: AxisAddress) -> dict[str, Any]:
+    places = {name: (index + axis.offset, 0) for name, index in SHOWN.items()}
+    shown = {name: label(place) for name, place in places.items() if dictionary.variable(place)}
+    allowed = {name: bounds(dictionary, axis, name) for name in LARGEST}
+    return {"objects": shown, "bounds": allowed, "units": units(dictionary, axis)}
 
 
 def bounds(dictionary: Dictionary, axis: AxisAddress, target: str) -> Range:

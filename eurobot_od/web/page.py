@@ -21,6 +21,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import label
 from eurobot_od.pdo.binding import Binding
@@ -28,7 +29,7 @@ from eurobot_od.pdo.kinds import ColumnForm, Message, kinds
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from eurobot_od.traffic.meaning import Decoder, Meaning
+from eurobot_od.traffic.meaning import Decoder, Meaning, wrong
 from eurobot_od.traffic.monitor import MonitorRow, NodesHealth
 from eurobot_od.web.drives import axes_of, drive_data, machine_data, moves
 from eurobot_od.web.events import BusEvents, PageEvent
@@ -104,34 +105,31 @@ class Panel:
 # What the page shows, as data
 
 
+def picked(thing: object, *names: str) -> dict[str, Any]:
+    """Return attributes of a thing as data."""
+    return {name: getattr(thing, name) for name in names}
+
+
 def described(decoder: Decoder) -> dict[str, Any]:
     """Return messages and nodes as data."""
     return {
-        "messages": [
-            {
-                "id": each.cob_id,
-                "name": each.name,
-                "group": each.group,
-                "senders": each.senders,
-                "receivers": each.receivers,
-                "moves": any(moves(place.address) for place in each.placed),
-                "fields": [_field(each, field) for field in each.kinds],
-            }
-            for each in decoder.protocol.bindings
-        ],
-        "nodes": [
-            {
-                "name": each.name,
-                "id": each.node_id,
-                "file": each.file.name,
-                "identity": [each.number((IDENTITY, sub)) for sub in range(1, 5)],
-                "drive": drive_data(each),
-            }
-            for each in decoder.dictionaries
-        ],
+        "messages": list(map(_message, decoder.protocol.bindings)),
+        "nodes": list(map(_node, decoder.dictionaries)),
         "machine": machine_data() if any(map(axes_of, decoder.dictionaries)) else None,
         "groups": list(decoder.protocol.catalogue.groups),
     }
+
+
+def _message(binding: Binding) -> dict[str, Any]:
+    is_moving, fields = any(moves(each.address) for each in binding.placed), [_field(binding, f) for f in binding.kinds]
+    known = picked(binding, "name", "group", "senders", "receivers")
+    return known | {"id": binding.cob_id, "moves": is_moving, "fields": fields}
+
+
+def _node(device: Dictionary) -> dict[str, Any]:
+    identity = [device.number((IDENTITY, sub)) for sub in range(1, 5)]
+    known = {"name": device.name, "id": device.node_id, "file": device.file.name}
+    return known | {"identity": identity, "drive": drive_data(device)}
 
 
 def _field(binding: Binding, field: str) -> dict[str, Any]:
@@ -153,14 +151,6 @@ TEXTS = (ColumnForm.TEXT, ColumnForm.OCTETS)
 """What cannot be plotted."""
 
 
-def panels_described(panels: Iterable[type[Panel]]) -> list[dict[str, Any]]:
-    """Return the panels as data."""
-    return [
-        {"name": each.name, "title": each.title, "stop": each.stop, "plan": each.plan, "setup": each.setup()}
-        for each in panels
-    ]
-
-
 def stop_message(panels: Sequence[type[Panel]]) -> str:
     """Return the message of the button Stop, empty if no panel has one."""
     return next((each.stop for each in panels if each.stop), "")
@@ -172,11 +162,6 @@ def values(meaning: Meaning) -> list[Any] | None:
         return None
     written = kinds(type(meaning.message))
     return [kind.plain(value) for kind, value in zip(written.values(), meaning.message)]
-
-
-def defects(meaning: Meaning) -> str:
-    """Return what is wrong with a frame, empty if nothing is."""
-    return "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
 
 
 def key_of(raw: Raw) -> int | str:
@@ -192,6 +177,12 @@ def hex_of(meaning: Meaning) -> str:
 def is_foreign(meaning: Meaning) -> bool:
     """Tell whether a frame is only unknown: whoever has no file for a node does not make it faulty."""
     return bool(meaning.defects) and all(each.damage is Damage.UNKNOWN_IDENTIFIER for each in meaning.defects)
+
+
+def row_data(row: MonitorRow) -> dict[str, Any]:
+    """Return as data what is known of a row besides its frames."""
+    known = {"key": key_of(row.meaning.raw), "id": row.identifier, "name": row.name}
+    return known | {"foreign": is_foreign(row.meaning)} | picked(row.meaning, "group", "nodes")
 
 
 def event_data(event: PageEvent) -> dict[str, Any]:
@@ -218,7 +209,7 @@ class _Row:
     """All frames of one message, service or kind of damage; `numbers` are their places among all frames."""
 
     def __init__(self, meaning: Meaning, identifier: int | None) -> None:
-        self.meaning, self.identifier = meaning, identifier
+        self._row = MonitorRow(identifier, meaning)
         self.times: list[float] = []
         self.numbers: list[int] = []
         self.data: list[str] = []
@@ -238,7 +229,7 @@ class _Row:
         self.times.append(round(time, DIGITS))
         self.values.append(found or [])
         if meaning.defects:
-            self.wrong[len(self.times) - 1] = defects(meaning)
+            self.wrong[len(self.times) - 1] = wrong(meaning)
         if isinstance(meaning.raw, Frame):
             self.bits += frame_bits(meaning.raw)
 
@@ -246,21 +237,9 @@ class _Row:
         # A frame that could not be read has no values: its places are filled up.
         width = max(map(len, self.values))
         padded = ([*each, *[None] * (width - len(each))] for each in self.values)
-        return {
-            "key": key_of(self.meaning.raw),
-            "id": self.identifier,
-            "name": MonitorRow(self.identifier, self.meaning).name,
-            "group": self.meaning.group,
-            "nodes": self.meaning.nodes,
-            "times": self.times,
-            "numbers": self.numbers,
-            "data": self.data,
-            "values": list(zip(*padded)),
-            "texts": [""] * (len(self.times) - len(self.texts)) + self.texts if self.texts else [],
-            "wrong": self.wrong,
-            "foreign": is_foreign(self.meaning),
-            "bits": self.bits / len(self.times),
-        }
+        texts = [""] * (len(self.times) - len(self.texts)) + self.texts if self.texts else []
+        columns = {"values": list(zip(*padded)), "texts": texts, "bits": self.bits / len(self.times)}
+        return row_data(self._row) | picked(self, "times", "numbers", "data", "wrong") | columns
 
 
 class Columns:
@@ -307,26 +286,20 @@ class Columns:
 
     def data(self, more: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
         """Return the source as data for the page; `more` are rows of what was not on the bus."""
-        return {
-            "name": self.name,
-            "bitrate": self.bitrate,
-            "end": round(self._end, DIGITS),
-            "began": self.start,
-            "left_out": self.left_out,
-            "rows": [*(row.described() for row in self._rows.values()), *more],
-            "events": [event_data(each) for each in self._events.values()],
-            **described(self._decoder),
-        }
+        rows = [*(row.described() for row in self._rows.values()), *more]
+        times = {"began": self.start, "end": round(self._end, DIGITS)}
+        shown = {"rows": rows, "events": list(map(event_data, self._events.values()))}
+        return picked(self, "name", "bitrate", "left_out") | times | shown | described(self._decoder)
 
 
 # The file
 
 
 FILES = Path(__file__).with_name("files")
-STYLES = ("uplot.css", "page.css", "diagnosis.css")
+STYLES = ("uplot.css", "page.css")
 SCRIPTS = (  # in this order: each uses the ones before it
     *("uplot.js", "dom.js", "store.js", "messages.js", "trace.js", "plots.js", "nodes.js", "objects.js", "send.js"),
-    *("events.js", "diagnosis.js", "drive.js", "page.js"),
+    *("events.js", "drive.js", "page.js"),
 )
 
 PART = re.compile(r"\{\{(\w+)\}\}")
@@ -345,13 +318,13 @@ def page(
     """Return the page that shows some sources; `settings` are for its script."""
     styles = [*(_read(FILES / name) for name in STYLES), *(panel.style for panel in panels)]
     scripts = [*(_read(FILES / name) for name in SCRIPTS), *(panel.script for panel in panels)]
-    content = {"title": title, "sources": sources, "panels": panels_described(panels), **settings}
+    shown = [picked(each, "name", "title", "stop", "plan") | {"setup": each.setup()} for each in panels]
+    content = {"title": title, "sources": sources, "panels": shown, **settings}
     # By hashes: with 'unsafe-inline', anything that slipped into the page could run as well.
     allowed = f"script-src {_hashes(scripts)}; style-src {_hashes(styles)}; img-src data: blob:; connect-src 'self'"
     parts = {
         "policy": f"{NOTHING}; {allowed}",
         "title": escape(title),
-        "icon": base64.b64encode((FILES / "icon.svg").read_bytes()).decode(),
         "styles": "\n".join(f"<style>{each}</style>" for each in styles),
         "scripts": "\n".join(f"<script>{each}</script>" for each in scripts),
         # Without `<`, no text from a file or a bus can end the script element that it is in.

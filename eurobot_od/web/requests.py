@@ -145,25 +145,8 @@ class Requests:
 
     def list_objects(self, said: Arguments) -> list[dict[str, Any]]:
         """List the objects of a node's file."""
-        known, listed = self._objects(self._node(said).node_id), []
-        for thing in objects.all_objects(known) if known is not None else ():
-            type_, is_limited = objects.data_type(thing), (thing.min, thing.max) != (None, None)
-            limits = objects.limits(thing) if is_limited else None  # those of the type alone tell nothing new
-            listed.append(
-                {
-                    "object": label(objects.address_of(thing)),
-                    "name": thing.qualname,
-                    "type": type_.name,
-                    "access": thing.access_type,
-                    "low": limits and limits.low,
-                    "high": limits and limits.high,
-                    "default": "" if thing.default is None else objects.written(thing, thing.default),
-                    "long": type_ == DOMAIN,
-                    "plots": objects.limits(thing) is not None,
-                    "moves": moves(objects.address_of(thing)),
-                }
-            )
-        return listed
+        known = self._objects(self._node(said).node_id)
+        return [_described(thing) for thing in objects.all_objects(known)] if known is not None else []
 
     def read(self, said: Arguments) -> dict[str, Any]:
         """Read an object of a node."""
@@ -390,6 +373,17 @@ REQUESTS: Mapping[str, PageRequest] = {
     "jog": PageRequest(Requests.jog, acts=True),
     "hold": PageRequest(Requests.hold, Way.AT_ONCE, acts=True),
 }
+
+
+def _described(thing: ODVariable) -> dict[str, Any]:
+    """Return what a file says of an object, as data."""
+    address, type_, limits = objects.address_of(thing), objects.data_type(thing), objects.limits(thing)
+    known = {"object": label(address), "name": thing.qualname, "type": type_.name, "access": thing.access_type}
+    is_limited = limits is not None and (thing.min, thing.max) != (None, None)  # those of the type tell nothing new
+    low, high = limits if limits and is_limited else (None, None)
+    default = "" if thing.default is None else objects.written(thing, thing.default)
+    use = {"long": type_ == DOMAIN, "plots": limits is not None, "moves": moves(address)}
+    return known | {"low": low, "high": high, "default": default} | use
 
 
 def _text(said: Arguments, name: str) -> str:

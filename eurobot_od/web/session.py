@@ -27,11 +27,11 @@ from eurobot_od.od.dictionary import SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.entries import Damage, Raw
-from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.traffic.monitor import BusSource, Traffic
+from eurobot_od.traffic.meaning import Decoder, wrong
+from eurobot_od.traffic.monitor import BusSource, NodeHealth, Traffic
 from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.events import BusEvents, PageEvent
-from eurobot_od.web.page import DIGITS, Panel, defects, event_data, hex_of, is_foreign, key_of, values
+from eurobot_od.web.page import DIGITS, Panel, event_data, hex_of, key_of, picked, row_data, values
 
 # A second bus on one adapter, for a master that asks nodes while the session takes every frame
 
@@ -269,7 +269,7 @@ class Session:
         if isinstance(raw, Frame):
             self.tap.give(raw)
             self.recording.write(now, raw)
-        shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, defects(meaning)]
+        shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, wrong(meaning)]
         self.history.add(COMPACT(shown))
         for event in self._watch.take(self._traffic.frames, now, meaning):
             self._enter(event)
@@ -296,28 +296,16 @@ class Session:
     def snapshot(self, since: int, stretch: Stretch = NO_FRAMES, **more: object) -> str:
         """Return as JSON what has changed after a `turn`, -1 for everything, and a stretch of the history."""
         load, rate = self._load
-        now = self.now
         head = {
+            **picked(self, "turn", "frames", "trouble"),
             "session": self.name,
             "began": self._began,
-            "turn": self.turn,
             "first": stretch.first,
-            "time": round(now, 4),
+            "time": round(self.now, 4),
             "load": round(load, 4),
             "rate": round(rate, 1),
-            "frames": self.frames,
-            "trouble": self.trouble,
             "recording": self.recording.state(),
-            "nodes": [
-                {
-                    "name": name,
-                    "state": node.state,
-                    "age": None if node.pulse.heard is None else round(now - node.pulse.heard, 2),
-                    "life": node.pulse.life(now).value,
-                    "emergency": node.emergency,
-                }
-                for name, node in self._traffic.nodes.items()
-            ],
+            "nodes": [self._node(name, node) for name, node in self._traffic.nodes.items()],
             "events": [event_data(event) for turn, event in self._events.values() if turn > since],
             "objects": {key: each.shown(since) for key, each in self.polled.items()},
             **more,
@@ -326,31 +314,21 @@ class Session:
         # Put together by hand: a row is already text, made once for all browsers.
         return f'{json.dumps(head)[:-1]}, "history": [{",".join(stretch.frames)}], "rows": [{rows}]}}'
 
+    def _node(self, name: str, node: NodeHealth) -> dict[str, Any]:
+        age = None if node.pulse.heard is None else round(self.now - node.pulse.heard, 2)
+        return picked(node, "state", "emergency") | {"name": name, "age": age, "life": node.pulse.life(self.now).value}
+
     def _row(self, key: int | Damage) -> str:
         """Return a row as JSON, made once for all browsers."""
         row = self._traffic.rows[key]
         count, text = self._written.get(key, (0, ""))
         if count == row.count:
             return text
-        # One interval is not a period.
-        found, period = values(row.meaning), row.period if len(row.times) > FEW else None
-        data = {
-            "key": key_of(row.meaning.raw),
-            "id": row.identifier,
-            "name": row.name,
-            "group": row.meaning.group,
-            "nodes": row.meaning.nodes,
-            "count": row.count,
-            "wrong": row.wrong,
-            "period": period and round(period.mean, 6),
-            "jitter": period and round(period.jitter, 6),
-            "time": round(row.last, DIGITS),
-            "data": hex_of(row.meaning),
-            "values": found,
-            "text": row.meaning.text,
-            "defects": defects(row.meaning),
-            "foreign": is_foreign(row.meaning),
-        }
+        period = row.period if len(row.times) > FEW else None  # one interval is not a period
+        times = {"period": period and round(period.mean, 6), "jitter": period and round(period.jitter, 6)}
+        last = {"time": round(row.last, DIGITS), "data": hex_of(row.meaning), "values": values(row.meaning)}
+        words = {"text": row.meaning.text, "defects": wrong(row.meaning)}
+        data = row_data(row) | picked(row, "count", "wrong") | times | last | words
         self._written[key] = row.count, json.dumps(data)
         return self._written[key][1]
 

@@ -23,8 +23,8 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season import archive as archiving
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, DecodedNetwork, _begun, archive
-from eurobot_od.season.batches import ColumnBatch
 from eurobot_od.season.campaign import local
+from eurobot_od.season.columns import ColumnBatch
 from eurobot_od.season.season import Season, is_described, table_names
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.meaning import Decoder

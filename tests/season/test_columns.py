@@ -151,7 +151,7 @@ def test_all_defects_are_those_of_the_decoder(dialect: str, tmp_path: Path) -> N
     wanted = [
         (number, damage.value, text)
         for number, (_, frame) in enumerate(frames, 1)
-        for damage, text in decode(frame).defects
+        for damage, text, _ in decode(frame).defects
     ]
     assert {Damage(kind) for _, kind, _ in wanted} == {
         Damage.UNKNOWN_IDENTIFIER,

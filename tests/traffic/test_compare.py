@@ -12,8 +12,8 @@ from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.protocol import decoder
-from eurobot_od.traffic.compare import Difference, DifferenceKind, Timed, Tolerances, compare
-from eurobot_od.traffic.entries import Damage, Foreign, Raw
+from eurobot_od.traffic.compare import Difference, DifferenceKind, Tolerances, compare
+from eurobot_od.traffic.entries import Damage, Foreign, Raw, Timed
 from tests.rows import rows
 
 DECODER = decoder()

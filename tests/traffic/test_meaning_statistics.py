@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.meaning import Contradiction, DamageCounts, Defect
+from eurobot_od.traffic.meaning import MAPPED_OTHERWISE, DamageCounts, Defect
 
 
 def test_each_kind_is_counted_and_has_its_first_place() -> None:
@@ -22,5 +22,5 @@ def test_a_length_that_the_mapping_cannot_have_again_and_again_has_a_likely_reas
     counts = DamageCounts()
     for number in range(3):
         assert not any("mapped otherwise" in line for line in counts.report()), number
-        counts.add("one.log", number, [Contradiction(Damage.WRONG_LENGTH, "too short")])
-    assert [line.strip() for line in counts.report()][1:] == [Contradiction(Damage.WRONG_LENGTH, "").reason]
+        counts.add("one.log", number, [Defect(Damage.WRONG_LENGTH, "too short", MAPPED_OTHERWISE)])
+    assert [line.strip() for line in counts.report()][1:] == [MAPPED_OTHERWISE]

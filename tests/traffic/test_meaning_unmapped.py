@@ -10,7 +10,7 @@ from eurobot_od.errors import MappingError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.meaning import Decoder, Meaning
+from eurobot_od.traffic.meaning import Decoder, Defect, Meaning
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 from tests.rows import rows
 
@@ -50,7 +50,7 @@ def decoder() -> Decoder:
 
 
 def said(meaning: Meaning) -> tuple[str, str, list[tuple[Damage, str]]]:
-    return meaning.name, meaning.text, [*meaning.defects]
+    return meaning.name, meaning.text, [each[:2] for each in meaning.defects]
 
 
 def test_a_pdo_that_is_off_in_its_file_is_named(decoder: Decoder) -> None:
@@ -94,7 +94,7 @@ def test_a_multiplexed_pdo_of_another_length_is_damage(decoder: Decoder) -> None
     meaning = decoder(Frame(0x205, bytes(3)))
     assert (meaning.name, meaning.defects) == (
         "epos4.RPDO1",
-        ((Damage.WRONG_LENGTH, "epos4.RPDO1 (0x205): 3 bytes of data, expected 8"),),
+        (Defect(Damage.WRONG_LENGTH, "epos4.RPDO1 (0x205): 3 bytes of data, expected 8"),),
     )
     assert decoder(RemoteFrame(0x205)).defects == ()
 
@@ -111,7 +111,7 @@ def test_a_guess_is_called_one(decoder: Decoder, cob_id: int, name: str, node: s
     meaning = decoder(Frame(cob_id, b"\x01"))
     assert (meaning.name, meaning.nodes, meaning.text) == (name, (node,), "01")
     (defect,) = meaning.defects
-    assert defect == (
+    assert defect[:2] == (
         Damage.UNKNOWN_IDENTIFIER,
         f"{cob_id:03X}#01: in no file; a guess by its identifier: {words}",
     )

@@ -15,14 +15,13 @@ from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
-from eurobot_od.traffic.entries import Damage, Foreign, LogEntry
+from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Timed
 from eurobot_od.traffic.monitor import (
     HEADINGS,
     SORTS,
     BusSource,
     LogSource,
     MeanPeriod,
-    Timed,
     Traffic,
     cells,
     health,

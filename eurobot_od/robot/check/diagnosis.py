@@ -8,8 +8,7 @@ from eurobot_od.lint.findings import Severity
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import GotoFault, Source
-from eurobot_od.traffic.diagnosis.incidents import IncidentRule, Occurrences
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, Watcher
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule, ObservedBus, Occurrences, Watcher
 from eurobot_od.traffic.meaning import Meaning
 
 STOPS = (messages.StopDrive, messages.EmergencyStop, messages.EmergencyShutdown)

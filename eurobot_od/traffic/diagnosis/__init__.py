@@ -10,8 +10,10 @@ waits for something counts from what the log has shown; a log may begin and end 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any
 
 from eurobot_od.bus import frame_bits
@@ -21,9 +23,16 @@ from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import Following
-from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, Occurrences, SeenAt, verdict
+from eurobot_od.traffic.diagnosis.incidents import (
+    Incident,
+    Incidents,
+    ObservedBus,
+    Occurrences,
+    SeenAt,
+    Watcher,
+    verdict,
+)
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, Watcher
 from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, SyncWatcher, TimeWatcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.transfers import SdoWatcher
@@ -65,22 +74,18 @@ class WatchedBus:
         self.bus, self.bit_rate, self._tick_at = bus, bit_rate, 0.0
         self.nodes, self.pdos, self.sdo = NodesWatcher(bus), PdoWatcher(bus), SdoWatcher(bus)
         answers = [AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []
-        self._more: list[Watcher] = [*answers, *(each(bus) for each in more)]
-        control = (self.nodes,)
         self._services: dict[str, tuple[Watcher, ...]] = {
             NMT: (self.sdo, self.nodes),
-            HEARTBEAT: control,
-            GUARDING: control,
+            HEARTBEAT: (self.nodes,),
+            GUARDING: (self.nodes,),
             EMCY_NAME: (EmergencyWatcher(bus),),
             SDO: (self.sdo,),
             SYNC_NAME: (SyncWatcher(bus),),
             TIME_NAME: (TimeWatcher(bus),),
             LSS: (LssWatcher(bus),),
         }
-        self._watchers = list(
-            dict.fromkeys([self.pdos, *(w for each in self._services.values() for w in each), *self._more])
-        )
-        self._messages = (self.pdos, *self._more)
+        self._messages: list[Watcher] = [self.pdos, *answers, *(each(bus) for each in more)]
+        self._watchers = list(dict.fromkeys([*chain(*self._services.values()), *self._messages]))
         self._promised = promised
         self._loads: list[list[Any]] = []
         self._first: SeenAt | None = None
@@ -107,21 +112,16 @@ class WatchedBus:
             self._pass_on(time, meaning, raw)
 
     def _pass_on(self, time: float, meaning: Meaning, frame: Frame) -> None:
+        watchers: Sequence[Watcher] = () if frame.is_remote else self._messages
         if meaning.group == CANOPEN:
             self.bus.counts[meaning.name] += 1
-            if not meaning.is_read:
-                return
-            for each in self._services.get(meaning.name, ()):
-                each.take(time, meaning)
-            return
-        if frame.is_remote:
-            return
-        for each in self._messages:
+            watchers = self._services.get(meaning.name, ()) if meaning.is_read else ()
+        for each in watchers:
             each.take(time, meaning)
 
     def _damaged(self, meaning: Meaning) -> None:
         who = meaning.sender or (meaning.nodes[0] if len(meaning.nodes) == 1 else "")
-        for damage, text in meaning.defects:
+        for damage, text, _ in meaning.defects:
             if damage is Damage.INCOMPLETE:
                 self.sdo.damaged(meaning)
             elif damage is Damage.WRONG_LENGTH:
@@ -183,21 +183,15 @@ class WatchedBus:
                 continue
             share = so_far / self.bit_rate / span
             if most < share:
-                self._too_much(rule, share, seen)
+                wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
+                text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}"
+                self.bus.found(rule, "", text, seen=seen)
             load[:] = time, bits, Occurrences.once(self.bus.at())
-
-    def _too_much(self, rule: BusRule, share: float, seen: Occurrences) -> None:
-        wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
-        text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}"
-        self.bus.found(rule, "", text, seen=seen)
 
 
 def _is_bus_off(text: str) -> bool:
-    identifier, mark, _ = text.partition("#")
-    try:
-        return bool(mark) and bool(int(identifier, 16) & BUS_OFF)
-    except ValueError:  # what a driver of Windows, or a format without them, says of an error
-        return False
+    identifier = re.match("([0-9A-F]+)#", text)  # a driver of Windows, or a format without them, says something else
+    return identifier is not None and bool(int(identifier[1], 16) & BUS_OFF)
 
 
 class Diagnosis:
@@ -235,16 +229,13 @@ class Diagnosis:
         """Take in what somebody else has decoded, who is `following` the same bus."""
         self.frames += 1
         self._line, self._time = line, time
-        watched = self._buses.get(channel) or self._bus(channel, following)
+        if channel not in self._buses:
+            bus = ObservedBus(channel, self._decoder, partial(following.shown, channel), self._at, self.incidents.at)
+            self._buses[channel] = WatchedBus(bus, self._more, self._bit_rate, self._promised)
+        watched = self._buses[channel]
         watched.take(time, meaning)
         if meaning.transfer:
             watched.shown(meaning.transfer, following.decoder(channel))
-
-    def _bus(self, channel: str, following: Following) -> WatchedBus:
-        shown = partial(following.shown, channel)
-        bus = ObservedBus(channel, self._decoder, shown, self._at, self.incidents.at)
-        made = self._buses[channel] = WatchedBus(bus, self._more, self._bit_rate, self._promised)
-        return made
 
     def _at(self) -> SeenAt:
         return SeenAt(self._time, self._log, self._line)
@@ -271,12 +262,12 @@ class Diagnosis:
         """Report that there was nothing in a log, or on a bus."""
         missing = ", ".join(each.name for each in self._decoder.dictionaries)
         text = (f"no frame in {log}" if log else "no frame came") + (f": {missing} should be there" if missing else "")
-        self.incidents.at(BusRule.BUS_SILENT, "", "", log, text, "", "").add(SeenAt(0.0, log))
+        self.incidents.at(BusRule.BUS_SILENT, "", "", log, text).add(SeenAt(0.0, log))
 
     def missed(self, notes: Iterable[str]) -> None:
         """Report what could not be taken in, as a source of frames says it."""
         for note in notes:
-            self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note, "", "").add(self._at())
+            self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note).add(self._at())
 
     def so_far(self, time: float) -> list[Incident]:
         """Return the incidents as if a watch ended at a time in s, worst first."""
@@ -293,6 +284,6 @@ class Diagnosis:
         rows = [{"level": LEVELS[each.rule.severity], "title": each.title, "facts": each.facts} for each in found]
         return {"verdict": self.verdict(found), "incidents": rows}
 
-    def verdict(self, incidents: Sequence[Incident]) -> str:
+    def verdict(self, found: Sequence[Incident]) -> str:
         """Return the answer in one line."""
-        return verdict(incidents, f"{amount(self.frames, 'frame')}, {duration(self.seconds + self._span, 1)}")
+        return verdict(found, f"{amount(self.frames, 'frame')}, {duration(self.seconds + self._span, 1)}")

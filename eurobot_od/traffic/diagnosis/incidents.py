@@ -1,18 +1,27 @@
-"""Incidents: what is wrong, at whom, how often, when, why likely, and what to do.
+"""Incidents: what is wrong, at whom, how often, when, why likely, and what to do; and what finds them.
 
 The same thing again is the same incident. So memory grows with what can be wrong, not with the frames: of each incident
 there is a number, the first and the last place, and a few more; of each rule at most `MOST` incidents.
+
+What the watchers of a bus share is at the end: its nodes as the frames so far have shown them, and where they report.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import partial
 from typing import Any, NamedTuple
 
+from eurobot_od.device.nmt import NmtState
 from eurobot_od.lint.findings import LEVELS, Severity
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
+from eurobot_od.support import texts
 from eurobot_od.support.texts import amount, one_line
+from eurobot_od.traffic.meaning import Decoder, Meaning
 
 MOST = 20
 """Most incidents of one rule on one bus; all others together are one more."""
@@ -91,6 +100,10 @@ class IncidentRule(Enum):
         return list(Severity).index(self.severity), self.stage, list(type(self)).index(self)
 
 
+FACTS = "Seen", "Also at", "Likely", "To do", "Source"
+"""What is said of an incident besides its title."""
+
+
 @dataclass(frozen=True)
 class Incident:
     """A rule that does not hold: on which bus (empty if there is only one), at `who`, and what exactly."""
@@ -100,7 +113,6 @@ class Incident:
     who: str
     text: str
     cause: str
-    remedy: str
     seen: Occurrences = field(default_factory=Occurrences)
 
     @property
@@ -118,9 +130,8 @@ class Incident:
         if self.seen.number > 1:
             when = f"{often}, first at {first.after()}, last at {self.seen.last.after(first)}"
         also = ", ".join(each.after(first) for each in others if each != self.seen.last)
-        found = [("Seen", when), ("Also at", also)]
-        found += [("Likely", self.cause), ("To do", self.remedy), ("Source", f"{self.rule.clause} [{self.rule.id}]")]
-        return [(what, one_line(text)) for what, text in found if text]
+        found = when, also, self.cause, self.rule.remedy, f"{self.rule.clause} [{self.rule.id}]"
+        return [(what, one_line(text)) for what, text in zip(FACTS, found) if text]
 
     def as_data(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -134,7 +145,7 @@ class Incident:
             "places": [each._asdict() for each in self.seen.places],
             "last": self.seen.last._asdict(),
             "cause": self.cause,
-            "remedy": self.remedy,
+            "remedy": self.rule.remedy,
             "clause": self.rule.clause,
         }
 
@@ -146,9 +157,7 @@ class Incidents:
         self._found: dict[tuple[IncidentRule, str, str, str], Incident] = {}
         self._number: dict[tuple[IncidentRule, str], int] = {}
 
-    def at(
-        self, rule: IncidentRule, channel: str, who: str, subject: str, text: str, cause: str, remedy: str
-    ) -> Occurrences:
+    def at(self, rule: IncidentRule, channel: str, who: str, subject: str, text: str, cause: str = "") -> Occurrences:
         """Return where an incident was seen; it is new if the rule has none of this node and `subject`."""
         key = rule, channel, who, subject
         if key not in self._found:
@@ -156,7 +165,7 @@ class Incidents:
             if number > MOST:
                 key, who, text = (rule, channel, "", ""), "", f"{rule.what} (others than those above)"
             if key not in self._found:
-                self._found[key] = Incident(rule, channel, who, text, cause or rule.cause, remedy or rule.remedy)
+                self._found[key] = Incident(rule, channel, who, text, cause or rule.cause)
         return self._found[key].seen
 
     def sorted(self, *others: Incidents) -> list[Incident]:
@@ -183,3 +192,116 @@ def lines(incidents: Sequence[Incident]) -> Iterator[str]:
         yield ""
         yield f"{LEVELS[each.rule.severity].upper():<8} {each.title}"
         yield from (f"  {what:<8} {text}" for what, text in each.facts)
+
+
+# What the watchers of a bus share
+
+
+brief = partial(texts.text, digits=4)
+"""Writes a time as it was measured: more digits mean nothing."""
+
+
+@dataclass
+class ObservedNode:
+    """A node: its last NMT state, when that was `heard` first and changed last (`since`), and when it was reset.
+
+    `shown` are settings that transfers have shown; it `is_configured` if a master has written any object. `in_force`
+    returns what it has shown to have in place of its file's values.
+    """
+
+    node_id: int
+    name: str
+    in_force: Callable[[], Mapping[Address, int]]
+    dictionary: Dictionary | None = None
+    state: NmtState | None = None
+    heard: bool = False
+    booted: bool = False
+    since: float = 0.0
+    reset: float | None = None
+    shown: dict[Address, bytes] = field(default_factory=dict)
+    is_configured: bool = False
+
+    def number(self, address: Address) -> int:
+        """Return the number that it has at an address, as shown, or by its file; 0 without any."""
+        number = self.in_force().get(address)
+        return (self.dictionary.number(address) if self.dictionary and number is None else number) or 0
+
+    @property
+    def is_operational(self) -> bool:
+        """Whether it says that it is OPERATIONAL, or says nothing."""
+        return self.state in (None, NmtState.OPERATIONAL)
+
+
+class ObservedBus:
+    """One bus: its `decoder` by the mapping in force, its nodes by node-ID, and when it was heard first and last, s.
+
+    `shown` returns what a node has shown to have, `at` gives the place of the present frame, `report` where an incident
+    is counted.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        decoder: Decoder,
+        shown: Callable[[int], Mapping[Address, int]],
+        at: Callable[[], SeenAt],
+        report: Callable[..., Occurrences],
+    ) -> None:
+        self.channel, self.files, self.decoder, self.at, self.report = channel, decoder, decoder, at, report
+        self.began = self.now = 0.0
+        self.numbers = {each.name: each.node_id for each in decoder.dictionaries}
+        self._shown = shown
+        self.nodes = {
+            each.node_id: ObservedNode(each.node_id, each.name, partial(shown, each.node_id), each)
+            for each in decoder.dictionaries
+        }
+        self.counts: dict[str, int] = defaultdict(int)
+        """How many frames of each service came."""
+        self.stated: list[Callable[[ObservedNode], None]] = []
+        """Called with a node that has said its NMT state."""
+
+    def node(self, node_id: int) -> ObservedNode:
+        """Return a node, new if it was not known."""
+        if node_id not in self.nodes:
+            self.nodes[node_id] = ObservedNode(node_id, f"node {node_id}", partial(self._shown, node_id))
+        return self.nodes[node_id]
+
+    def named(self, name: str) -> ObservedNode | None:
+        """Return a node by the name that a meaning has for it; None for a master without a file."""
+        number = self.numbers.get(name)
+        if number is None and name.startswith("node ") and name[5:].isdecimal():
+            number = int(name[5:])
+        return None if number is None else self.node(number)
+
+    def found(
+        self,
+        rule: IncidentRule,
+        who: str,
+        text: str,
+        subject: Any = "",
+        *,
+        cause: str = "",
+        seen: Occurrences | None = None,
+    ) -> None:
+        """Report that a rule does not hold here, or where it was `seen`; `subject` tells incidents of a node apart."""
+        here = self.report(rule, self.channel, who, str(subject), text, cause)
+        here.join(seen or Occurrences.once(self.at()))
+
+
+class Watcher:
+    """Watches some services of a bus for what breaks its rules. It has no clock: frames and times in s go in."""
+
+    def __init__(self, bus: ObservedBus) -> None:
+        self.bus = bus
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        """Take in a frame that could be read."""
+
+    def tick(self, time: float) -> None:
+        """Notice what did not come until now; called several times a second."""
+
+    def gap(self, time: float) -> None:
+        """Forget what was to come: nothing was recorded for a while."""
+
+    def end(self, time: float) -> None:
+        """Report what the end of the log, or of the watch, leaves open."""

@@ -12,8 +12,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ANSWERS, CONSUMED_HEARTBEATS, HEARTBEAT_TIME, NMT_STARTUP, Lss, LssState
 from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NODE_IDS
 from eurobot_od.support.texts import text as duration
-from eurobot_od.traffic.diagnosis.incidents import Occurrences
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher, brief
+from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import GUARDING, NMT
@@ -225,16 +224,13 @@ class NodesWatcher(Watcher):
             if not beats.lost and beats.is_lost(time):
                 beats.lost = True
                 node = self.bus.node(node_id)
+                silence = f"no heartbeat for {LOST_AFTER:g} periods of {brief(beats.usual)}"
                 state = f"; it was {STATE_NAMES[node.state]}" if node.state else ""
-                text = (
-                    f"{NodeChange.LOST.value}: no heartbeat for {LOST_AFTER:g} periods of {brief(beats.usual)}{state}"
-                )
-                self.bus.found(BusRule.HEARTBEAT_LOST, node.name, text)
+                self.bus.found(BusRule.HEARTBEAT_LOST, node.name, f"{NodeChange.LOST.value}: {silence}{state}")
         for node in self.bus.nodes.values():
             if node.reset is not None and time - node.reset > BOOTS_WITHIN:
                 node.reset = None
-                text = f"no boot-up in {BOOTS_WITHIN:g} s after a reset"
-                self.bus.found(BusRule.NO_BOOT, node.name, text)
+                self.bus.found(BusRule.NO_BOOT, node.name, f"no boot-up in {BOOTS_WITHIN:g} s after a reset")
 
     def gap(self, time: float) -> None:
         for beats in self.beating:
@@ -290,9 +286,8 @@ class NodesWatcher(Watcher):
                 text = f"waits for the heartbeat of {producer.name} (0x1016), which sends none"
                 self.bus.found(BusRule.CONSUMER_UNFED, node.name, text, node_id)
             elif (period := producer.number(HEARTBEAT_TIME) / 1000) >= wait:
-                text = (
-                    f"waits {brief(wait)} for {producer.name} (0x1016), which sends a heartbeat every {brief(period)}"
-                )
+                sent = f"which sends a heartbeat every {brief(period)}"
+                text = f"waits {brief(wait)} for {producer.name} (0x1016), {sent}"
                 self.bus.found(BusRule.CONSUMER_SHORT, node.name, text, node_id)
 
 
@@ -373,17 +368,10 @@ class LssWatcher(Watcher):
     def take(self, time: float, meaning: Meaning) -> None:
         frame = meaning.raw
         assert isinstance(frame, Frame)
-        command = frame.data[0] if frame.data and not frame.is_remote else None
-        if frame.cob_id == ANSWERS:
-            is_configured = command == Lss.SELECTED
-        elif command != Lss.SWITCH_GLOBAL:
-            return
-        else:
-            is_configured = frame.data[1] == LssState.CONFIGURATION
-            if not is_configured:
-                self._configured = None
-        if is_configured:
-            self._configured = Occurrences.once(self.bus.at())
+        is_answer = frame.cob_id == ANSWERS
+        if not frame.is_remote and frame.data[0] == (Lss.SELECTED if is_answer else Lss.SWITCH_GLOBAL):
+            is_configured = is_answer or frame.data[1] == LssState.CONFIGURATION
+            self._configured = Occurrences.once(self.bus.at()) if is_configured else None
 
     def end(self, time: float) -> None:
         if self._configured:

@@ -14,8 +14,7 @@ from eurobot_od.od.standard import SYNC, SYNC_PERIOD, SYNC_PRODUCER
 from eurobot_od.od.values import DAY, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import text as duration
-from eurobot_od.traffic.diagnosis.incidents import Occurrences
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher, brief
+from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage
 from eurobot_od.traffic.meaning import Meaning
@@ -74,11 +73,10 @@ class PdoWatcher(Watcher):
 
     def take(self, time: float, meaning: Meaning) -> None:
         cob_id = meaning.raw[0]
-        watched = self._pdos.get(cob_id)  # type: ignore[arg-type]
+        watched = self._pdos.get(cob_id) or (self._first(cob_id) if meaning.sender else None)  # type: ignore[arg-type]
         if watched is None:
-            if not meaning.sender or (watched := self._first(cob_id)) is None:  # type: ignore[arg-type]
-                return
-            self._pdos[watched.pdo.cob_id] = watched
+            return
+        self._pdos[watched.pdo.cob_id] = watched
         sender, last = watched.sender, watched.last
         sender.heard, watched.last = True, time
         if last is not None and time >= last:
@@ -110,14 +108,12 @@ class PdoWatcher(Watcher):
         """Return how to watch an identifier, and report what its first frame shows."""
         decoder = self.bus.decoder
         binding = next((each for each in decoder.protocol.bindings if each.cob_id == cob_id), None)
-        if binding is None or not binding.senders:
-            return None
-        sender = self.bus.named(binding.senders[0])
-        if sender is None:
+        sender = self.bus.named(binding.senders[0]) if binding and binding.senders else None
+        if binding is None or sender is None:
             return None
         if decoder is not self.bus.files and sender.dictionary:
             self._mapped(cob_id, binding, sender)
-        if not binding.receivers and len(self.bus.names) > 1:
+        if not binding.receivers and len(self.bus.numbers) > 1:
             text = f"{binding.name} (0x{identifier_text(cob_id)}) is received by no file"
             self.bus.found(BusRule.PDO_UNHEARD, sender.name, text, cob_id)
         has_type = decoder.protocol.catalogue.find(binding.name) is not None
@@ -130,9 +126,8 @@ class PdoWatcher(Watcher):
         said = next((each for each in self.bus.files.protocol.bindings if each.cob_id == cob_id), None)
         if said is None or said.layout.slots != binding.layout.slots:
             text = f"{binding.name} maps {', '.join(binding.layout.fields) or 'nothing'}"
-            file = (
-                f"; its file {', '.join(said.layout.fields) or 'nothing'}" if said else ", which its file does not have"
-            )
+            mapped = f"; its file {', '.join(said.layout.fields) or 'nothing'}" if said else ""
+            file = mapped or ", which its file does not have"
             self.bus.found(BusRule.PDO_MAPPED_OTHERWISE, sender.name, f"{text}{file}", cob_id)
 
     def gap(self, time: float) -> None:
@@ -141,13 +136,9 @@ class PdoWatcher(Watcher):
 
     def end(self, time: float) -> None:
         for each in self._pdos.values():
-            if (
-                each.last is not None
-                and each.timer
-                and time - each.last > LATE_AFTER * each.timer
-                and each.sender.is_operational
-            ):
-                self._late(each, time - each.last)
+            gap = 0.0 if each.last is None else time - each.last
+            if each.timer and gap > LATE_AFTER * each.timer and each.sender.is_operational:
+                self._late(each, gap)
         for binding in self.bus.decoder.protocol.bindings:
             sender = self.bus.named(binding.senders[0]) if binding.senders else None
             pdo = binding.pdo
@@ -182,11 +173,6 @@ class AnswerWatcher(Watcher):
     def __init__(self, bus: ObservedBus, promised: MessageSet, bit_rate: int) -> None:
         super().__init__(bus)
         self._seen = SeenTraffic(bit_rate, promised)
-        identifiers = {each.name: each.identifier for each in promised.messages}
-        self._answers: dict[int, list[PeriodicMessage]] = {}
-        for each in promised.messages:
-            if each.answers in identifiers:
-                self._answers.setdefault(identifiers[each.answers], []).append(each)
         self._open: dict[int, tuple[float, PeriodicMessage, Occurrences]] = {}
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -197,22 +183,19 @@ class AnswerWatcher(Watcher):
         self._seen.take(time, frame, meaning.name, meaning.sender)
         seen = self._seen.messages[frame.cob_id, False]
         if seen.answered is not None and seen.bound is not None and seen.answered > seen.bound:
-            text = (
-                f"{meaning.name} comes {brief(seen.answered)} after its request, computed: {brief(seen.bound)} at most"
-            )
+            computed = f"computed: {brief(seen.bound)} at most"
+            text = f"{meaning.name} comes {brief(seen.answered)} after its request, {computed}"
             self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, frame.cob_id)
             seen.answered = None
-        for each in self._answers.get(frame.cob_id, ()):
-            if each.identifier not in self._open:
-                self._open[each.identifier] = time, each, Occurrences.once(self.bus.at())
+        for answer in self._seen.answers.get(frame.cob_id, set()) - self._open.keys():
+            self._open[answer] = time, self._seen.promised[answer].message, Occurrences.once(self.bus.at())
 
     def tick(self, time: float) -> None:
         for identifier, (since, answer, asked) in list(self._open.items()):
             if time - since > max(NO_SOONER, 2 * answer.deadline / MICROSECONDS):
                 del self._open[identifier]
-                self.bus.found(
-                    BusRule.ANSWER_MISSING, answer.node, f"no {answer.name} to {answer.answers}", identifier, seen=asked
-                )
+                text = f"no {answer.name} to {answer.answers}"
+                self.bus.found(BusRule.ANSWER_MISSING, answer.node, text, identifier, seen=asked)
 
     def gap(self, time: float) -> None:
         self._open.clear()
@@ -238,9 +221,8 @@ class SyncWatcher(Watcher):
         if self._producers is None:
             self._producers = [each for each in self.bus.nodes.values() if each.number(SYNC) & SYNC_PRODUCER]
             for one, two in combinations(self._producers, 2):
-                self.bus.found(
-                    BusRule.SYNC_TWO, "", f"{one.name} and {two.name} are both to send SYNC (0x1005)", "files"
-                )
+                text = f"{one.name} and {two.name} are both to send SYNC (0x1005)"
+                self.bus.found(BusRule.SYNC_TWO, "", text, "files")
         self._last = time, frame.data
         if before is None or time < before[0]:
             return
@@ -252,19 +234,11 @@ class SyncWatcher(Watcher):
         if not usual:
             return
         self._short = self._short + 1 if interval < 0.9 * usual else 0
+        text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}"
         if period and self._short >= SYNCS:
-            self.bus.found(
-                BusRule.SYNC_TWO,
-                "",
-                f"SYNC comes after {brief(interval)}, with a period of {brief(period)}",
-                "period",
-            )
+            self.bus.found(BusRule.SYNC_TWO, "", text, "period")
         elif abs(interval / usual - 1) > 0.25:
-            self.bus.found(
-                BusRule.SYNC_JITTER,
-                "",
-                f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}",
-            )
+            self.bus.found(BusRule.SYNC_JITTER, "", text)
 
     def _count(self, before: bytes, present: bytes) -> None:
         if len(before) != len(present):

@@ -12,22 +12,13 @@ from eurobot_od.frame import Frame
 from eurobot_od.od import objects, values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, label
-from eurobot_od.sdo.wire import (
-    ABORT,
-    REQUEST_SUB_COMMAND,
-    AbortCode,
-    Initiate,
-    ServerCommand,
-    code_and_reason,
-    when_sent,
-)
+from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate, ServerCommand, code_and_reason, when_sent
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
-from eurobot_od.traffic.diagnosis.incidents import Occurrences
-from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
+from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
-from eurobot_od.traffic.services import NAMING, NMT, CanopenService, SdoEnd, object_words
+from eurobot_od.traffic.services import NMT, CanopenService, SdoEnd, object_words
 from eurobot_od.traffic.transfers import SKIPPED, How
 
 IMPATIENT = 0.02
@@ -85,8 +76,8 @@ class SdoWatcher(Watcher):
         line.is_used = True
 
     def _request(self, time: float, line: SdoLine, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
-        command = data[0] >> 5
-        named = (command, data[0] & REQUEST_SUB_COMMAND.get(command, 0)) in NAMING[False]
+        command = end.command(data)
+        named = command is not None and command.names_object
         if named and line.asked is not None and self._is_hasty(line.asked):
             text = f"is asked again {duration(time - line.asked, 6)} after a request, before its answer"
             self.bus.found(BusRule.TWO_CLIENTS, node.name, text)
@@ -104,9 +95,8 @@ class SdoWatcher(Watcher):
     def _answer(self, time: float, line: SdoLine, node: ObservedNode, data: bytes) -> None:
         needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
         if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
-            self.bus.found(
-                BusRule.SDO_UNASKED, node.name, f"answers without a request: {label(Initiate.of(data).address)}"
-            )
+            text = f"answers without a request: {label(Initiate.of(data).address)}"
+            self.bus.found(BusRule.SDO_UNASKED, node.name, text)
         line.asked = None
 
     def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:

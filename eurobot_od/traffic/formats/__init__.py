@@ -11,7 +11,7 @@ from contextlib import suppress
 from importlib import import_module
 from itertools import chain
 from pathlib import PurePath
-from typing import Any, BinaryIO, NoReturn, cast
+from typing import Any, BinaryIO, cast
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.traffic.entries import LARGEST, Batch, Damage, Entries, Foreign, gathered
@@ -99,11 +99,11 @@ def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Ent
 
 
 def _batches(file: BinaryIO, form: str | None, largest: int) -> Iterator[Batch]:
-    name, beginning = getattr(file, "name", None), _beginning(file)
+    name, (content, beginning) = getattr(file, "name", None), _content(file)
     most = MANY if file.seekable() else 1
-    if beginning.startswith(PACKED):
-        return _read_packed(file, form, name, largest)
-    return _reader(form or _said_by(beginning, name), name, most)(file, largest)
+    found = _reader(form or _said_by(beginning, name), name, most)(content, largest)
+    # A generator apart: this function is to complain of a format now, not when the first entry is asked for.
+    return found if content is file else _until_it_breaks(found)
 
 
 def _read_at_all(found: Iterator[Batch], words: str, name: object) -> Iterator[Batch]:
@@ -115,14 +115,9 @@ def _read_at_all(found: Iterator[Batch], words: str, name: object) -> Iterator[B
         has_some = True
     else:
         if has_some:
-            refuse(name, words)
+            shown = name if isinstance(name, str) and name != "<stdin>" else "standard input"
+            raise LocalError(f"{shown}: nothing in it can be read as a frame; {words}")
     yield from found
-
-
-def refuse(name: object, words: str) -> NoReturn:
-    """Raise the LocalError for a log of which nothing can be read."""
-    shown = name if isinstance(name, str) and name != "<stdin>" else "standard input"
-    raise LocalError(f"{shown}: nothing in it can be read as a frame; {words}")
 
 
 def likely(beginning: bytes) -> str:
@@ -132,17 +127,27 @@ def likely(beginning: bytes) -> str:
 
 def form_of(file: BinaryIO, form: str | None = None) -> str:
     """Return the suffix of the format of a log that can be rewound, packed or not; errors as `read`."""
-    name, beginning = getattr(file, "name", None), _beginning(file)
-    if beginning.startswith(PACKED):
-        import gzip
-        import zlib
-
-        with suppress(EOFError, zlib.error, gzip.BadGzipFile):
-            beginning = _beginning(cast("BinaryIO", gzip.GzipFile(fileobj=file)))
+    content, beginning = _content(file)
+    if content is not file:
         file.seek(0)  # it has been read from
+    name = getattr(file, "name", None)
     suffix = form or _said_by(beginning, name)
     _reader(suffix, name)  # complains
     return suffix
+
+
+def _content(file: BinaryIO) -> tuple[BinaryIO, bytes]:
+    """Return a log's content, unpacked if it is packed, and its first bytes, none if they cannot be unpacked."""
+    beginning = _beginning(file)
+    if not beginning.startswith(PACKED):
+        return file, beginning
+    import gzip
+    import zlib
+
+    content = cast("BinaryIO", gzip.GzipFile(fileobj=file))
+    with suppress(EOFError, zlib.error, gzip.BadGzipFile):
+        return content, _beginning(content)
+    return content, b""
 
 
 def _beginning(file: BinaryIO) -> bytes:
@@ -182,26 +187,15 @@ def _reader(suffix: str, name: object, most: int = MANY) -> Callable[[BinaryIO, 
     return lambda file, largest: gathered(found(file, largest), most)
 
 
-def _read_packed(file: BinaryIO, form: str | None, name: object, largest: int) -> Iterator[Batch]:
-    """Read a packed log; if it cannot be unpacked to its end, the last entry says so. Errors as `batches`."""
+def _until_it_breaks(found: Iterator[Batch]) -> Iterator[Batch]:
+    """Read a packed log; if it cannot be unpacked to its end, the last entry says so."""
     import gzip
     import zlib
 
-    unpacking = (EOFError, zlib.error, gzip.BadGzipFile)
-    content = cast("BinaryIO", gzip.GzipFile(fileobj=file))
-    try:
-        beginning = _beginning(content)
-    except unpacking:
-        beginning = b""
-    # A generator apart: this function is to complain of a format now, not when the first entry is asked for.
-    return _until_it_breaks(_reader(form or _said_by(beginning, name), name)(content, largest), unpacking)
-
-
-def _until_it_breaks(found: Iterator[Batch], unpacking: tuple[type[Exception], ...]) -> Iterator[Batch]:
     line, time = 0, 0.0
     try:
         for batch in found:
             yield batch
             line, time = batch.lines[-1], batch.times[-1]
-    except unpacking as error:
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         yield Batch.of([(line + 1, time, "", Foreign(Damage.CUT_OFF, str(error)))])

@@ -8,25 +8,13 @@ publishes none).
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from datetime import UTC, datetime
-from functools import partial
 from struct import Struct
-from struct import error as StructError  # noqa: N812 (a class with a small name)
 from typing import BinaryIO, NamedTuple, TypeAlias
 
-from eurobot_od.traffic.entries import (
-    LARGEST,
-    Damage,
-    Entries,
-    Foreign,
-    Raw,
-    foreign,
-    frame,
-    read_each,
-    seconds,
-    shortened,
-)
+from eurobot_od.traffic import entries
+from eurobot_od.traffic.entries import Damage, Entries, Foreign, Raw
 
 FILE_HEADER = Struct("<4sL32xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
@@ -75,21 +63,13 @@ PIECE = 1 << 17
 """Bytes of a container that are unpacked at once, as many as most containers have."""
 
 BlfObject: TypeAlias = tuple[int, float, bytes]
-"""An object: its type, its time in s since the start, and what comes after its header."""
+"""An object: its type, its time in s, and what comes after its header."""
 
 
-def read_blf(file: BinaryIO, largest: int = LARGEST) -> Entries:
+def read_blf(file: BinaryIO, largest: int) -> Entries:
     """Read a BLF file; if it is not one, or is cut off, its last entry says so."""
-    number, time = 0, 0.0
-    try:
-        start = _start(file)
-        frames = (each for each in _objects(_containers(file, largest), largest) if each[0] in FRAME_TYPES)
-        for number, time, channel, raw in read_each(frames, partial(_entry, start)):
-            yield number, time, channel, raw
-    except (EOFError, StructError, zlib.error):
-        yield number + 1, time, "", Foreign(Damage.CUT_OFF, "the file ends in the middle of an object")
-    except ValueError as error:
-        yield number + 1, time, "", Foreign(Damage.UNREADABLE, str(error))
+    frames = (each for each in _objects(file, largest) if each[0] in FRAME_TYPES)
+    return entries.read_each(frames, _entry, entries.ends_within("an object", zlib.error))
 
 
 def _start(file: BinaryIO) -> float:
@@ -147,10 +127,10 @@ def _unpacked(body: bytes) -> Iterator[bytes]:
         raise ValueError(f"unknown compression {compression}")
 
 
-def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
-    """Yield the objects in the contents of containers; an object may start in one container and end in the next."""
-    left = b""
-    for content in contents:
+def _objects(file: BinaryIO, largest: int) -> Iterator[BlfObject]:
+    """Yield the objects in the containers; an object may start in one container and end in the next."""
+    start, left = _start(file), b""
+    for content in _containers(file, largest):
         data, position = left + content, 0
         # How much padding comes before an object depends on the writer: its signature is looked for.
         while (found := data.find(SIGNATURE, position, position + 8)) >= 0 and found + OBJECT.size <= len(data):
@@ -160,7 +140,7 @@ def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
                 break
             ticks, time = CLOCK.unpack_from(data, found + OBJECT.size)
             # The header is longer in later versions; what is needed of it is the same in all.
-            yield kind, time * TICKS.get(ticks, NANOSECOND), data[found + header : end]
+            yield kind, start + time * TICKS.get(ticks, NANOSECOND), data[found + header : end]
             position = end
         left = data[position:]
         if len(left) > 8 and SIGNATURE not in left[:8]:
@@ -169,27 +149,27 @@ def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
         raise EOFError
 
 
-def _entry(start: float, found: BlfObject) -> tuple[float, str, Raw]:
-    kind, since, body = found
-    time, channel = start + since, CHANNEL[body[0]]
+def _entry(found: BlfObject) -> tuple[float, str, Raw]:
+    kind, time, body = found
+    channel = CHANNEL[body[0]]
     if kind in FD_HARDWARE:
         return time, channel, _of_fd_hardware(FD_HARDWARE[kind], body)
     if kind in FOREIGN_TYPES:
-        return time, channel, Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
+        return time, channel, Foreign(FOREIGN_TYPES[kind], entries.shortened(body[2:].hex().upper()))
     _, flags, length, identifier, data = CLASSIC.unpack_from(body)
     remote = length if flags & REMOTE_FLAG else None
-    return time, channel, frame(identifier & ~EXTENDED_FLAG, data[:length], identifier & EXTENDED_FLAG, remote)
+    return time, channel, entries.frame(identifier & ~EXTENDED_FLAG, data[:length], identifier & EXTENDED_FLAG, remote)
 
 
 def _of_fd_hardware(layout: FdLayout, body: bytes) -> Raw:
     """Read what hardware for CAN FD has recorded: its flags tell whether the frame is a classic one."""
     fields = layout.fields.unpack_from(body)
-    dlc, identifier, flags, length = (fields[place] for place in layout.places)
-    data = body[layout.fields.size :][:length]
-    if flags & layout.is_fd:
-        return foreign(Damage.FD, identifier & ~EXTENDED_FLAG, data, identifier & EXTENDED_FLAG)
+    dlc, identifier, flags, count = (fields[place] for place in layout.places)
+    data = body[layout.fields.size :][:count]
+    is_fd, number = flags & layout.is_fd, identifier & ~EXTENDED_FLAG
     is_remote = (fields[1] & REMOTE_FLAG) if layout.remote is None else flags & layout.remote
-    return frame(identifier & ~EXTENDED_FLAG, data, identifier & EXTENDED_FLAG, dlc if is_remote else None)
+    length = dlc if is_remote else len(data)
+    return entries.recorded(number, data, length, identifier & EXTENDED_FLAG, is_remote, is_fd=is_fd)
 
 
 # pcap and pcapng, as Wireshark, tshark and tcpdump write them (the IETF's drafts, and the link type SocketCAN, 227, of
@@ -220,29 +200,21 @@ DEFAULT_RESOLUTION = 6
 """An interface's name, and how its times count: in powers of 10, or of 2 if the highest bit is set."""
 
 
-class Packet(NamedTuple):
-    """A captured packet: its time in s, its interface's name, and its bytes."""
+Packet: TypeAlias = tuple[float, str, bytes]
+"""A captured packet: its time in s, its interface's name, and its bytes."""
 
-    time: float
-    channel: str
-    data: bytes
 
-    def entry(self) -> tuple[float, str, Raw]:
-        """Return the frame in it, or why it has none; raises ValueError for one that contradicts itself."""
-        if len(self.data) < PACKET.size:
-            raise ValueError(f"a packet of {len(self.data)} bytes; it has at least {PACKET.size}")
-        identifier, length, fd_flags = PACKET.unpack_from(self.data)
-        data = self.data[PACKET.size : PACKET.size + length]
-        flags = {Damage.ERROR_FRAME: identifier & ERROR, Damage.FD: fd_flags & FD or len(self.data) > CLASSIC_PACKET}
-        damage = next((each for each, is_set in flags.items() if is_set), None)
-        if damage is not None:
-            made: Raw = foreign(damage, identifier & IDENTIFIER, data, identifier & EXTENDED)
-            return seconds(self.time), self.channel, made
-        remote = length if identifier & REMOTE else None
-        if remote is None and len(data) != length:
-            raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
-        made = frame(identifier & IDENTIFIER, b"" if identifier & REMOTE else data, identifier & EXTENDED, remote)
-        return seconds(self.time), self.channel, made
+def _captured(packet: Packet) -> tuple[float, str, Raw]:
+    """Return the frame in a packet, or why it has none; raises ValueError for one that contradicts itself."""
+    time, channel, content = packet
+    if len(content) < PACKET.size:
+        raise ValueError(f"a packet of {len(content)} bytes; it has at least {PACKET.size}")
+    identifier, length, fd_flags = PACKET.unpack_from(content)
+    data = content[PACKET.size : PACKET.size + length]
+    number, extended, remote = identifier & IDENTIFIER, identifier & EXTENDED, identifier & REMOTE
+    is_fd = fd_flags & FD or len(content) > CLASSIC_PACKET
+    raw = entries.recorded(number, data, length, extended, remote, identifier & ERROR, is_fd)
+    return entries.seconds(time), channel, raw
 
 
 class Interface(NamedTuple):
@@ -253,28 +225,14 @@ class Interface(NamedTuple):
     tick: float
 
 
-Packets: TypeAlias = Iterator[Packet]
-
-
-def read_pcap(file: BinaryIO, largest: int = LARGEST) -> Entries:
+def read_pcap(file: BinaryIO, largest: int) -> Entries:
     """Read a pcap file; if it is not one, or is cut off, its last entry says so."""
-    return _entries(partial(_pcap_packets, file, largest))
+    return entries.read_each(_pcap_packets(file, largest), _captured, entries.ends_within("a packet"))
 
 
-def read_pcapng(file: BinaryIO, largest: int = LARGEST) -> Entries:
+def read_pcapng(file: BinaryIO, largest: int) -> Entries:
     """Read a pcapng file; as `read_pcap`."""
-    return _entries(partial(_pcapng_packets, file, largest))
-
-
-def _entries(packets: Callable[[], Packets]) -> Entries:
-    number, time = 0, 0.0
-    try:
-        for number, time, channel, raw in read_each(packets(), Packet.entry):
-            yield number, time, channel, raw
-    except (EOFError, StructError):
-        yield number + 1, time, "", Foreign(Damage.CUT_OFF, "the file ends in the middle of a packet")
-    except ValueError as error:
-        yield number + 1, time, "", Foreign(Damage.UNREADABLE, str(error))
+    return entries.read_each(_pcapng_packets(file, largest), _captured, entries.ends_within("a packet"))
 
 
 def _taken(file: BinaryIO, size: int, largest: int) -> bytes:
@@ -290,7 +248,7 @@ def _taken(file: BinaryIO, size: int, largest: int) -> bytes:
 # pcap
 
 
-def _pcap_packets(file: BinaryIO, largest: int) -> Packets:
+def _pcap_packets(file: BinaryIO, largest: int) -> Iterator[Packet]:
     magic = file.read(4)
     if magic not in ORDERS:
         raise ValueError("not a pcap file")
@@ -302,23 +260,28 @@ def _pcap_packets(file: BinaryIO, largest: int) -> Packets:
     head = Struct(f"{order}LLL4x")
     while data := file.read(head.size):
         whole, fraction, size = head.unpack(data)
-        yield Packet(whole + fraction * tick, "", _taken(file, size, largest))
+        yield whole + fraction * tick, "", _taken(file, size, largest)
 
 
 # pcapng
 
 
-def _pcapng_packets(file: BinaryIO, largest: int) -> Packets:
+def _pcapng_packets(file: BinaryIO, largest: int) -> Iterator[Packet]:
     order, interfaces = "<", list[Interface]()
     for kind, section_order, body in _blocks(file, largest):
         if kind == SECTION:  # each section counts its interfaces from 0, in its own byte order
             order, interfaces = section_order, []
         elif kind == INTERFACE:
             interfaces.append(_interface(order, body))
-        elif kind in PACKETS:
-            interface, time, data = PACKETS[kind](order, body, interfaces)
+        elif kind in (SIMPLE, ENHANCED):
+            # A simple one says neither its time nor its interface, which has to be the section's first.
+            head = Struct(f"{order}LLLL4x" if kind == ENHANCED else "4x")
+            number, high, low, size = head.unpack_from(body) or (0, 0, 0, len(body))
+            if number >= len(interfaces):
+                raise ValueError(f"a packet of interface {number}, of {len(interfaces)} that are described")
+            interface = interfaces[number]
             if interface.link_type == SOCKETCAN:
-                yield Packet(time, interface.name, data)
+                yield (high << 32 | low) * interface.tick, interface.name, body[head.size : head.size + size]
     if SOCKETCAN not in (each.link_type for each in interfaces):
         raise ValueError(f"no interface of link type {SOCKETCAN}, SocketCAN")
 
@@ -354,23 +317,3 @@ def _interface(order: str, body: bytes) -> Interface:
     tick = 2.0 ** -(resolution & 0x7F) if resolution & 0x80 else 10.0**-resolution
     name = options.get(NAME_OPTION, b"").decode("utf-8", "replace")
     return Interface(Struct(f"{order}H").unpack_from(body)[0], name, tick)
-
-
-def _known(interfaces: list[Interface], number: int) -> Interface:
-    if number >= len(interfaces):
-        raise ValueError(f"a packet of interface {number}, of {len(interfaces)} that are described")
-    return interfaces[number]
-
-
-def _enhanced(order: str, body: bytes, interfaces: list[Interface]) -> tuple[Interface, float, bytes]:
-    head = Struct(f"{order}LLLL4x")
-    number, high, low, size = head.unpack_from(body)
-    interface = _known(interfaces, number)
-    return interface, (high << 32 | low) * interface.tick, body[head.size : head.size + size]
-
-
-PACKETS: Mapping[int, Callable[[str, bytes, list[Interface]], tuple[Interface, float, bytes]]] = {
-    # It says neither its time nor its interface, which has to be the section's first.
-    SIMPLE: lambda _order, body, interfaces: (_known(interfaces, 0), 0.0, body[4:]),
-    ENHANCED: _enhanced,
-}

@@ -16,28 +16,15 @@ from functools import cache
 from typing import TYPE_CHECKING, BinaryIO, cast
 
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame
-from eurobot_od.traffic.entries import (
-    BAD,
-    LATEST,
-    Batch,
-    Damage,
-    Entries,
-    Foreign,
-    Raw,
-    Stamps,
-    foreign,
-    frame,
-    recorded,
-    seconds,
-    shortened,
-)
+from eurobot_od.traffic import entries
+from eurobot_od.traffic.entries import Batch, Damage, Entries, Foreign, Raw, Stamps
 
 if TYPE_CHECKING:
     from io import BufferedReader
 
 
 class LineFormat:
-    """A format of lines; `entry` and `comment` raise one of BAD for what they cannot read.
+    """A format of lines; `entry` and `comment` raise one of `entries.BAD` for what they cannot read.
 
     A format with a header keeps what it says; an instance is used for one log.
     """
@@ -111,15 +98,21 @@ def _entries(piece: bytes, form: LineFormat, before: int, time: float) -> Entrie
     for number, (line, end) in enumerate(zip(lines, ends), before + 1):
         try:
             time, channel, raw = form.entry(line)
-        except BAD:
+        except entries.BAD:
             # Asked only now: nearly every line is an entry.
-            with suppress(*BAD):
+            with suppress(*entries.BAD):
                 if form.comment(line):
                     continue
             # Only the last line may have no line end: then the log was cut off there.
-            yield number, time, "", Foreign(Damage.UNREADABLE if end else Damage.CUT_OFF, shortened(line))
+            yield number, time, "", Foreign(Damage.UNREADABLE if end else Damage.CUT_OFF, entries.shortened(line))
         else:
             yield number, time, channel, raw
+
+
+def _matched(found: re.Match[bytes] | None) -> re.Match[bytes]:
+    if found is None:
+        raise ValueError("a line of another form")
+    return found
 
 
 # candump, `(1396.123456) can0 008#D27423592C01C3A5`, as can-utils and python-can write it, and nothing more lenient
@@ -182,7 +175,7 @@ class CandumpFormat(LineFormat):
             raise ValueError(line)
         stamp, channel, rest = words
         time = float(stamp[1:-1])
-        if not 0 <= time < LATEST or stamp[0] != OPENING or stamp[-1] != CLOSING:
+        if not 0 <= time < entries.LATEST or stamp[0] != OPENING or stamp[-1] != CLOSING:
             raise ValueError(line)
         try:
             cob_id, data = _cob_id(rest[:4]), a2b_hex(rest[4:])
@@ -222,7 +215,7 @@ def _other_candump(rest: bytes) -> Raw:
     if found := CANDUMP_OTHER.fullmatch(rest):
         remote = None if found["length"] is None else int(found["length"] or b"0", 16)
         data = a2b_hex(found["data"] or b"")
-        return frame(int(found["identifier"], 16), data, len(found["identifier"]) == CANDUMP_EXTENDED, remote)
+        return entries.frame(int(found["identifier"], 16), data, len(found["identifier"]) == CANDUMP_EXTENDED, remote)
     for damage, pattern in CANDUMP_FOREIGN:
         if re.fullmatch(pattern, rest, re.IGNORECASE):
             return Foreign(damage, rest.decode())
@@ -231,10 +224,7 @@ def _other_candump(rest: bytes) -> Raw:
 
 @cache  # int() alone would also read `0_8` and `+08`; there are few identifiers, so that each is checked once
 def _cob_id(text: bytes) -> int:
-    found = COB_ID.fullmatch(text)
-    if found is None:
-        raise ValueError(text)
-    return int(found[1], 16)
+    return int(_matched(COB_ID.fullmatch(text))[1], 16)
 
 
 # candump on a terminal, ` (1396.123456)  can0  008   [8]  D2 74 23 59 2C 01 C3 A5`, with any of its options for times
@@ -258,30 +248,22 @@ class ConsoleFormat(LineFormat):
         return super().comment(line) or line[:1] == b"\t"  # candump -e explains an error frame in a line of its own
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        found = CONSOLE.match(line)
-        if found is None:
-            raise ValueError(line)
+        found = _matched(CONSOLE.match(line))
         time = _console_time(found["time"].decode()) if found["time"] else 0.0
         identifier, extended = int(found["identifier"], 16), len(found["identifier"]) == CANDUMP_EXTENDED
         length = int(found["length"] or found["dlc"], 10 if found["length"] else 16)
         data = bytes.fromhex((found["data"] or b"").decode())[: length if found["length"] else MOST_BYTES]
         if not found["remote"] and len(data) != min(length, 64 if found["length"] else MOST_BYTES):
             raise ValueError(line)
-        raw: Raw
-        if extended and identifier & ERROR_FLAG:
-            raw = foreign(Damage.ERROR_FRAME, identifier, data)
-        elif found["length"] and len(found["length"]) == FD_DIGITS:
-            raw = foreign(Damage.FD, identifier, data, extended)
-        else:
-            raw = frame(identifier, data, extended, length if found["remote"] else None)
+        is_error, is_fd = extended and identifier & ERROR_FLAG, len(found["length"] or b"") == FD_DIGITS
+        length = length if found["remote"] else len(data)
+        raw = entries.recorded(identifier, data, length, extended, found["remote"], is_error, is_fd)
         return time, found["channel"].decode(), raw
 
 
 def _console_time(text: str) -> float:
     """Return a time in s, or that of a date in local time; the first of -td and -tz is 0."""
-    if "-" in text:
-        return datetime.fromisoformat(text).timestamp()
-    return seconds(float(text))
+    return datetime.fromisoformat(text).timestamp() if "-" in text else entries.seconds(float(text))
 
 
 # ASC, `   2.501010 1  222  Rx   d 8 0C 00 00 00 00 00 00 00`; what is not a frame (statistics, chip state) is a comment
@@ -319,30 +301,31 @@ class AscFormat(LineFormat):
 
     def _time(self, stamp: bytes) -> float:
         """Return a time in s since the log's start; a relative one counts from the entry before."""
-        time = seconds(stamp)
+        time = entries.seconds(stamp)
         if self._is_relative:
             self._before = time = self._before + time
         return time
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         stamp, channel, *words = line.split()
+        is_of_fd_hardware = channel.upper() == ASC_FD  # the word stands before the channel
+        if is_of_fd_hardware:
+            channel, *words = words
         if ASC_ERROR_FRAME in line.lower():
-            text = shortened(line.split(None, 2)[2])
-            if channel.upper() == ASC_FD:
-                channel = words[0]  # the word stands before the channel
+            text = entries.shortened(line.split(None, 2)[2])
             return self._time(stamp), _asc_channel(channel), Foreign(Damage.ERROR_FRAME, text)
-        if channel.upper() == ASC_FD:
-            made: Raw = self._of_fd_hardware(*words[1:])
-            return self._time(stamp), _asc_channel(words[0]), made
+        if is_of_fd_hardware:
+            made: Raw = self._of_fd_hardware(*words)
+            return self._time(stamp), _asc_channel(channel), made
         identifier, direction, kind, *rest = words
         extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
         if direction not in ASC_DIRECTIONS or kind not in (*ASC_REMOTE, ASC_DATA):
             raise ValueError(line)
         if kind in ASC_REMOTE:  # CANalyzer leaves the length out
             # After it may stand how long the frame was, by its name.
-            made = frame(number, b"", extended, int(rest[0], self._base) if rest and len(rest[0]) < 3 else 0)
+            made = entries.frame(number, b"", extended, int(rest[0], self._base) if rest and len(rest[0]) < 3 else 0)
         else:
-            made = frame(number, self._data(*rest), extended)
+            made = entries.frame(number, self._data(*rest), extended)
         return self._time(stamp), _asc_channel(channel), made
 
     def _of_fd_hardware(self, direction: bytes, identifier: bytes, *rest: bytes) -> Raw:
@@ -353,12 +336,12 @@ class AscFormat(LineFormat):
         if direction not in ASC_DIRECTIONS:
             raise ValueError(direction)
         extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
-        _, _, dlc, length, *words = rest if rest[0] in ASC_BITS else rest[1:]
-        data = bytes([int(octet, 16) for octet in words[: int(length)]])
-        flags = int(words[int(length) + 2], 16)
-        if flags & ASC_FD_FLAG or len(data) > MOST_BYTES:  # some lines have no flags
-            return foreign(Damage.FD, number, data, extended)
-        return frame(number, data, extended, int(dlc, 16) if flags & ASC_REMOTE_FLAG else None)
+        _, _, dlc, count, *words = rest if rest[0] in ASC_BITS else rest[1:]
+        data = bytes([int(octet, 16) for octet in words[: int(count)]])
+        flags = int(words[int(count) + 2], 16)
+        is_remote = flags & ASC_REMOTE_FLAG  # some lines have no flags
+        length = int(dlc, 16) if is_remote else len(data)
+        return entries.recorded(number, data, length, extended, is_remote, is_fd=flags & ASC_FD_FLAG)
 
     def _data(self, length: bytes, *octets: bytes) -> bytes:
         count = min(int(length, self._base), MOST_BYTES)  # a DLC of 9 to 15 means 8 bytes, too (ISO 11898-1)
@@ -434,7 +417,7 @@ class TrcFormat(LineFormat):
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         _, offset, rest = line.split(None, 2)
         time = float(offset.replace(b",", b".")) / 1000 + self._start  # PCAN-View writes numbers as its user does
-        if line[:1] == b";" or not abs(time) < LATEST:
+        if line[:1] == b";" or not abs(time) < entries.LATEST:
             raise ValueError(line)
         words = rest.decode("ascii").split(None, self._data)  # the data, last and with blanks in it, in one piece
         channel = "1" if self._bus is None else words[self._bus]  # versions without that column record one bus
@@ -443,15 +426,15 @@ class TrcFormat(LineFormat):
         damage = None if kind is None else TRC_FRAMES[kind]
         extended = len(identifier) >= TRC_EXTENDED
         if damage is Damage.FD:
-            return time, channel, foreign(damage, int(identifier, 16), bytes.fromhex(data), extended)
+            return time, channel, entries.foreign(damage, int(identifier, 16), bytes.fromhex(data), extended)
         if damage is not None:
-            return time, channel, Foreign(damage, shortened(rest))
+            return time, channel, Foreign(damage, entries.shortened(rest))
         is_remote, length = kind == TRC_REMOTE or data == TRC_REMOTE_DATA, int(words[self._length])
         octets = b"" if is_remote else bytes.fromhex(data)
         if length > MOST_DLC or not (is_remote or length == len(octets)):
             raise ValueError(rest)
         octets = octets[:MOST_BYTES]  # a DLC of 9 to 15 means 8 bytes, whatever is written behind them
-        return time, channel, frame(int(identifier, 16), octets, extended, length if is_remote else None)
+        return time, channel, entries.frame(int(identifier, 16), octets, extended, length if is_remote else None)
 
 
 # BUSMASTER, `00:12:16:6390 Rx 1 0x701 s 1 05`; times are in 100 us, and the header says from when they count
@@ -490,9 +473,9 @@ class BusmasterFormat(LineFormat):
         time = hours * 3600 + minutes * 60 + seconds_ + parts / 10_000
         number = int(identifier.removeprefix(b"0x"), self._base)
         data = bytes([int(octet, self._base) for octet in octets])
-        if direction not in ASC_DIRECTIONS or (not is_remote and len(data) != int(length)):
+        if direction not in ASC_DIRECTIONS:
             raise ValueError(line)
-        raw = frame(number, data, extended, int(length) if is_remote else None)
+        raw = entries.recorded(number, data, int(length), extended, is_remote)
         if self._mode == b"RELATIVE":
             self._before = time = self._before + time
         since = self._midnight if self._mode == b"SYSTEM" else self._began
@@ -523,12 +506,8 @@ class GvretFormat(LineFormat):
         channel, length, *octets = rest[1:] if self._has_direction else rest
         # An old log has eight octets in each line.
         data, number = bytes([int(octet, 16) for octet in octets[: int(length)]]), int(identifier, 16)
-        time = seconds(int(stamp) / 1e6)
-        if len(data) > MOST_BYTES:
-            return time, channel.decode(), foreign(Damage.FD, number, data, extended.lower() in GVRET_TRUE)
-        if len(data) != int(length):
-            raise ValueError(line)
-        return time, channel.decode(), frame(number, data, extended.lower() in GVRET_TRUE)
+        raw = entries.recorded(number, data, int(length), extended.lower() in GVRET_TRUE)
+        return entries.seconds(int(stamp) / 1e6), channel.decode(), raw
 
 
 # IXXAT's traces, `"00:02:20.66";"703";"Std";"";"7F "`, as MiniMon and canAnalyser Mini write them, columns as headed
@@ -550,18 +529,14 @@ class IxxatFormat(LineFormat):
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         said = dict(zip(self._columns, _ixxat_words(line)))
         hours, minutes, second = said[b"time"].replace(b",", b".").split(b":")
-        time = int(hours) * 3600 + int(minutes) * 60 + seconds(second)
+        time = int(hours) * 3600 + int(minutes) * 60 + entries.seconds(second)
         number, text = int(said.get(b"identifier") or said[b"id"], 16), said[b"data"]
         extended = number > HIGHEST_IDENTIFIER or IXXAT_KINDS[said.get(b"format", b"std").strip().lower()]
         channel = said.get(b"bus", b"").decode().rpartition(" ")[2]
         if b"rtr" in said.get(b"flags", b"").lower():  # and as its data `Remote request  DLC = 1`
-            return time, channel, frame(number, b"", extended, int(text.rpartition(b"=")[2]))
+            return time, channel, entries.frame(number, b"", extended, int(text.rpartition(b"=")[2]))
         data = bytes.fromhex(text.decode())
-        if len(data) > MOST_BYTES:
-            return time, channel, foreign(Damage.FD, number, data, extended)
-        if len(data) != int(said.get(b"dlc", len(data))):
-            raise ValueError(line)
-        return time, channel, frame(number, data, extended)
+        return time, channel, entries.recorded(number, data, int(said.get(b"dlc", len(data))), extended)
 
 
 IXXAT_KINDS = {b"std": False, b"ext": True}
@@ -589,16 +564,13 @@ class KvaserFormat(LineFormat):
         return not line.strip()[:1].isdigit()
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        found = KVASER.fullmatch(line)
-        if found is None:
-            raise ValueError(line)
-        time, channel, identifier = seconds(found["time"]), found["channel"].decode(), int(found["identifier"], 16)
+        found = _matched(KVASER.fullmatch(line))
+        time, channel = entries.seconds(found["time"]), found["channel"].decode()
         if found["error"]:
-            return time, channel, Foreign(Damage.ERROR_FRAME, shortened(line))
+            return time, channel, Foreign(Damage.ERROR_FRAME, entries.shortened(line))
         data = bytes.fromhex(found["data"].decode())
-        if len(data) != int(found["length"]):
-            raise ValueError(line)
-        return time, channel, frame(identifier, data, found["extended"])
+        number, length = int(found["identifier"], 16), int(found["length"])
+        return time, channel, entries.recorded(number, data, length, found["extended"])
 
 
 # CSV, `1396.123456,0x8,0,0,0,8,0nQjWSwBw6U=`, as python-can writes it: identifier, flags, length, data in base 64
@@ -613,4 +585,4 @@ class CsvFormat(LineFormat):
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         stamp, identifier, extended, remote, error, length, data = line.strip().split(b",")
         octets, flags = a2b_base64(data), (each == b"1" for each in (extended, remote, error))
-        return seconds(stamp), "", recorded(int(identifier, 16), octets, int(length), *flags)
+        return entries.seconds(stamp), "", entries.recorded(int(identifier, 16), octets, int(length), *flags)

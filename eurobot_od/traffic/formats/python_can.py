@@ -7,26 +7,15 @@ from __future__ import annotations
 
 import errno
 import sqlite3
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from types import NoneType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
-from eurobot_od.traffic.entries import (
-    LARGEST,
-    Damage,
-    Entries,
-    Foreign,
-    Raw,
-    read_each,
-    recorded,
-    seconds,
-    shortened,
-)
+from eurobot_od.traffic.entries import Damage, Entries, Foreign, Raw, read_each, recorded, seconds, shortened
 
 if TYPE_CHECKING:
     import can
@@ -38,46 +27,38 @@ CREATE = """CREATE TABLE messages
 
 def of_message(message: can.Message) -> Raw:
     """Return what python-can read, from a log or from a bus; raises ValueError for what no bus can carry."""
-    return recorded(
-        message.arbitration_id,
-        bytes(message.data),
-        message.dlc,
-        message.is_extended_id,
-        message.is_remote_frame,
-        message.is_error_frame,
-        message.is_fd,
-    )
+    flags = message.is_extended_id, message.is_remote_frame, message.is_error_frame, message.is_fd
+    return recorded(message.arbitration_id, bytes(message.data), message.dlc, *flags)
 
 
 ROWS = "SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages"
 
-TYPES: Mapping[str, tuple[type, ...]] = {
-    "ts": (float, int),
-    "arbitration_id": (int,),
-    "dlc": (int,),
-    "data": (bytes, NoneType),
-}
+TYPES: Mapping[str, Any] = {"ts": float | int, "arbitration_id": int, "dlc": int, "data": bytes | None}
 """What the columns have to hold; SQLite itself puts values of any type into any of them."""
 
 IS_TABLE = "SELECT count(*) FROM sqlite_schema WHERE name = 'messages' AND sql LIKE 'CREATE TABLE%'"
 """Whether there are rows: those of a view or a virtual table are computed, and need not end."""
 
 
-def read_table(file: BinaryIO, largest: int = LARGEST) -> Entries:
+def read_table(file: BinaryIO, largest: int) -> Entries:
     """Read the table `messages` of an SQLite file, as python-can's SqliteWriter makes it."""
-    number, time = 0, 0.0
-    try:
-        with closing(sqlite3.connect(file.name)) as connection:
-            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, largest)  # also of what a generated column computes
-            connection.text_factory = partial(str, encoding="utf-8", errors="replace")
-            if not connection.execute(IS_TABLE).fetchone()[0]:
-                raise sqlite3.DatabaseError("no table messages")
-            for number, time, channel, raw in read_each(connection.execute(ROWS), _row):
-                yield number, time, channel, raw
-    except (sqlite3.Error, UnicodeDecodeError) as error:
-        # SQLite's words quote the file; Python raises the second error if what stands there is not UTF-8
-        words = error.object.decode(errors="replace") if isinstance(error, UnicodeDecodeError) else error
-        yield number + 1, time, "", Foreign(Damage.CUT_OFF, shortened(f"SQLite reads no further: {words}"))
+    return read_each(_rows(file, largest), _row, _reason_of_sqlite)
+
+
+def _rows(file: BinaryIO, largest: int) -> Iterator[Sequence[Any]]:
+    with closing(sqlite3.connect(file.name)) as connection:
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, largest)  # also of what a generated column computes
+        connection.text_factory = partial(str, encoding="utf-8", errors="replace")
+        if not connection.execute(IS_TABLE).fetchone()[0]:
+            raise sqlite3.DatabaseError("no table messages")
+        yield from connection.execute(ROWS)
+
+
+def _reason_of_sqlite(error: Exception) -> Foreign | None:
+    # SQLite's words quote the file; Python raises the second error if what stands there is not UTF-8
+    words = error.object.decode(errors="replace") if isinstance(error, UnicodeDecodeError) else error
+    is_known = isinstance(error, (sqlite3.Error, UnicodeDecodeError))
+    return Foreign(Damage.CUT_OFF, shortened(f"SQLite reads no further: {words}")) if is_known else None
 
 
 def _row(row: Sequence[Any]) -> tuple[float, str, Raw]:
@@ -88,26 +69,35 @@ def _row(row: Sequence[Any]) -> tuple[float, str, Raw]:
     return seconds(time), "", recorded(identifier, data or b"", length, extended, remote, error)
 
 
-def read_mf4(file: BinaryIO, _: int = LARGEST) -> Entries:
+def read_mf4(file: BinaryIO, _largest: int) -> Entries:
     """Read an MF4 file; raises LocalError if that needs an extra, and ends where python-can gives up.
 
     One without frames has an entry that says so.
     """
+    return read_each(_messages(file), _entry, _reason_of_python_can)
+
+
+def _messages(file: BinaryIO) -> Iterator[can.Message]:
     import can
 
     extras.caught_up("asammdf", "can.io.mf4")
-    number, time = 0, 0.0
+    message = None
     try:
         with can.MF4Reader(file.name) as messages:
-            for number, time, channel, raw in read_each(messages, _entry):
-                yield number, time, channel, raw
+            for message in messages:
+                yield message
     except NotImplementedError:
         raise LocalError(f"{file.name}: {extras.missing('asammdf', 'mf4')}") from None
-    except Exception as error:  # what a reader raises for a damaged file is not documented: struct.error, KeyError
-        yield number + 1, time, "", Foreign(Damage.CUT_OFF, shortened(f"python-can reads no further: {error}"))
-    else:
-        if not number:  # most MF4 files are of measured values
-            yield 1, 0.0, "", Foreign(Damage.CUT_OFF, "no frame of a bus is recorded here")
+    if message is None:  # most MF4 files are of measured values
+        raise EOFError("no frame of a bus is recorded here")
+
+
+def _reason_of_python_can(error: Exception) -> Foreign | None:
+    if isinstance(error, LocalError):
+        return None
+    # What a reader raises for a damaged file is not documented: struct.error, KeyError.
+    words = error if isinstance(error, EOFError) else f"python-can reads no further: {error}"
+    return Foreign(Damage.CUT_OFF, shortened(str(words)))
 
 
 def _entry(message: can.Message) -> tuple[float, str, Raw]:

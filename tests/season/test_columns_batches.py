@@ -13,8 +13,8 @@ pytest.importorskip("polars", reason="the extra `season` is not installed")
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame, RemoteFrame
-from eurobot_od.season import batches as module
-from eurobot_od.season.batches import batches
+from eurobot_od.season import columns as module
+from eurobot_od.season.columns import batches
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Foreign, LogEntry
 from eurobot_od.traffic.formats import lines
