@@ -30,6 +30,7 @@ from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
 from eurobot_od.support.yaml_places import (
     STRING,
     NodeReader,
+    Place,
     PlacedInteger,
     PlacedNumber,
     PlacedText,
@@ -48,9 +49,8 @@ from eurobot_od.support.yaml_places import (
 T = TypeVar("T")
 S = TypeVar("S")
 Schema: TypeAlias = "dict[str, Any]"
-WHOLE = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
-NEGATIVE = re.compile(r"-[1-9][0-9]{0,99}")
-DECIMAL = re.compile(r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?")
+WHOLE = r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}"
+DECIMAL = r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,23 +70,15 @@ def read_yaml(source: str, shape: Shape[T], file: str | Path) -> T:
 # Single values
 
 
-def _number(node: yaml.Node, problems: Problems) -> PlacedNumber:
-    if not isinstance(node, yaml.ScalarNode) or node.style or not WHOLE.fullmatch(node.value):
-        refuse(node, problems, f"expected a whole number, decimal or 0x hexadecimal, found {shown(node)}")
-    return PlacedNumber(int(node.value, 0), place_of(node.start_mark))
+def _unquoted(pattern: str, what: str, make: Callable[[str, Place], T]) -> NodeReader[T]:
+    """Return the reader of a number, which YAML takes for one without quotes."""
 
+    def read(node: yaml.Node, problems: Problems) -> T:
+        if not isinstance(node, yaml.ScalarNode) or node.style or not re.fullmatch(pattern, node.value):
+            refuse(node, problems, f"expected {what}, found {shown(node)}")
+        return make(node.value, place_of(node.start_mark))
 
-def _integer(node: yaml.Node, problems: Problems) -> PlacedInteger:
-    if isinstance(node, yaml.ScalarNode) and not node.style and NEGATIVE.fullmatch(node.value):
-        return PlacedInteger(int(node.value), place_of(node.start_mark))
-    number = _number(node, problems)
-    return PlacedInteger(number, number.place)
-
-
-def _real(node: yaml.Node, problems: Problems) -> float:
-    if not isinstance(node, yaml.ScalarNode) or node.style or not DECIMAL.fullmatch(node.value):
-        refuse(node, problems, f"expected a decimal number, found {shown(node)}")
-    return float(node.value)
+    return read
 
 
 def _text(node: yaml.Node, problems: Problems) -> PlacedText:
@@ -94,13 +86,6 @@ def _text(node: yaml.Node, problems: Problems) -> PlacedText:
         hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
         refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
     return PlacedText(node.value, place_of(node.start_mark))
-
-
-def _ascii(node: yaml.Node, problems: Problems) -> PlacedText:
-    value = _text(node, problems)
-    if not (value.isascii() and value.isprintable()):
-        refuse(node, problems, f"expected printable ASCII characters, found {shown(node)}")
-    return value
 
 
 def _scalar(node: yaml.Node, problems: Problems) -> PlacedText:
@@ -111,27 +96,26 @@ def _scalar(node: yaml.Node, problems: Problems) -> PlacedText:
     return PlacedText(node.value, place_of(node.start_mark))
 
 
+A_WHOLE_NUMBER = "a whole number, decimal or 0x hexadecimal"
+
 # Of a number in quotes YAML makes a text: an editor takes 0x10 for one, too.
-NUMBER = Shape(_number, {"type": ["integer", "string"], "pattern": f"^({WHOLE.pattern})$"})
+NUMBER = Shape(
+    _unquoted(WHOLE, A_WHOLE_NUMBER, lambda text, place: PlacedNumber(int(text, 0), place)),
+    {"type": ["integer", "string"], "pattern": f"^({WHOLE})$"},
+)
 """A whole number, decimal without leading zeros or 0x hexadecimal, and not in quotes."""
 
-REAL = Shape(_real, {"type": "number"})
+REAL = Shape(_unquoted(DECIMAL, "a decimal number", lambda text, _: float(text)), {"type": "number"})
 """A decimal number, which may be negative and have a fraction."""
 
 TEXT = Shape(_text, {"type": "string"})
 """A text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
 
-ASCII = Shape(_ascii, TEXT.schema)
-"""A text of printable ASCII characters."""
-
-INTEGER = Shape(_integer, {"anyOf": [{"type": "integer"}, NUMBER.schema]})
-"""A NUMBER, or a negative one in decimal."""
-
-INTEGER_OR_ASCII: Shape[PlacedInteger | PlacedText] = Shape(
-    lambda node, problems: (ASCII if node.tag == STRING else INTEGER).read(node, problems),
-    {"anyOf": [INTEGER.schema, ASCII.schema]},
+INTEGER = Shape(
+    _unquoted(f"{WHOLE}|-[1-9][0-9]{{0,99}}", A_WHOLE_NUMBER, lambda text, place: PlacedInteger(int(text, 0), place)),
+    {"anyOf": [{"type": "integer"}, NUMBER.schema]},
 )
-"""An integer, or else a text of ASCII."""
+"""A NUMBER, or a negative one in decimal."""
 
 SCALAR = Shape(_scalar, {"type": ["string", "number"]})
 """A single value as it is written, whatever YAML takes it for."""
@@ -146,6 +130,22 @@ def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None 
             return convert(value)
 
     return Shape(read, shape.schema if schema is None else schema)
+
+
+def _printable(text: PlacedText) -> PlacedText:
+    if not (text.isascii() and text.isprintable()):
+        raise LocalError(f"expected printable ASCII characters, found {str(text)!r}")
+    return text
+
+
+ASCII = converted(TEXT, _printable)
+"""A text of printable ASCII characters."""
+
+INTEGER_OR_ASCII: Shape[PlacedInteger | PlacedText] = Shape(
+    lambda node, problems: (ASCII if node.tag == STRING else INTEGER).read(node, problems),
+    {"anyOf": [INTEGER.schema, ASCII.schema]},
+)
+"""An integer, or else a text of ASCII."""
 
 
 def matching(pattern: str, what: str) -> Shape[PlacedText]:
