@@ -3,7 +3,7 @@
 The shape of the YAML is that of the dataclasses: their annotations make its readers. The rules between its parts are a
 table of checks. A check yields problems and repairs nothing, so that one run shows everything that has to be changed.
 
-`objects` makes the objects of the table, and `text` the files: it alone touches the disk.
+`text` makes the files of the table: it alone touches the disk.
 """
 
 from __future__ import annotations
