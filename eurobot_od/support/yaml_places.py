@@ -50,7 +50,7 @@ class ReadError(Exception):
     """A node that gave no value; the problems say why."""
 
 
-class Placed:
+class WithPlace:
     """A value that remembers its `place`; a copy, or another process, first makes it without one."""
 
     def __new__(cls, value: Any, place: Place = START) -> Self:
@@ -61,11 +61,11 @@ class Placed:
     place: Place
 
 
-class PlacedText(Placed, str):
+class PlacedText(WithPlace, str):
     """A text and its `place`."""
 
 
-class PlacedNumber(Placed, int):
+class PlacedNumber(WithPlace, int):
     """A whole number, zero or more, and its `place`."""
 
 

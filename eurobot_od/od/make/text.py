@@ -76,7 +76,7 @@ def file_info(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> 
     ]
 
 
-def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[EdsObject]) -> EdsSection:
+def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[MadeObject]) -> EdsSection:
     """Return [DeviceInfo]. `RevisionNumber` is the dialect's: nodes compare it to find out whether they agree."""
     indices = {each.index for each in objects}
     return "DeviceInfo", [
@@ -98,7 +98,7 @@ def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[Ed
     ]
 
 
-def object_lists(objects: Iterable[EdsObject]) -> Iterator[EdsSection]:
+def object_lists(objects: Iterable[MadeObject]) -> Iterator[EdsSection]:
     """Give the three lists of objects (CiA 306-1, 4.6.1)."""
     lists: dict[str, list[int]] = {name: [] for name in OBJECT_LISTS}
     for index in (each.index for each in objects):
@@ -227,7 +227,7 @@ def in_pdo_order(
 # Objects
 
 
-class EdsObject(NamedTuple):
+class MadeObject(NamedTuple):
     """An object: its index, and its section with those of its sub-indices."""
 
     index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
@@ -280,33 +280,33 @@ def entry(
     ]
 
 
-def variable(index: int, only: KeyValues) -> EdsObject:
+def variable(index: int, only: KeyValues) -> MadeObject:
     """Make a VAR object."""
-    return EdsObject(index, [(f"{index:04X}", only)])
+    return MadeObject(index, [(f"{index:04X}", only)])
 
 
-def record(index: int, name: str, *entries: KeyValues, code: ObjectCode = ObjectCode.RECORD) -> EdsObject:
+def record(index: int, name: str, *entries: KeyValues, code: ObjectCode = ObjectCode.RECORD) -> MadeObject:
     """Make a RECORD, or an ARRAY; its sub-index 0 says how many entries follow."""
     return composed(index, name, code, entry("Highest sub-index supported", U8, "const", len(entries)), *entries)
 
 
-def array(index: int, name: str, *entries: KeyValues) -> EdsObject:
+def array(index: int, name: str, *entries: KeyValues) -> MadeObject:
     """Make an ARRAY."""
     return record(index, name, *entries, code=ObjectCode.ARRAY)
 
 
-def composed(index: int, name: str, code: ObjectCode, *members: KeyValues) -> EdsObject:
+def composed(index: int, name: str, code: ObjectCode, *members: KeyValues) -> MadeObject:
     """Make a record or an array of its members, from sub-index 0 on."""
     head: KeyValues = [("ParameterName", name), ("ObjectType", f"0x{code.value:X}"), ("SubNumber", len(members))]
     subs = [(f"{index:04X}sub{sub:X}", each) for sub, each in enumerate(members)]
-    return EdsObject(index, [(f"{index:04X}", head), *subs])
+    return MadeObject(index, [(f"{index:04X}", head), *subs])
 
 
 # What is the same in every node. Not here: 0x1005 and 0x1012. Their defaults are 0x080 and 0x100, on the robot of 2014
 # identifiers of messages; a node with these objects would take them for SYNC and TIME.
 
 
-def common() -> tuple[EdsObject, ...]:
+def common() -> tuple[MadeObject, ...]:
     """Return the communication objects that are the same in every node."""
     return (
         variable(0x1000, entry("Device type", U32, "ro", 0)),  # 7.5.2.1: 0, no device profile
@@ -335,7 +335,7 @@ def common() -> tuple[EdsObject, ...]:
     )
 
 
-def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[EdsObject, ...]:
+def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[MadeObject, ...]:
     """Return the communication objects whose values differ between nodes or come from the table."""
     return (
         # 7.5.2.8 to 7.5.2.10
@@ -371,7 +371,7 @@ def own(number: int | None, common: int) -> int:
     return common if number is None else number
 
 
-def clients(table: Table, node: NodeRow) -> list[EdsObject]:
+def clients(table: Table, node: NodeRow) -> list[MadeObject]:
     """Return an SDO client channel to each node that this one asks for its identity (7.5.2.34)."""
     return [
         record(
@@ -388,7 +388,7 @@ def clients(table: Table, node: NodeRow) -> list[EdsObject]:
 # PDOs
 
 
-def pdo_records(index: int, name: str, cob_id: int, mapping: Sequence[int], entries: int) -> Iterator[EdsObject]:
+def pdo_records(index: int, name: str, cob_id: int, mapping: Sequence[int], entries: int) -> Iterator[MadeObject]:
     """Give a PDO's communication record, and its mapping record padded to `entries` (7.5.2.35 to 7.5.2.38)."""
     yield record(
         index,
@@ -415,7 +415,7 @@ def received(table: Table, name: PlacedText) -> dict[PlacedText, MessageRow]:
     return {key: each for key, each in table.by_identifier.items() if name in (*each.receivers, *each.listeners)}
 
 
-def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[EdsObject]:
+def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
     """Give the records of all PDOs of the node `name`.
 
     They are numbered in the order of their COB-IDs. That is not only tidy: CANopenNode takes a COB-ID that equals the
@@ -435,7 +435,7 @@ def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -
 # Data and settings
 
 
-def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[EdsObject]:
+def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
     """Give the data that the PDOs of the node `name` map: objects of fields and, if a dialect cuts them, of slices."""
     out = {each.object for each in sent(table, name).values()}
     come = {each.object for each in received(table, name).values()}
@@ -489,7 +489,7 @@ def integer(bits: int, begin: int = 0, signed: bool = False) -> DataType:
 # All of it
 
 
-def object_dictionary(table: Table, dialect: DialectRow, name: PlacedText) -> list[EdsObject]:
+def object_dictionary(table: Table, dialect: DialectRow, name: PlacedText) -> list[MadeObject]:
     """Return all objects of the node `name`, in the order of their indices."""
     node, data = table.nodes[name], layouts(table, dialect)
     objects = [*common(), *own_objects(table, dialect, node), *clients(table, node)]
