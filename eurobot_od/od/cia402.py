@@ -19,6 +19,13 @@ FIRST_AXIS = range(0x6000, 0x6800)
 AXIS_STEP, MOST_AXES = 0x800, 8
 """From one axis to the next, and how many there may be."""
 
+
+def on_first_axis(index: int) -> int:
+    """Return the index that an object of an axis has on the first one; any other object's index stays."""
+    is_of_axis = FIRST_AXIS.start <= index < FIRST_AXIS.start + MOST_AXES * AXIS_STEP
+    return FIRST_AXIS.start + (index - FIRST_AXIS.start) % AXIS_STEP if is_of_axis else index
+
+
 # Objects
 
 ABORT_CONNECTION, ERROR_CODE = 0x6007, 0x603F

@@ -305,7 +305,7 @@ class Dictionary:
             (index, sub)
             for index, subs in self.members.items()
             for sub in subs
-            if sub in of_profile.get(_on_first_axis(index), ())
+            if sub in of_profile.get(cia402.on_first_axis(index), ())
         )
 
     # PDOs
@@ -319,14 +319,11 @@ class Dictionary:
         self, value: Callable[[Address], Value], refused: OnRefused = fatal, listening: bool = False
     ) -> tuple[Pdo, ...]:
         """Read RPDOs, then TPDOs, from the parameter values that `value` gives; see `PdoReader`."""
-        return self._reader(value).pdos(refused, listening)
+        return PdoReader(self.file, self.objects, self.node_id, value).pdos(refused, listening)
 
     def mapped(self, mapping_index: int, entry: int) -> Mapped:
         """Return what a mapping entry stands for; raises MappingError."""
-        return self._reader(self.default).mapped(mapping_index, entry)
-
-    def _reader(self, value: Callable[[Address], Value]) -> PdoReader:
-        return PdoReader(self.file, self.objects, self.node_id, value)
+        return PdoReader(self.file, self.objects, self.node_id, self.default).mapped(mapping_index, entry)
 
     def part(self, address: Address) -> Part | None:
         """Return what a slice is a part of; None for what is not a slice."""
@@ -335,12 +332,6 @@ class Dictionary:
 
 
 PROCESS_DATA = {cia401.PROFILE: cia401.PROCESS_DATA, cia402.PROFILE: cia402.PROCESS_DATA}
-
-
-def _on_first_axis(index: int) -> int:
-    """Return the index that an object of CiA 402 has on the first axis; others are there anyway."""
-    first = cia402.FIRST_AXIS
-    return first.start + (index - first.start) % cia402.AXIS_STEP if index >= first.start else index
 
 
 class _Read:

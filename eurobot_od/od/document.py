@@ -102,6 +102,12 @@ class Section(NamedTuple):
         """Yield the entries whose keys are numbers: those of a list of objects or modules (CiA 306-1, 4.6.1)."""
         return (entry for key, entry in self.entries.items() if key.isdecimal())
 
+    def saying(self, **entries: str) -> Section:
+        """Return the section with other values; a key that is new stands where the section begins."""
+        places = ((key, text, self.at(key.lower())) for key, text in entries.items())
+        said = {key.lower(): Entry(key, text, at.line, at.column) for key, text, at in places}
+        return self._replace(entries={**self.entries, **said})
+
     def without_lines(self) -> Section:
         """Return the section for another file, in which its lines are those of something else."""
         return self._replace(line=0, entries={key: each._replace(line=0) for key, each in self.entries.items()})

@@ -22,12 +22,17 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.description import parse_section_name
-from eurobot_od.od.document import WIDE_MARKS, Document, Entry, Odd, Oddity, Section
+from eurobot_od.od.document import WIDE_MARKS, Document, Odd, Oddity, Section
 from eurobot_od.od.standard import MANDATORY
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, PdoDirection, parse_number
 
 SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
+
+
+def list_of(index: int) -> str:
+    """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
+    return cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
 
 
 def files_in(folder: str | Path) -> list[Path]:
@@ -502,8 +507,7 @@ def _section(name: str, at: XmlElement | Section, entries: Mapping[str, str]) ->
     """Return a section that stands where the file says what is in it."""
     # A line end in a value, which XML can have, would make two lines of an EDS.
     lines = {key: BREAKS.sub(" ", value).strip() for key, value in entries.items()}
-    said = {key.lower(): Entry(key, value, at.line, at.column) for key, value in lines.items()}
-    return Section(name, at.line, at.column, said)
+    return Section(name, at.line, at.column, {}).saying(**lines)
 
 
 DIGITS = {"index": 4, "subIndex": 2}
@@ -566,9 +570,8 @@ def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
     indices: dict[str, list[int]] = {name: [] for name in cia306.OBJECT_LISTS}
     for each in objects:
         index = _digits(each, "index") or 0
-        kind = 0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1
         if index >= values.FIRST:  # below are the data types, which no list of CiA 306 has
-            indices[cia306.OBJECT_LISTS[kind]].append(index)
+            indices[list_of(index)].append(index)
     for name, found in indices.items():
         rows = {str(number): f"0x{index:04X}" for number, index in enumerate(found, start=1)}
         yield _section(name, at, {"SupportedObjects": str(len(found)), **rows})

@@ -34,6 +34,9 @@ EXTENSION_KEYS = ("count", "objextend")
 COUNT = re.compile(r"(?:0\s*;\s*(?P<bits>[1-9]\d*)|(?P<subs>0[xX][0-9A-Fa-f]+|\d+))")
 """Count: sub-indices of each module, or bits of it after `0;`."""
 
+HIGHEST = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
+"""What is said of a sub-index 0 that the file does not describe."""
+
 FIXED = re.compile(r"(m[0-9]+fixed[0-9a-f]{4})((?:sub.*)?)")
 """A section of a fixed object, and the rest of its name."""
 
@@ -274,45 +277,26 @@ class _Built:
         """Give 0x1027 its values, as far as the file describes it: the modules' numbers (CiA 301)."""
         zero = self._there.get("1027sub0")
         if zero is not None:
-            yield _with(zero, DefaultValue=str(len(self.numbers)))
+            yield zero.saying(DefaultValue=str(len(self.numbers)))
         for position, number in enumerate(self.numbers, start=1):
             section = self._there.get(f"1027sub{position:x}")
             if section is not None:
-                yield _with(section, DefaultValue=str(number))
+                yield section.saying(DefaultValue=str(number))
 
     def _array_sections(self, index: int, array: _Array) -> Iterator[Section]:
         first = next(iter(array.subs.values()))
         highest, title = array.next - 1, first.text("parametername")
         if array.head is None:
-            yield _section(first, f"{index:04X}", ParameterName=title, ObjectType="0x8", SubNumber=str(highest + 1))
+            head = first._replace(name=f"{index:04X}", entries={})
+            yield head.saying(ParameterName=title, ObjectType="0x8", SubNumber=str(highest + 1))
         elif not array.head.text("compactsubobj"):
-            yield _with(array.head, SubNumber=str(len(array.subs) + array.first))
+            yield array.head.saying(SubNumber=str(len(array.subs) + array.first))
         zero = self._there.get(f"{index:04x}sub0")
         if zero is None:
-            kind = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
-            yield _section(first, f"{index:04X}sub0", **kind, DefaultValue=str(highest), PDOMapping="0")
-        else:
-            yield _with(zero, DefaultValue=str(highest))
+            zero = first._replace(name=f"{index:04X}sub0", entries={}).saying(**HIGHEST, PDOMapping="0")
+        yield zero.saying(DefaultValue=str(highest))
         for sub, section in array.subs.items():
             entries = {key: each for key, each in section.entries.items() if key not in EXTENSION_KEYS}
             # CiA 306 has one name for all of them, by which none could be found.
-            yield _with(
-                section._replace(name=f"{index:04X}sub{sub:X}", entries=entries), ParameterName=f"{title} {sub}"
-            )
-
-
-def _section(at: Section, name: str, **entries: str) -> Section:
-    """Return a section that stands where the file describes what it is made of."""
-    return _with(Section(name, at.line, at.column, {}), **entries)
-
-
-def _with(section: Section, **entries: str) -> Section:
-    """Return a section with other values."""
-    old = section.entries
-    said = {
-        key.lower(): old[key.lower()]._replace(value=value)
-        if key.lower() in old
-        else Entry(key, value, section.line, section.column)
-        for key, value in entries.items()
-    }
-    return section._replace(entries={**old, **said})
+            own = section._replace(name=f"{index:04X}sub{sub:X}", entries=entries)
+            yield own.saying(ParameterName=f"{title} {sub}")

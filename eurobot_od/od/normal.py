@@ -29,6 +29,7 @@ from eurobot_od.od.formats import (
     TEXTS,
     UNKNOWN_TYPE,
     completed,
+    list_of,
     looks_odd,
     misspelled,
     plain_number,
@@ -38,7 +39,7 @@ from eurobot_od.od.formats import (
 )
 from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.patches import Patch, patched, with_settings
-from eurobot_od.od.standard import MANDATORY, known_type
+from eurobot_od.od.standard import known_type
 from eurobot_od.od.values import NODE_ID, DataType, MappingEntry, Number, is_standard_number, parse_number
 
 NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
@@ -433,8 +434,8 @@ class _Writer:
             self._head(name, section)
             rows = [("SupportedObjects", str(len(indices)))]
             rows += [(str(number), f"0x{index:04X}") for number, index in enumerate(indices, start=1)]
-            if section and {key.lower(): _plain_index(text) for key, text in rows} != {
-                key: _plain_index(entry.value) for key, entry in section.entries.items()
+            if section and {key.lower(): parse_number(text) for key, text in rows} != {
+                key: parse_number(entry.value) for key, entry in section.entries.items()
             }:
                 what = f"[{name}] written anew: the objects that are there"
                 self._changes.append(Change(section.line, what, standard=self._has_modules or self._is_patched))
@@ -623,13 +624,3 @@ DUMMY_KEYS = tuple(f"dummy{code:04x}" for code in values.DUMMIES)
 def _subs(each: DescribedObject) -> list[DescribedVariable]:
     """Return the sub-indices that have sections of their own."""
     return [sub for sub in each.subs.values() if sub.section is not each.section]
-
-
-def list_of(index: int) -> str:
-    """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
-    return cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
-
-
-def _plain_index(text: str) -> int | None:
-    number = parse_number(text)
-    return number.value if number else None

@@ -28,7 +28,7 @@ from eurobot_od.od import formats, values
 from eurobot_od.od.description import COMPOSED, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Document, Entry, Section, is_text, read_bytes
 from eurobot_od.od.formats import completed, plain_number, plain_value
-from eurobot_od.od.modules import CONNECTED
+from eurobot_od.od.modules import CONNECTED, HIGHEST
 from eurobot_od.od.objects import numbered
 from eurobot_od.od.standard import known_type
 from eurobot_od.od.values import DATA_TYPES, DataType, label, parse_number
@@ -348,8 +348,7 @@ class _Patching:
             return
         zero, highest = whole.variable(0), str(_highest(subs))
         if zero is None:
-            said = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
-            self._set(Section(_name(index, 0), whole.section.line, 1, {}), DefaultValue=highest, **said)
+            self._set(whole.section._replace(name=_name(index, 0), entries={}), DefaultValue=highest, **HIGHEST)
         elif zero.value == (before, False):
             # Only where it was that before: a PDO's mapping record says there how many entries are mapped.
             self._set(zero.section._replace(name=_name(index, 0)), DefaultValue=highest)
@@ -358,8 +357,7 @@ class _Patching:
             self._set(whole.section, SubNumber=str(count))
 
     def _set(self, section: Section, **entries: str) -> None:
-        said = {key.lower(): Entry(key, text, section.line, section.column) for key, text in entries.items()}
-        self._sections[section.name.strip().lower()] = section._replace(entries={**section.entries, **said})
+        self._sections[section.name.strip().lower()] = section.saying(**entries)
 
 
 def _name(index: int, sub: int | None) -> str:

@@ -204,9 +204,7 @@ class DataType(NamedTuple):
             number: float = struct.unpack(_REAL_FORMATS[self.code], data)[0]
             return number
         if self.code in TIMES:
-            from eurobot_od.od import values  # its datetime costs a start more than all the rest of this file
-
-            return values.text(data, self.code == TIME_OF_DAY.code)
+            return text(data, self.code == TIME_OF_DAY.code)
         encoding = _TEXT_ENCODINGS.get(self.code)
         try:
             return data.decode(encoding) if encoding else data
@@ -227,9 +225,7 @@ class DataType(NamedTuple):
         if isinstance(value, str) and self.code in _TEXT_ENCODINGS:
             return value.encode(_TEXT_ENCODINGS[self.code])
         if self.code in TIMES and isinstance(value, str):
-            from eurobot_od.od import values
-
-            return values.data(value, self.code == TIME_OF_DAY.code)
+            return data(value, self.code == TIME_OF_DAY.code)
         if self.code in TIMES and isinstance(value, int):  # a file has all the bits as one number
             return value.to_bytes(self.size, "little")
         raise ValueError(f"{value!r} is not {self.name}")

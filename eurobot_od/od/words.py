@@ -102,19 +102,11 @@ MODULE: Mapping[int, ValueMeaning] = {
 }
 
 
-def _of_drive(address: Address) -> ValueMeaning | None:
-    index, sub = address
-    # Each axis has the first one's objects, 0x800 higher (CiA 402-2, clause 6.2).
-    axis = index - cia402.FIRST_AXIS.start
-    if not 0 <= axis < cia402.MOST_AXES * cia402.AXIS_STEP:
-        return None
-    return DRIVE.get((cia402.FIRST_AXIS.start + axis % cia402.AXIS_STEP, sub))
-
-
 PROFILES: Mapping[int, Callable[[Address], ValueMeaning | None]] = {
     # Sub-index 0 is the number of blocks (CiA 401-1), and means nothing but itself.
     cia401.PROFILE: lambda address: MODULE.get(address[0]) if address[1] else None,
-    cia402.PROFILE: _of_drive,
+    # Each axis has the first one's objects, 0x800 higher (CiA 402-2, clause 6.2).
+    cia402.PROFILE: lambda address: DRIVE.get((cia402.on_first_axis(address[0]), address[1])),
 }
 """What the objects of a device mean, by its profile."""
 

@@ -33,8 +33,8 @@ import yaml
 from eurobot_od.od import values
 from eurobot_od.od.description import ObjectCode
 from eurobot_od.od.document import BIT_RATES, OBJECT_LISTS
+from eurobot_od.od.formats import list_of
 from eurobot_od.od.make import DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
-from eurobot_od.od.normal import list_of
 from eurobot_od.od.pdos import PADDING as PADDING_NAME
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DataType, MappingEntry, PdoDirection
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText
