@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 
-from eurobot_od.lint.file_rules import bit_rates, form_of, up_to
+from eurobot_od.lint.file_rules import bit_rates, form_of, missing_of, up_to
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import dcf
@@ -156,16 +156,6 @@ def module_count(device: LintedDevice) -> Violations:
         yield device.section(f"m{min(device.modules.supported)}moduleinfo") or TOP, "[SupportedModules] is missing"
 
 
-@MODULE_RULES.rule("W462", CLAUSE)
-def module_info(device: LintedDevice) -> Violations:
-    """A module has a name, a version, a revision and an order code."""
-    for number in device.modules.supported:
-        section = device.section(f"m{number}moduleinfo")
-        for key in INFO_KEYS if section else ():
-            if section and not section.text(key.lower()):
-                yield section.at(key.lower()), f"{key} is missing in [{section.name}]"
-
-
 @MODULE_RULES.rule("E463", CLAUSE)
 def undescribed_module_object(device: LintedDevice) -> Violations:
     """An object in a module's list has a section that describes it."""
@@ -194,6 +184,10 @@ def extension_count(device: LintedDevice) -> Violations:
         number = parse_number(last)
         if last and (number is None or not 0 <= number.value <= MOST_SUBS):
             yield section.at("objextend"), f"ObjExtend of [{section.name}] is not a sub-index from 0 to {MOST_SUBS}"
+
+
+def _infos(device: LintedDevice) -> Iterator[Section]:
+    return (device.document.sections[f"m{number}moduleinfo"] for number in device.modules.supported)
 
 
 def _extensions(device: LintedDevice) -> list[Section]:
@@ -239,18 +233,10 @@ def doubly_described(device: LintedDevice) -> Violations:
                 yield entry, f"0x{index.value:04X} of module {number} is described as an object of the device, too"
 
 
-def missing_of(key: str) -> Callable[[LintedDevice], Violations]:
-    """Make the rule that what describes an extension has a key."""
-
-    def check(device: LintedDevice) -> Violations:
-        for section in _extensions(device):
-            if not section.text(key.lower()):
-                yield section.at(key.lower()), f"{key} is missing in [{section.name}]"
-
-    return check
-
-
 MODULE_RULES += (
-    Rule("E468", "An extension of an array has a DataType.", CLAUSE, missing_of("DataType")),
-    Rule("E469", "An extension of an array has an AccessType.", CLAUSE, missing_of("AccessType")),
+    Rule(
+        "W462", "A module has a name, a version, a revision and an order code.", CLAUSE, missing_of(_infos, *INFO_KEYS)
+    ),
+    Rule("E468", "An extension of an array has a DataType.", CLAUSE, missing_of(_extensions, "DataType")),
+    Rule("E469", "An extension of an array has an AccessType.", CLAUSE, missing_of(_extensions, "AccessType")),
 )

@@ -7,8 +7,8 @@ checks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise, product
 
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
@@ -176,16 +176,21 @@ def missing_sections(device: LintedDevice) -> Violations:
 # [FileInfo], [DeviceInfo]
 
 
-def missing_of(name: str, keys: Sequence[str], why: str = "") -> Check:
-    """Make the rule that a section, if it is there, has these keys."""
+def missing_of(
+    sections: Callable[[LintedDevice], Iterable[Section]], *keys: str, sentence: str = "{key} is missing in [{name}]"
+) -> Check:
+    """Make the rule that some sections have these keys."""
 
     def check(device: LintedDevice) -> Violations:
-        section = device.section(name)
-        for key in keys if section else ():
-            if section and not section.text(key.lower()):
-                yield section.at(key.lower()), f"{key} is missing in [{section.name}]{why}"
+        for section, key in product(sections(device), keys):
+            if not section.text(key.lower()):
+                yield section.at(key.lower()), sentence.format(key=key, name=section.name)
 
     return check
+
+
+def _only(name: str) -> Callable[[LintedDevice], Iterable[Section]]:
+    return lambda device: filter(None, [device.section(name)])
 
 
 Form = tuple[Callable[[str], bool], str]
@@ -372,15 +377,16 @@ RULES += (
          "CiA 306, [DeviceInfo]; public: dcf-tools, parse.py, reads bits 0 to 5",
          form_of(("CompactPDO",), up_to(0x3F, "0 to 0x3F"), "deviceinfo")),
     Rule("E201", "[FileInfo] has FileName, FileVersion and FileRevision.", "CiA 306, [FileInfo]",
-         missing_of("fileinfo", cia306.FILE_INFO)),
+         missing_of(_only("fileinfo"), *cia306.FILE_INFO)),
     Rule("E202", "[FileInfo] has EDSVersion.", "CiA 306, [FileInfo]",
-         missing_of("fileinfo", ("EDSVersion",), ": a reader takes the file as one of edition 3.0")),
+         missing_of(_only("fileinfo"), "EDSVersion",
+                    sentence="{key} is missing in [{name}]: a reader takes the file as one of edition 3.0")),
     Rule("W203", "[FileInfo] says what the file is, who made it and when.", "CiA 306, [FileInfo]",
-         missing_of("fileinfo", cia306.ORIGIN)),
+         missing_of(_only("fileinfo"), *cia306.ORIGIN)),
     Rule("E212", "[DeviceInfo] names vendor, product and revision, as far as 0x1018 does.", "CiA 306, [DeviceInfo]",
-         missing_of("deviceinfo", ("VendorName", "VendorNumber", "ProductName"))),
+         missing_of(_only("deviceinfo"), "VendorName", "VendorNumber", "ProductName")),
     Rule("W213", "[DeviceInfo] has all its keys.", "CiA 306, [DeviceInfo]",
-         missing_of("deviceinfo", cia306.DEVICE_INFO)),
+         missing_of(_only("deviceinfo"), *cia306.DEVICE_INFO)),
     Rule("E218", "VendorNumber equals 0x1018 sub 1.", "CiA 306, [DeviceInfo]", identity_of("VendorNumber", 1)),
     Rule("E219", "ProductNumber equals 0x1018 sub 2.", "CiA 306, [DeviceInfo]", identity_of("ProductNumber", 2)),
     Rule("E220", "RevisionNumber equals 0x1018 sub 3.", "CiA 306, [DeviceInfo]", identity_of("RevisionNumber", 3)),

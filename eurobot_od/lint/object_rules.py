@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from eurobot_od.lint.file_rules import Check, granularity
+from eurobot_od.lint.file_rules import Check, granularity, missing_of
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od import values
@@ -31,46 +31,10 @@ COMPLEX_TYPES = (range(0x20, 0x26), range(0x40, 0x260))
 """Data types of whole records (CiA 301: standard ones; manufacturer's and device profiles')."""
 
 
-@RULES.rule("E401", "CiA 306, object description")
-def without_name(device: LintedDevice) -> Violations:
-    """An object and a sub-index have a ParameterName."""
-    for name, section in device.object_sections:
-        if not name.list and not section.text("parametername"):
-            yield section.at("parametername"), f"[{section.name}] has no ParameterName"
-
-
-@RULES.rule("E402", "CiA 301, object codes")
-def unknown_kind(device: LintedDevice) -> Violations:
-    """ObjectType is 0, 2, 5, 6, 7, 8 or 9."""
-    codes = {each.value for each in ObjectCode}
-    for section, entry in device.entries["objecttype"]:
-        number = parse_number(entry.value)
-        if entry.value and (number is None or number.value not in codes):
-            yield entry, f"ObjectType {entry.value[:20]} of [{section.name}] is not one of 0, 2, 5, 6, 7, 8, 9"
-
-
-def _simple(device: LintedDevice) -> Iterator[DescribedVariable]:
-    """Give the variables that have a value of their own: VARs, sub-indices and compact templates."""
+def _simple(device: LintedDevice) -> Iterator[Section]:
+    """Give what describes variables that have a value of their own: VARs, sub-indices and compact templates."""
     # `2` and `0x2` are a DOMAIN, of which DataType and AccessType may be left out.
-    return (each for each in device.variables if not each.section.text("objecttype").endswith("2"))
-
-
-@RULES.rule("E403", "CiA 306, object description")
-def without_type(device: LintedDevice) -> Violations:
-    """A variable has a DataType."""
-    for each in _simple(device):
-        if not each.section.text("datatype"):
-            yield each.section.at("datatype"), f"[{each.section.name}] has no DataType"
-
-
-@RULES.rule("E404", "CiA 301, data types")
-def unknown_type(device: LintedDevice) -> Violations:
-    """DataType is one of CiA 301."""
-    for section, entry in device.entries["datatype"]:
-        number = parse_number(entry.value)
-        known = number and (number.value in values.DATA_TYPES or any(number.value in each for each in COMPLEX_TYPES))
-        if entry.value and not known:
-            yield entry, f"DataType {entry.value[:20]} of [{section.name}] is not a type of CiA 301"
+    return (each.section for each in device.variables if not each.section.text("objecttype").endswith("2"))
 
 
 @RULES.rule("W453", "CiA 301, DEFTYPE and DEFSTRUCT")
@@ -84,26 +48,51 @@ def undefined_type(device: LintedDevice) -> Violations:
             yield entry, f"DataType {entry.value[:20]} of [{section.name}] is defined nowhere; it is taken as bytes"
 
 
-@RULES.rule("E405", "CiA 306, object description")
-def without_access(device: LintedDevice) -> Violations:
-    """A variable has an AccessType."""
-    for each in _simple(device):
-        if not each.access:
-            yield each.section.at("accesstype"), f"[{each.section.name}] has no AccessType"
-
-
-@RULES.rule("E406", "CiA 306, object description")
-def unknown_access(device: LintedDevice) -> Violations:
-    """AccessType is ro, wo, rw, rwr, rww or const."""
-    for section, entry in device.entries["accesstype"]:
-        if entry.value and entry.value.lower() not in values.ACCESS_TYPES:
-            text = f"AccessType {entry.value[:20]} of [{section.name}] is not one of {', '.join(values.ACCESS_TYPES)}"
-            yield entry, text
-
-
 def _composed(device: LintedDevice) -> Iterator[tuple[DescribedObject, Section]]:
     """Give arrays and records with their sections."""
     return ((o, o.section) for o in device.objects.values() if o.section and o.code in COMPOSED)
+
+
+def entry_of(key: str, fits: Callable[[str, Number | None], bool], sentence: str) -> Check:
+    """Make the rule that the text of a key, wherever an object has it, and its number fit."""
+
+    def check(device: LintedDevice) -> Violations:
+        for section, entry in device.entries[key]:
+            if entry.value and not fits(entry.value, parse_number(entry.value)):
+                yield entry, sentence.format(entry.value[:20], section.name)
+
+    return check
+
+
+DESCRIPTION, LACKS = "CiA 306, object description", "[{name}] has no {key}"
+CODES = {each.value for each in ObjectCode}
+TYPES = (values.DATA_TYPES, *COMPLEX_TYPES)
+
+RULES += (
+    Rule("E401", "An object and a sub-index have a ParameterName.", DESCRIPTION,
+         missing_of(lambda device: (each for name, each in device.object_sections if not name.list), "ParameterName",
+                    sentence=LACKS)),
+    Rule("E402", "ObjectType is 0, 2, 5, 6, 7, 8 or 9.", "CiA 301, object codes",
+         entry_of("objecttype", lambda _, number: number is not None and number.value in CODES,
+                  "ObjectType {} of [{}] is not one of 0, 2, 5, 6, 7, 8, 9")),
+    Rule("E403", "A variable has a DataType.", DESCRIPTION, missing_of(_simple, "DataType", sentence=LACKS)),
+    Rule("E404", "DataType is one of CiA 301.", "CiA 301, data types",
+         entry_of("datatype", lambda _, number: number is not None and any(number.value in each for each in TYPES),
+                  "DataType {} of [{}] is not a type of CiA 301")),
+    Rule("E405", "A variable has an AccessType.", DESCRIPTION, missing_of(_simple, "AccessType", sentence=LACKS)),
+    Rule("E406", "AccessType is ro, wo, rw, rwr, rww or const.", DESCRIPTION,
+         entry_of("accesstype", lambda text, _: text.lower() in values.ACCESS_TYPES,
+                  f"AccessType {{}} of [{{}}] is not one of {', '.join(values.ACCESS_TYPES)}")),
+    Rule("E411", "An array or record has SubNumber or CompactSubObj.", DESCRIPTION,
+         missing_of(lambda device: (section for each, section in _composed(device) if not each.compact), "SubNumber",
+                    sentence=LACKS)),
+    Rule("E444", "PDOMapping is 0 or 1.", DESCRIPTION,
+         entry_of("pdomapping", lambda _, number: number in (None, Number(0), Number(1)),
+                  "PDOMapping of [{1}] is {0}, not 0 or 1")),
+    Rule("E445", "ObjFlags has bits 0 and 1 only.", "CiA 306, ObjFlags",
+         entry_of("objflags", lambda _, number: number is None or number.value in range(4),
+                  "ObjFlags of [{1}] is {0}; only bits 0 and 1 mean something")),
+)  # fmt: skip
 
 
 @RULES.rule("E407", "CiA 306, object description")
@@ -145,14 +134,6 @@ def subs_of_variable(device: LintedDevice) -> Violations:
         sub = next((s for s in each.subs.values() if s.section is not each.section), None)
         if sub and each.code in SIMPLE:
             yield sub.section, f"[{sub.section.name}] is a sub-index, but 0x{each.index:04X} is a VAR"
-
-
-@RULES.rule("E411", "CiA 306, object description")
-def without_sub_number(device: LintedDevice) -> Violations:
-    """An array or record has SubNumber or CompactSubObj."""
-    for each, section in _composed(device):
-        if not section.text("subnumber") and not each.compact:
-            yield section.at("subnumber"), f"[{section.name}] has no SubNumber"
 
 
 @RULES.rule("E412", "CiA 306, object description")
@@ -439,24 +420,6 @@ def value_of_domain(device: LintedDevice) -> Violations:
     for each in device.others:
         if each.type is values.DOMAIN and each.key in VALUES:
             yield each.entry, f"{each.entry.key} of {each.variable.where}, a DOMAIN: tools drop it"
-
-
-@RULES.rule("E444", "CiA 306, object description")
-def pdo_mapping_flag(device: LintedDevice) -> Violations:
-    """PDOMapping is 0 or 1."""
-    for section, entry in device.entries["pdomapping"]:
-        number = parse_number(entry.value)
-        if number and number not in (Number(0), Number(1)):
-            yield entry, f"PDOMapping of [{section.name}] is {entry.value[:20]}, not 0 or 1"
-
-
-@RULES.rule("E445", "CiA 306, ObjFlags")
-def object_flags(device: LintedDevice) -> Violations:
-    """ObjFlags has bits 0 and 1 only."""
-    for section, entry in device.entries["objflags"]:
-        number = parse_number(entry.value)
-        if number and (number.value < 0 or number.value & ~3):
-            yield entry, f"ObjFlags of [{section.name}] is {entry.value[:20]}; only bits 0 and 1 mean something"
 
 
 @RULES.rule("W446", "CiA 306, object description")
