@@ -26,25 +26,9 @@ import yaml
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.support import texts
+from eurobot_od.support import yaml_places as nodes
 from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
-from eurobot_od.support.yaml_places import (
-    STRING,
-    NodeReader,
-    Place,
-    PlacedInteger,
-    PlacedNumber,
-    PlacedText,
-    Problem,
-    Problems,
-    ReadError,
-    compose,
-    place_of,
-    read_all,
-    refuse,
-    refusing,
-    shown,
-    telling,
-)
+from eurobot_od.support.yaml_places import NodeReader, Place, PlacedInteger, PlacedNumber, PlacedText, Problem, Problems
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -63,8 +47,8 @@ class Shape(Generic[T]):
 
 def read_yaml(source: str, shape: Shape[T], file: str | Path) -> T:
     """Read a text of one YAML document; raises YamlError with all its problems. `file` is its name in them."""
-    with telling(file) as problems:
-        return shape.read(compose(source, problems), problems)
+    with nodes.telling(file) as problems:
+        return shape.read(nodes.compose(source, problems), problems)
 
 
 # Single values
@@ -75,25 +59,25 @@ def _unquoted(pattern: str, what: str, make: Callable[[str, Place], T]) -> NodeR
 
     def read(node: yaml.Node, problems: Problems) -> T:
         if not isinstance(node, yaml.ScalarNode) or node.style or not re.fullmatch(pattern, node.value):
-            refuse(node, problems, f"expected {what}, found {shown(node)}")
-        return make(node.value, place_of(node.start_mark))
+            nodes.refuse(node, problems, f"expected {what}, found {nodes.shown(node)}")
+        return make(node.value, nodes.place_of(node.start_mark))
 
     return read
 
 
 def _text(node: yaml.Node, problems: Problems) -> PlacedText:
-    if not isinstance(node, yaml.ScalarNode) or node.tag != STRING:
+    if not isinstance(node, yaml.ScalarNode) or node.tag != nodes.STRING:
         hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
-        refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
-    return PlacedText(node.value, place_of(node.start_mark))
+        nodes.refuse(node, problems, f"expected a text, found {nodes.shown(node)}{hint}")
+    return PlacedText(node.value, nodes.place_of(node.start_mark))
 
 
 def _scalar(node: yaml.Node, problems: Problems) -> PlacedText:
     if not isinstance(node, yaml.ScalarNode):
         braces = isinstance(node, yaml.MappingNode) and node.flow_style
         hint = "; a text in { } needs quotes: '{t}'" if braces else ""
-        refuse(node, problems, f"expected a single value, found {shown(node)}{hint}")
-    return PlacedText(node.value, place_of(node.start_mark))
+        nodes.refuse(node, problems, f"expected a single value, found {nodes.shown(node)}{hint}")
+    return PlacedText(node.value, nodes.place_of(node.start_mark))
 
 
 A_WHOLE_NUMBER = "a whole number, decimal or 0x hexadecimal"
@@ -126,7 +110,7 @@ def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None 
 
     def read(node: yaml.Node, problems: Problems) -> S:
         value = shape.read(node, problems)
-        with refusing(node, problems):
+        with nodes.refusing(node, problems):
             return convert(value)
 
     return Shape(read, shape.schema if schema is None else schema)
@@ -142,7 +126,7 @@ ASCII = converted(TEXT, _printable)
 """A text of printable ASCII characters."""
 
 INTEGER_OR_ASCII: Shape[PlacedInteger | PlacedText] = Shape(
-    lambda node, problems: (ASCII if node.tag == STRING else INTEGER).read(node, problems),
+    lambda node, problems: (ASCII if node.tag == nodes.STRING else INTEGER).read(node, problems),
     {"anyOf": [INTEGER.schema, ASCII.schema]},
 )
 """An integer, or else a text of ASCII."""
@@ -177,10 +161,10 @@ def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
     def read(node: yaml.Node, problems: Problems) -> T:
         try:
             value: Any = shape.read(node, [])
-        except ReadError:
+        except nodes.ReadError:
             value = None
         if value is None or not allowed.low <= value <= allowed.high:
-            refuse(node, problems, f"{name} = {shown(node)} is not allowed; allowed: {words}")
+            nodes.refuse(node, problems, f"{name} = {nodes.shown(node)} is not allowed; allowed: {words}")
         return value  # type: ignore[no-any-return]
 
     return Shape(read, shape.schema | {"minimum": allowed.low, "maximum": allowed.high})
@@ -204,7 +188,7 @@ def listing(item: Shape[T]) -> Shape[tuple[T, ...]]:
     """Make a shape of a list."""
 
     def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
-        return tuple(read_all(((item.read, each) for each in _items(node, problems)), problems))
+        return tuple(nodes.read_all(((item.read, each) for each in _items(node, problems)), problems))
 
     return Shape(read, {"type": "array", "items": item.schema})
 
@@ -215,8 +199,8 @@ def listed(make: Callable[..., T], items: Sequence[Shape[Any]]) -> Shape[T]:
     def read(node: yaml.Node, problems: Problems) -> T:
         found = _items(node, problems)
         if len(found) != len(items):
-            refuse(node, problems, f"expected a list of {len(items)}, found {len(found)}")
-        return make(*read_all(((item.read, each) for item, each in zip(items, found)), problems))
+            nodes.refuse(node, problems, f"expected a list of {len(items)}, found {len(found)}")
+        return make(*nodes.read_all(((item.read, each) for item, each in zip(items, found)), problems))
 
     number = {"minItems": len(items), "maxItems": len(items)}
     return Shape(read, {"type": "array", "items": [each.schema for each in items]} | number)
@@ -224,7 +208,7 @@ def listed(make: Callable[..., T], items: Sequence[Shape[Any]]) -> Shape[T]:
 
 def _items(node: yaml.Node, problems: Problems) -> list[yaml.Node]:
     if not isinstance(node, yaml.SequenceNode):
-        refuse(node, problems, f"expected a list, found {shown(node)}")
+        nodes.refuse(node, problems, f"expected a list, found {nodes.shown(node)}")
     items: list[yaml.Node] = node.value
     return items
 
@@ -253,12 +237,12 @@ def pairs_of(node: yaml.Node, problems: Problems) -> dict[PlacedText, yaml.Node]
 
 def _pairs(node: yaml.Node, problems: Problems, key: Shape[T]) -> dict[T, yaml.Node]:
     if not isinstance(node, yaml.MappingNode):
-        refuse(node, problems, f"expected a mapping, `key: value`, found {shown(node)}")
+        nodes.refuse(node, problems, f"expected a mapping, `key: value`, found {nodes.shown(node)}")
     pairs: dict[T, yaml.Node] = {}
-    keys = read_all(((key.read, each) for each, _ in node.value), problems)
+    keys = nodes.read_all(((key.read, each) for each, _ in node.value), problems)
     for name, (key_node, value_node) in zip(keys, node.value):
         if name in pairs:  # PyYAML would take the second without a word
-            problems.append(Problem(place_of(key_node.start_mark), f"key {shown(key_node)} is given twice"))
+            problems.append(Problem(nodes.place_of(key_node.start_mark), f"key {nodes.shown(key_node)} is given twice"))
         pairs.setdefault(name, value_node)
     return pairs
 
@@ -268,7 +252,7 @@ def mapping(value: Shape[T], key: Shape[S]) -> Shape[dict[S, T]]:
 
     def read(node: yaml.Node, problems: Problems) -> dict[S, T]:
         pairs = _pairs(node, problems, key)
-        return dict(zip(pairs, read_all(((value.read, each) for each in pairs.values()), problems)))
+        return dict(zip(pairs, nodes.read_all(((value.read, each) for each in pairs.values()), problems)))
 
     names = {name: key.schema[name] for name in ("pattern", "enum") if name in key.schema}
     return Shape(read, {"type": "object", "propertyNames": names, "additionalProperties": value.schema})
@@ -298,16 +282,16 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
         pairs = pairs_of(node, problems)
         wrong = [Problem(each.place, str(UnknownName("key", str(each), keys))) for each in pairs if each not in keys]
         wrong += [
-            Problem(place_of(node.start_mark), f"key '{name}' is missing" + (f": {key.help}" if key.help else ""))
+            Problem(nodes.place_of(node.start_mark), f"key '{name}' is missing" + (f": {key.help}" if key.help else ""))
             for name, key in keys.items()
             if key.needed and name not in pairs
         ]
         problems += wrong
         known = {str(name): each for name, each in pairs.items() if name in keys}
-        values = read_all(((keys[name].shape.read, each) for name, each in known.items()), problems)
+        values = nodes.read_all(((keys[name].shape.read, each) for name, each in known.items()), problems)
         if wrong:  # only now: problems with the other keys are reported in the same run
-            raise ReadError
-        with refusing(node, problems):
+            raise nodes.ReadError
+        with nodes.refusing(node, problems):
             return make(**dict(zip(known, values)))
 
     return Shape(read, object_schema(keys))

@@ -22,16 +22,7 @@ from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS, R
 from eurobot_od.support import texts, yaml_places
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_places import (
-    Place,
-    PlacedInteger,
-    PlacedNumber,
-    PlacedText,
-    Problem,
-    Problems,
-    refuse,
-    telling,
-)
+from eurobot_od.support.yaml_places import Place, PlacedInteger, PlacedNumber, PlacedText, Problem, Problems
 from eurobot_od.support.yaml_shapes import ASCII, INTEGER_OR_ASCII, PLAIN, SCALAR, Plain, filled, matching, shape_of
 
 SERVICES = ("EMCY", "SDO")
@@ -381,7 +372,9 @@ def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
     own.value = [pair for pair in own.value if pair[0] is not named[0]]
     file = find(SCALAR.read(named[1], problems))
     if file is None or not file.is_file():
-        refuse(named[1], problems, f"there is no table to build on that is called {yaml_places.shown(named[1])}")
+        yaml_places.refuse(
+            named[1], problems, f"there is no table to build on that is called {yaml_places.shown(named[1])}"
+        )
     base = _composed(read_whole(file).decode(errors="replace"), find, problems)
     return yaml_places.merged(yaml_places.elsewhere(base, str(file)), own)
 
@@ -409,7 +402,7 @@ def read_table(source: str, file: str | Path, find: FindTable = lambda _: None) 
     A table may build on another one, which it `extends`: `find` finds that. What it says itself comes beside it, or in
     its place.
     """
-    with telling(file) as problems:
+    with yaml_places.telling(file) as problems:
         table: Table = shape_of(Table, SINGLE_VALUES).read(_composed(source, find, problems), problems)
         problems += (each for check in CHECKS for each in check(table))
         return table
