@@ -163,11 +163,7 @@ def undescribed_module_object(device: LintedDevice) -> Violations:
         for part, head in DESCRIBED_BY.items():
             for entry in device.modules.listed(number, part):
                 index = parse_number(entry.value)
-                names = (
-                    (f"m{number}{head}{index.value:04x}".lower(), f"m{number}{head}{index.value:x}".lower())
-                    if index
-                    else ()
-                )
+                names = [f"m{number}{head.lower()}{index.value:{form}}" for form in ("04x", "x")] if index else []
                 if not any(device.section(name) for name in names):
                     shown = f"{index.value:04X}" if index else "..."
                     yield entry, f"{entry.value[:40]} is listed, but there is no section [M{number}{head}{shown}]"
@@ -194,10 +190,8 @@ def _extensions(device: LintedDevice) -> list[Section]:
     """Return the sections that describe what modules add to arrays."""
     modules = device.modules
     # [M1SubExt6000] describes what [M1SubExtends] lists; both begin alike.
-    heads = tuple(f"m{number}subext" for number in modules.supported)
-    return [
-        s for name, s in device.document.sections.items() if name.startswith(heads) and not name.endswith("extends")
-    ]
+    heads, sections = tuple(f"m{number}subext" for number in modules.supported), device.document.sections
+    return [each for name, each in sections.items() if name.startswith(heads) and not name.endswith("extends")]
 
 
 @MODULE_RULES.rule("E465", CLAUSE)

@@ -310,9 +310,7 @@ def no_bit_rate(device: LintedDevice) -> Violations:
 
 def bit_rates(device: LintedDevice) -> set[int]:
     """Return the bit rates in kbit/s that a device supports."""
-    return {
-        rate for rate in cia306.BIT_RATES if (device.number("deviceinfo", f"baudrate_{rate}") or Number(0)).value == 1
-    }
+    return {rate for rate in cia306.BIT_RATES if device.number("deviceinfo", f"baudrate_{rate}") == Number(1)}
 
 
 def pdo_count_of(key: str, direction: PdoDirection) -> Check:

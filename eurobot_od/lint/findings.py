@@ -164,10 +164,7 @@ def _result(finding: Finding, rule: int) -> dict[str, Any]:
 
     file = Path(finding.file)  # a file named relative to the working folder has a relative URI (3.4.3)
     uri = file.as_uri() if file.is_absolute() else quote_from_bytes(os.fsencode(file.as_posix()))
-    place = {
-        "artifactLocation": {"uri": uri},
-        "region": {"startLine": finding.line, "startColumn": finding.column},
-    }
+    place = {"artifactLocation": {"uri": uri}, "region": {"startLine": finding.line, "startColumn": finding.column}}
     return {
         "ruleId": finding.code,
         "ruleIndex": rule,

@@ -6,7 +6,8 @@ The place of a finding is the PDO or value that has to change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
@@ -61,9 +62,7 @@ class NetworkNode(NamedTuple):
                 yield value & values.BASE_IDENTIFIER, name, self.spot(variable.place)
         section = self.device.section("deviceinfo")
         if section and section.text("lss_supported") == "1":
-            yield from (
-                (identifier, "LSS", self.spot(section.at("lss_supported"))) for identifier in values.LSS_COB_IDS
-            )
+            yield from ((each, "LSS", self.spot(section.at("lss_supported"))) for each in values.LSS_COB_IDS)
 
 
 class Spot(NamedTuple):
@@ -124,19 +123,15 @@ def _spot(node: NetworkNode, pdo: DescribedPdo, sub: int) -> Spot:
     return node.spot(where.place if where else TOP)
 
 
+@dataclass(frozen=True)
 class LintedNetwork:
     """All nodes, and what is declared for them: messages with several senders, priorities, the bit rate."""
 
-    def __init__(
-        self,
-        nodes: Sequence[NetworkNode],
-        shared: Iterable[str] = (),
-        order: Sequence[str] = (),
-        bit_rate: int | None = None,
-        master: str = "",
-    ) -> None:
-        self.nodes, self.shared, self.order, self.bit_rate = tuple(nodes), frozenset(shared), tuple(order), bit_rate
-        self.master = master
+    nodes: Sequence[NetworkNode]
+    shared: Sequence[str] = ()
+    order: Sequence[str] = ()
+    bit_rate: int | None = None
+    master: str = ""
 
     @property
     def has_foreign_master(self) -> bool:
@@ -188,7 +183,7 @@ class LintedNetwork:
         """
         ports = self.ports(identifier)
         names = {each.pdo.name for each in ports}
-        if names & self.shared:
+        if names.intersection(self.shared):
             return True
         is_heard = len(self.consumers.get(identifier, ())) > 0
         return is_heard and len(names) == 1 and "" not in names and all(each.pdo.bits == 0 for each in ports)
@@ -279,12 +274,8 @@ def switched_off(network: LintedNetwork) -> Conflicts:
         for pdo in node.device.pdos:
             value = pdo.value(1)
             identifier = value.at(node.node_id) & values.BASE_IDENTIFIER if value else 0
-            if (
-                value
-                and value.value & values.NOT_VALID
-                and pdo.direction is PdoDirection.RPDO
-                and identifier in network.producers
-            ):
+            is_off = pdo.direction is PdoDirection.RPDO and value and value.value & values.NOT_VALID
+            if is_off and identifier in network.producers:
                 text = f"{node.name} {pdo.title} could receive 0x{identifier:03X}, but is not valid until configured"
                 yield _spot(node, pdo, 1), text
 
@@ -357,10 +348,9 @@ def unused_service_identifiers(network: LintedNetwork) -> Conflicts:
         found = owner(identifier, values.RESERVED + values.PREDEFINED)
         is_free = identifier not in network.services and not any(each.is_predefined for each in ports)
         # W827 says it if the node is in the network that has this identifier by default
-        if found and is_free and not (found.is_per_node and identifier - found.low + 1 in network.node_ids):
-            whose = found.whose(identifier)
-            text = f"0x{identifier:03X} {ports[0].pdo.name} belongs to {whose}, which is not in the network"
-            yield ports[0].spot, text
+        if found and is_free and found.node_id(identifier) not in network.node_ids:
+            what = f"0x{identifier:03X} {ports[0].pdo.name} belongs to {found.whose(identifier)}"
+            yield ports[0].spot, f"{what}, which is not in the network"
 
 
 @RULES.rule("W827", "CiA 301, pre-defined connection set")
@@ -368,7 +358,7 @@ def default_of_other_node(network: LintedNetwork) -> Conflicts:
     """A custom identifier is not a default PDO of a node in the network."""
     for identifier, ports in network.producers.items():
         found = owner(identifier, DEFAULT_PDOS)
-        node = network.node_ids.get(identifier - found.low + 1) if found else None
+        node = network.node_ids.get(found.node_id(identifier) or 0) if found else None
         if found and node and not any(each.is_predefined for each in ports):
             text = f"{ports[0].name} has 0x{identifier:03X}, {found.owner} of {node.name} before it is configured"
             yield ports[0].spot, text
@@ -538,20 +528,16 @@ RULES += (
 
 def lint_network(network: LintedNetwork) -> list[Finding]:
     """Check a network; findings are ordered by file and place."""
-    found = {
-        Finding(at.file, at.line, at.column, rule.code, text) for rule in RULES for at, text in rule.check(network)
-    }
+    said = ((rule.code, at, text) for rule in RULES for at, text in rule.check(network))
+    found = {Finding(at.file, at.line, at.column, code, text) for code, at, text in said}
     files = {each.file: number for number, each in enumerate(network.nodes)}
     return sorted(found, key=lambda each: (files[each.file], each.line, each.column, each.code))
 
 
-def overview(network: LintedNetwork) -> list[tuple[str, str, str, str]]:
+def overview(network: LintedNetwork) -> list[tuple[str, ...]]:
     """Return one row for each identifier: itself, its name, its producers, its consumers."""
+    sides = (network.producers, network.consumers)
     return [
-        (f"0x{each:03X}", network.title(each), _names(network.producers, each), _names(network.consumers, each))
+        (f"0x{each:03X}", network.title(each), *(", ".join(p.node.name for p in side.get(each, ())) for side in sides))
         for each in network.identifiers
     ]
-
-
-def _names(ports: Mapping[int, Sequence[NodePdo]], identifier: int) -> str:
-    return ", ".join(each.node.name for each in ports.get(identifier, ()))

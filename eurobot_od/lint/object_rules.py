@@ -10,15 +10,8 @@ from collections.abc import Callable, Iterator
 from eurobot_od.lint.file_rules import Check, granularity, missing_of
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import LintedDevice
-from eurobot_od.od import values
-from eurobot_od.od.description import (
-    COMPOSED,
-    SIMPLE,
-    DescribedObject,
-    DescribedVariable,
-    ObjectCode,
-    parse_section_name,
-)
+from eurobot_od.od import description, values
+from eurobot_od.od.description import COMPOSED, SIMPLE, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import LIMITS, OF_VARIABLE, VALUES, Entry, Section
 from eurobot_od.od.standard import DATA_SUBS, KNOWN, Known
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED32, Number, is_standard_number, parse_number
@@ -107,7 +100,7 @@ def orphans(device: LintedDevice) -> Violations:
 def sub_keys_on_variable(device: LintedDevice) -> Violations:
     """A VAR has no SubNumber and no CompactSubObj."""
     for section, entry in device.entries["subnumber"] + device.entries["compactsubobj"]:
-        name = parse_section_name(section.name.strip())
+        name = description.parse_section_name(section.name.strip())
         whole = device.objects[name.object_index] if name and name.sub < 0 else None
         code = (whole or DescribedObject(0, section, {}, {})).code  # a sub-index counts as an object of its own
         # `SubNumber=0` says the same as none at all.
@@ -143,10 +136,8 @@ def wrong_sub_number(device: LintedDevice) -> Violations:
         # 0xFF describes the object's structure and is not a sub-index of data (CiA 301, 7.4.9).
         declared, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
         if declared and declared.value != real and not each.compact:
-            yield (
-                section.at("subnumber"),
-                f"SubNumber is {declared.value}, but 0x{each.index:04X} has {real} sub-indices",
-            )
+            what = f"SubNumber is {declared.value}, but 0x{each.index:04X} has {real} sub-indices"
+            yield section.at("subnumber"), what
 
 
 @RULES.rule("E413", "CiA 301, sub-index 0")

@@ -147,9 +147,7 @@ Transition 16 is there only if the quick stop option code lets the drive stay in
 takes 12 by itself when it stands.
 """
 
-ARROWS: Mapping[tuple[State, DriveCommand | None], Transition] = {
-    (each.before, each.command): each for each in TRANSITIONS
-}
+ARROWS = {(each.before, each.command): each for each in TRANSITIONS}
 """The arrows by the state and what makes the drive take them."""
 
 POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
@@ -229,12 +227,7 @@ MODE_CONTROL_BITS: Mapping[Mode, Mapping[int, str]] = {
     Mode.INTERPOLATED_POSITION: {4: "interpolation"},
 }
 
-INPUT_BITS: Mapping[int, str] = {
-    0: "negative limit switch",
-    1: "positive limit switch",
-    2: "home switch",
-    3: "interlock",
-}
+INPUT_BITS = dict(enumerate(("negative limit switch", "positive limit switch", "home switch", "interlock")))
 OUTPUT_BITS: Mapping[int, str] = {0: "set brake"}
 MODE_BITS: Mapping[int, str] = {mode - 1: MODE_WORDS[mode] for mode in Mode if mode}
 POLARITY_BITS: Mapping[int, str] = {6: "velocity inverted", 7: "position inverted"}
@@ -264,13 +257,7 @@ OPTIONS: Mapping[int, Mapping[int, Ramp]] = {
 }
 """The ramp of each option code that CiA 402 defines, by its object (CiA 402-2, clauses 8.4.5 to 8.4.9)."""
 
-DEFAULT_OPTION: Mapping[int, int] = {
-    QUICK_STOP_OPTION: 2,
-    SHUTDOWN_OPTION: 0,
-    DISABLE_OPTION: 1,
-    HALT_OPTION: 1,
-    FAULT_OPTION: 2,
-}
+DEFAULT_OPTION = {QUICK_STOP_OPTION: 2, SHUTDOWN_OPTION: 0, DISABLE_OPTION: 1, HALT_OPTION: 1, FAULT_OPTION: 2}
 """The code of a device that does not have the object."""
 
 STAYING = range(5, 9)

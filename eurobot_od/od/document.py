@@ -314,10 +314,9 @@ class _Reader:
         key = key.rstrip()
         if ";" in value:
             value = self._without_comment(number, column, value)
-        if len(key) + len(value) > LONGEST:
-            self._note(
-                Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {len(key) + len(value)} characters"
-            )
+        length = len(key) + len(value)
+        if length > LONGEST:
+            self._note(Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {length} characters")
         entry = Entry(key, value, number, column)
         first = self._entries.setdefault(key.lower(), entry) if key else entry
         if first is not entry or not key or self._entries is self._before:

@@ -189,9 +189,7 @@ def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Sect
     yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
     for sub, (name, type_) in present.items():
         # The first four PDOs have a COB-ID from the pre-defined connection set (CiA 301, 7.3.3), later ones have none.
-        is_without = sub == values.COB_ID and index & values.PDO_COUNT - 1 >= len(
-            values.DEFAULT_PDO_BASES[PdoDirection.RPDO]
-        )
+        is_without = sub == values.COB_ID and index & values.PDO_COUNT - 1 >= values.DEFAULT_PDOS
         default = f"0x{values.NOT_VALID:08X}" if is_without else ""
         yield _variable(at, f"{index:04X}sub{sub}", name, type_, default)
 
@@ -363,9 +361,8 @@ def read_xml(data: bytes) -> Document:
     try:
         root = parse_xml(data)
     except expat.ExpatError as error:
-        return Document(
-            {}, [Oddity(Odd.XML, error.lineno, error.offset + 1, expat.ErrorString(error.code))], is_xml=True
-        )
+        odd = Oddity(Odd.XML, error.lineno, error.offset + 1, expat.ErrorString(error.code))
+        return Document({}, [odd], is_xml=True)
     except _Refused as error:
         what, line = error.args
         return Document({}, [Oddity(Odd.XML, line, 1, what)], is_xml=True)

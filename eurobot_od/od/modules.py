@@ -102,10 +102,8 @@ class Modules:
         number = parse_number(text)
         if number is not None and number.value in self.supported:
             return self.supported[number.value]
-        same = (
-            each for each in self.supported.values() if text.lower() in (each.name.lower(), each.order_code.lower())
-        )
-        return next(same, None) if text else None
+        known = self.supported.values() if text else ()
+        return next((each for each in known if text.lower() in (each.name.lower(), each.order_code.lower())), None)
 
     def listed(self, module: int, part: str) -> list[Entry]:
         """Return the entries of a module's list: `fixedobjects` or `subextends`."""

@@ -260,11 +260,8 @@ class _Writer:
         self._is_patched = bool(patches)
         self._device = DescribedDevice(patched(whole, patches))
         self._comments = _comments(document)
-        self._changes = [
-            Change(each.line, ODDITIES[each.kind].format(each.text))
-            for each in document.oddities
-            if each.kind in ODDITIES
-        ]
+        odd = [each for each in document.oddities if each.kind in ODDITIES]
+        self._changes = [Change(each.line, ODDITIES[each.kind].format(each.text)) for each in odd]
         self._changes += (Change(*each) for each in formats.misspelled(document))
         lost = ((each.line, each.text) for each in document.oddities if each.kind is Odd.ADDRESS)
         self._refusals = [Refusal(NO_OBJECT, None, *each) for each in (*self.misfits, *lost)]
@@ -390,10 +387,9 @@ class _Writer:
         """Write a section that is neither CiA 306's nor an object's, as it is."""
         name = section.name.strip()
         usual = formats.usual_name(name) if formats.looks_odd(name.lower()) else None
+        sections = self._device.document.sections
         # It has been written already, by its own function or as an object under its usual name.
-        if name.lower() in cia306.SECTION_NAMES or (
-            usual and self._device.document.sections[usual].line == section.line
-        ):
+        if name.lower() in cia306.SECTION_NAMES or (usual and sections[usual].line == section.line):
             return
         if name.lower() == CONNECTED and self._has_modules:
             self._as_comment(section, "the objects of the modules are written out")
@@ -409,9 +405,8 @@ class _Writer:
         """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
         sections = {name: self._device.section(name.lower()) for name in cia306.OBJECT_LISTS}
         entries = {name: section.numbered() if section else () for name, section in sections.items()}
-        listed = {
-            name: [n.value for each in found if (n := parse_number(each.value))] for name, found in entries.items()
-        }
+        numbers = {name: filter(None, (parse_number(e.value) for e in found)) for name, found in entries.items()}
+        listed = {name: [each.value for each in found] for name, found in numbers.items()}
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
         # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):

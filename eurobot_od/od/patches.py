@@ -88,27 +88,17 @@ def _of_bus(file: str, name: str) -> Patch:
     from eurobot_od.od.bus_file import load_bus
 
     _, writes = load_bus(file).writes(name)
-    last = {each.address: each for each in writes}  # what is written later counts
-    return Patch(
-        file,
-        [
-            ObjectPatch(label(address), each.line, [Entry("ParameterValue", str(each.value), each.line, 1)])
-            for address, each in last.items()
-        ],
-    )
+    last = {label(each.address): each for each in writes}  # what is written later counts
+    said = {target: Entry("ParameterValue", str(each.value), each.line, 1) for target, each in last.items()}
+    return Patch(file, [ObjectPatch(target, entry.line, [entry]) for target, entry in said.items()])
 
 
 def _of_yaml(text: str, file: str) -> Patch:
     from eurobot_od.support.yaml_shapes import SCALAR, mapping, read_yaml
 
     said = read_yaml(text, mapping(mapping(SCALAR, SCALAR), SCALAR), file)
-    return Patch(
-        file,
-        [
-            ObjectPatch(str(target), target.place.line, [Entry(str(k), str(v), *k.place) for k, v in entries.items()])
-            for target, entries in said.items()
-        ],
-    )
+    objects = ((target, [Entry(str(k), str(v), *k.place) for k, v in own.items()]) for target, own in said.items())
+    return Patch(file, [ObjectPatch(str(target), target.place.line, entries) for target, entries in objects])
 
 
 def _of_configuration(data: bytes, file: Path) -> Patch:
@@ -116,10 +106,8 @@ def _of_configuration(data: bytes, file: Path) -> Patch:
     if document.hiding:
         raise DictionaryError(f"{file}:{document.hiding.line}", None, document.hiding.kind.value)
     variables = (each for whole in DescribedDevice(document).objects.values() for each in whole.variables())
-    said = ((each, list(_configured(each, file))) for each in variables)
-    objects = [
-        ObjectPatch(label((each.index, each.sub)), each.section.line, entries) for each, entries in said if entries
-    ]
+    said = (ObjectPatch(label((v.index, v.sub)), v.section.line, list(_configured(v, file))) for v in variables)
+    objects = [each for each in said if each.entries]
     return Patch(str(file), objects, {name: document.sections[name] for name in SETTINGS if name in document.sections})
 
 
@@ -223,9 +211,8 @@ class _Patching:
         if section is None:
             section = self._new(each, index, sub, own)
         elif "objecttype" in own:
-            raise self._patch.wrong(
-                own["objecttype"].line, f"ObjectType: {each.target} is there; only a new one has it"
-            )
+            what = f"ObjectType: {each.target} is there; only a new one has it"
+            raise self._patch.wrong(own["objecttype"].line, what)
         entries = dict(section.entries)
         for key in FILES if "parametervalue" in own else ("parametervalue",) if "downloadfile" in own else ():
             entries.pop(key, None)  # a value and a file at once would leave it to each tool which of them counts

@@ -182,9 +182,6 @@ class PdoReader:
 
     def _pdo(self, direction: PdoDirection, index: int) -> Pdo:
         entry, record = self._cob_id(direction, index), index + values.MAPPING_OFFSET
-        inhibit_time, event_timer = (
-            self._setting((index, sub), 0) for sub in (values.INHIBIT_TIME, values.EVENT_TIMER)
-        )
         count = self._parameter((record, 0))
         multiplex = Multiplex(count) if count in set(Multiplex) else None
         if multiplex is None and count > values.MAX_BITS:
@@ -200,8 +197,8 @@ class PdoReader:
             mapping=tuple(
                 self.mapped(record, self._parameter((record, sub))) for sub in range(1, (0 if multiplex else count) + 1)
             ),
-            inhibit_time=inhibit_time,
-            event_timer=event_timer,
+            inhibit_time=self._setting((index, values.INHIBIT_TIME), 0),
+            event_timer=self._setting((index, values.EVENT_TIMER), 0),
             multiplex=multiplex,
         )
 

@@ -58,15 +58,10 @@ class Binding:
             self.layout = Layout(_slots(pdo.mapping))
         except LayoutError as error:
             raise MappingError(file, pdo.mapping_index, f"{name}: {error}") from None
-        mapped = [
-            (slot.field, mapped) for slot, mapped in zip(self.layout.slots, pdo.mapping) if slot.field is not None
-        ]
+        mapped = [(field, each) for (field, *_), each in zip(self.layout.slots, pdo.mapping) if field is not None]
         if entry is None:  # nothing is known of the fields but the types of the mapped objects
-            entries = dict(mapped)
-            made = {
-                field: kinds.kind_of(entries[field].type, self.layout.widths[field], entries[field].variable)
-                for field in self.layout.fields
-            }
+            widths = self.layout.widths
+            made = {field: kinds.kind_of(each.type, widths[field], each.variable) for field, each in mapped}
             entry = CatalogueEntry(kinds.made_type(name, made))
         self.type, self.group, self.always = entry
         self.kinds = kinds.kinds(self.type)

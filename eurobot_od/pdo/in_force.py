@@ -153,9 +153,8 @@ def made(node_id: int, shown: Mapping[Address, Value]) -> tuple[Dictionary, ...]
     Each has its own, as they are shown one by one: a device of 64 PDOs would be read 64 times.
     """
     numbers = {address: value for address, value in shown.items() if isinstance(value, int)}
-    return tuple(
-        filter(None, (_read(node_id, text) for text in ("".join(_services(numbers)), *_pdos(numbers)) if text))
-    )
+    texts = filter(None, ("".join(_services(numbers)), *_pdos(numbers)))
+    return tuple(filter(None, (_read(node_id, each) for each in texts)))
 
 
 @lru_cache(MOST_PDOS)

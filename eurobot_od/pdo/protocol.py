@@ -65,9 +65,8 @@ class Protocol:
         self.catalogue, self._former = catalogue, {each.name: each for each in former}
         self._bindings: dict[str, Binding] = {}
         self._by_cob_id: dict[int, Binding] = {}
-        valid = [
-            (dictionary, pdo) for dictionary, pdos in sources for pdo in pdos if pdo.valid and pdo.multiplex is None
-        ]
+        every = ((dictionary, pdo) for dictionary, pdos in sources for pdo in pdos)
+        valid = [(dictionary, pdo) for dictionary, pdo in every if pdo.valid and pdo.multiplex is None]
         # senders first: a message has its sender's name and fields
         for dictionary, pdo in sorted(valid, key=lambda each: each[1].direction is PdoDirection.RPDO):
             try:

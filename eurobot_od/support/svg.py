@@ -27,11 +27,8 @@ PaperPoint = tuple[float, float]
 
 def element(tag: str, *content: str, **attributes: object) -> str:
     """Return an element; `stroke_width=3` becomes `stroke-width="3"`, `class_` is `class`; None leaves one out."""
-    written = "".join(
-        f' {name.rstrip("_").replace("_", "-")}="{_escaped(number(value))}"'
-        for name, value in attributes.items()
-        if value is not None
-    )
+    said = {name.rstrip("_").replace("_", "-"): value for name, value in attributes.items() if value is not None}
+    written = "".join(f' {name}="{_escaped(number(value))}"' for name, value in said.items())
     return f"<{tag}{written}>{''.join(content)}</{tag}>" if content else f"<{tag}{written}/>"
 
 

@@ -299,11 +299,8 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
 
 def object_schema(keys: Keys) -> Schema:
     """Return the schema of a mapping with fixed keys."""
-    schema: Schema = {
-        "type": "object",
-        "properties": {name: key.schema for name, key in keys.items()},
-        "additionalProperties": False,
-    }
+    properties = {name: key.schema for name, key in keys.items()}
+    schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
     needed = [name for name, key in keys.items() if key.needed]
     return schema | {"required": needed} if needed else schema
 
@@ -340,10 +337,8 @@ Of: TypeAlias = Callable[..., Shape[Any]]
 
 def _keys(of: Of, kind: Any) -> dict[str, Key]:
     """Return the keys that the parameters of a class or function stand for."""
-    hints, parameters = get_type_hints(kind, include_extras=True), signature(kind).parameters
-    return {
-        name: Key(of(hints[name], name=name), needed=each.default is each.empty) for name, each in parameters.items()
-    }
+    hints, parameters = get_type_hints(kind, include_extras=True), signature(kind).parameters.items()
+    return {name: Key(of(hints[name], name=name), needed=each.default is each.empty) for name, each in parameters}
 
 
 def _optional(of: Of, name: str, *kinds: Any) -> Shape[Any]:

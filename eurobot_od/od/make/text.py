@@ -441,12 +441,9 @@ def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout
     come = {each.object for each in received(table, name).values()}
     for key in filter((out | come).__contains__, data):
         access, layout = ACCESS[key in out, key in come], data[key]
-        begins = layout.begins
-        yield record(
-            layout.index,
-            key,
-            *(field_entry(field, f, access, begins.get(field, 0), mappable=True) for field, f in layout.fields.items()),
-        )
+        begins, fields = layout.begins, layout.fields.items()
+        entries = (field_entry(field, each, access, begins.get(field, 0), mappable=True) for field, each in fields)
+        yield record(layout.index, key, *entries)
         if layout.cut:
             slices = (slice_entry(part, layout.fields.get(part.field), access) for part in layout.cut)
             yield record(layout.slices_index, f"{key} slices", *slices)
@@ -459,9 +456,8 @@ def slice_entry(part: Slice, whole: TableField | None, access: str) -> KeyValues
     if whole and whole.type is FieldType.REAL32:
         default = int.from_bytes(values.REAL32.write(default), "little")
     if whole and whole.is_signed and part.high == whole.bits - 1:  # the slice with the sign is signed, as the field is
-        return entry(
-            part.name, integer(part.bits, signed=True), access, default >> part.low, ~mask >> 1, mask >> 1, True
-        )
+        type_ = integer(part.bits, signed=True)
+        return entry(part.name, type_, access, default >> part.low, ~mask >> 1, mask >> 1, mappable=True)
     return entry(part.name, integer(part.bits), access, default >> part.low & mask, 0, mask, mappable=True)
 
 
