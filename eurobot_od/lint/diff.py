@@ -277,12 +277,9 @@ def compare_live(
     known = variables(device)
     if device.node_id is not None:
         # Where the DCF has no value, an abort is not a difference, and what cannot be written need not be the default.
-        answers = {
-            address: answer
-            for address, answer in answers.items()
-            if known[address].section.text("parametervalue")
-            or (isinstance(answer, bytes) and known[address].is_writable)
-        }
+        said = {each for each in answers if known[each].section.text("parametervalue")}
+        given = {each for each, answer in answers.items() if isinstance(answer, bytes) and known[each].is_writable}
+        answers = {address: answer for address, answer in answers.items() if address in said | given}
     missing = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
     # The answers as a file of their own: so a live node is compared by the same rules as two files.
     found = compare(device, _overlaid(device, answers, process_data), node_id)

@@ -31,10 +31,6 @@ def lint(data: bytes, file: str) -> list[Finding]:
 
 def lint_device(device: LintedDevice, file: str) -> list[Finding]:
     """Check a device that has been read."""
-    found = {
-        Finding(file, at.line, at.column, rule.code, text)
-        for rule in FILE_RULES
-        if not device.document.is_xml or rule.code not in NOT_OF_XML
-        for at, text in rule.check(device)
-    }
+    rules = [each for each in FILE_RULES if not device.document.is_xml or each.code not in NOT_OF_XML]
+    found = {Finding(file, at.line, at.column, rule.code, text) for rule in rules for at, text in rule.check(device)}
     return sorted(found, key=lambda each: each[1:])

@@ -334,12 +334,9 @@ class DescribedDevice:
     def pdos(self) -> list[DescribedPdo]:
         """All PDOs of which at least one record is there, RPDOs first."""
         found = {values.pdo_of(index) for index in self.objects} - {None}
-        return [
-            DescribedPdo(direction, index, self.objects.get(index), self.objects.get(index + values.MAPPING_OFFSET))
-            for direction, records in values.COMMUNICATION_RECORDS.items()
-            for index in records
-            if index in found
-        ]
+        every = ((direction, index) for direction in PdoDirection for index in values.COMMUNICATION_RECORDS[direction])
+        there = ((direction, index, index + values.MAPPING_OFFSET) for direction, index in every if index in found)
+        return [DescribedPdo(each, one, self.objects.get(one), self.objects.get(other)) for each, one, other in there]
 
     @cached_property
     def mapped(self) -> list[tuple[DescribedPdo, MappingEntry, DescribedVariable]]:

@@ -280,13 +280,9 @@ class Dictionary:
         A setting may be mapped into PDOs; what is not one is `process_data`, a command or a history.
         """
         variable = self.variable(address)
-        return (
-            variable is not None
-            and od.is_described(variable)
-            and variable.writable
-            and address[0] not in standard.NOT_PARAMETERS
-            and address not in self.process_data
-        )
+        if variable is None or not od.is_described(variable) or not variable.writable:
+            return False
+        return address[0] not in standard.NOT_PARAMETERS and address not in self.process_data
 
     @cached_property
     def process_data(self) -> frozenset[Address]:
@@ -301,12 +297,8 @@ class Dictionary:
                     part = self.part(each.address)
                     found |= {each.address, part.whole if part else each.address}
         of_profile = PROCESS_DATA.get(profile_of(self.objects), {})
-        return frozenset(found).union(
-            (index, sub)
-            for index, subs in self.members.items()
-            for sub in subs
-            if sub in of_profile.get(cia402.on_first_axis(index), ())
-        )
+        known = (each for each in self.addresses() if each[1] in of_profile.get(cia402.on_first_axis(each[0]), ()))
+        return frozenset(found).union(known)
 
     # PDOs
 
@@ -415,15 +407,13 @@ class SdoChannel(NamedTuple):
     @classmethod
     def of(cls, device: Dictionary) -> SdoChannel:
         """Return where a device's SDO server is, as its file says."""
-        said = cls(
-            device.cob_id(standard.SDO_REQUESTS, values.SDO_REQUEST_BASE),
-            device.cob_id(standard.SDO_ANSWERS, values.SDO_RESPONSE_BASE),
-        )
+        said_at = standard.SDO_REQUESTS, standard.SDO_ANSWERS
+        said = cls(*map(device.cob_id, said_at, cls.default(0)))
         node_id = said.usual_for
         if node_id is None:
             return said
         # A ParameterValue was set for this device; a DefaultValue was perhaps only copied.
-        is_set = all(device.has_own_value(each) for each in (standard.SDO_REQUESTS, standard.SDO_ANSWERS))
+        is_set = all(map(device.has_own_value, said_at))
         is_for_another = node_id in (0, device.commissioned_node_id)
         return said if is_set and not is_for_another else cls.default(device.node_id)
 

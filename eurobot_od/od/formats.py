@@ -405,24 +405,21 @@ def parse_xml(data: bytes) -> XmlElement:
 
 # Sections
 
-BODY_INFO = {
-    "fileName": "FileName",
-    "fileCreator": "CreatedBy",
-    "fileModifiedBy": "ModifiedBy",
-    "fileVersion": "FileVersion",
-}
+
+def _keys(*same: str, **others: str) -> dict[str, str]:
+    """Return the keys of an EDS by the names that they have in XML: those with a small letter, and others."""
+    return {name: name[:1].upper() + name[1:] for name in same} | others
+
+
+BODY_INFO = _keys("fileName", "fileVersion", fileCreator="CreatedBy", fileModifiedBy="ModifiedBy")
 """Attributes of a profile's body, and their keys in [FileInfo]."""
 
 DATES = {"fileCreationDate": "CreationDate", "fileModificationDate": "ModificationDate"}
 TIMES = {"fileCreationTime": "CreationTime", "fileModificationTime": "ModificationTime"}
 
-IDENTITY = {
-    "vendorName": "VendorName",
-    "vendorID": "VendorNumber",
-    "productName": "ProductName",
-    "productID": "ProductNumber",
-    "orderNumber": "OrderCode",
-}
+IDENTITY = _keys(
+    *("vendorName", "productName"), vendorID="VendorNumber", productID="ProductNumber", orderNumber="OrderCode"
+)
 FEATURES = {
     "granularity": "Granularity",
     "nrOfRxPDO": "NrOfRXPDO",
@@ -434,14 +431,9 @@ FEATURES = {
 }
 """Elements of the identity, attributes of general and of a master's features, and their keys in [DeviceInfo]."""
 
-COMMISSIONED = {
-    "nodeID": "NodeID",
-    "nodeName": "NodeName",
-    "actualBaudRate": "Baudrate",
-    "networkNumber": "NetNumber",
-    "networkName": "NetworkName",
-    "cANopenManager": "CANopenManager",
-}
+COMMISSIONED = _keys(
+    *("nodeID", "nodeName", "networkName", "cANopenManager"), actualBaudRate="Baudrate", networkNumber="NetNumber"
+)
 DUMMY = re.compile(r"(Dummy[0-9A-Fa-f]{4})=([01])")
 BREAKS = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 BOOLEANS = {"true": "1", "false": "0"}

@@ -133,9 +133,8 @@ class Modules:
 
     def extension(self, module: int, index: int) -> Extension | None:
         """Return what a module adds to the array at an index; None if no section describes it, or no Count fits."""
-        section = self.document.sections.get(f"m{module}subext{index:04x}") or self.document.sections.get(
-            f"m{module}subext{index:x}"
-        )
+        sections, head = self.document.sections, f"m{module}subext"
+        section = sections.get(f"{head}{index:04x}") or sections.get(f"{head}{index:x}")
         if section is None:
             return None
         count = COUNT.fullmatch(section.text("count") or "1")
@@ -263,11 +262,8 @@ class _Built:
     def sections(self) -> dict[str, Section]:
         """Return all sections that are new, or have other values than in the file."""
         # A DCF that gives those sub-indices values has written out what its modules add: they are there already.
-        arrays = [
-            (index, array)
-            for index, array in self._arrays.items()
-            if array.subs and not (self._from_file and array.first > len(array.subs))
-        ]
+        extended = ((index, array) for index, array in self._arrays.items() if array.subs)
+        arrays = [(index, each) for index, each in extended if not (self._from_file and each.first > len(each.subs))]
         made = (each for index, array in arrays for each in self._array_sections(index, array))
         return {**self._fixed, **{each.name.lower(): each for each in (*made, *self._module_list())}}
 

@@ -434,9 +434,8 @@ class _Writer:
             head = each.place._replace(name=f"{each.index:04X}", entries={})
             self._composed(DescribedObject(each.index, head, each.subs, each.lists), head)
         elif section is None:
-            self._refusals.append(
-                Refusal(each.index, None, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
-            )
+            what = f"[{each.place.name}] has no object [{each.index:04X}]"
+            self._refusals.append(Refusal(each.index, None, each.place.line, what))
             for part in (*(sub.section for sub in each.subs.values()), *each.lists.values()):
                 self._as_comment(part, f"there is no [{each.index:04X}]")
         elif each.code is None or each.code in NO_VALUE:

@@ -249,11 +249,7 @@ def unpack(data):
 
 
 def reader(
-    layout: Layout,
-    columns: Sequence[Column],
-    message: type,
-    irregular: Callable[[Data], Any],
-    unknown: Unknown | None,
+    layout: Layout, columns: Sequence[Column], message: type, irregular: Callable[[Data], Any], unknown: Unknown | None
 ) -> Callable[[Data], Any]:
     """Generate `read(data) -> message`; `irregular` gets data of another length than the layout's."""
     names: dict[str, Any] = {"new": tuple.__new__, "message": message, "irregular": irregular}

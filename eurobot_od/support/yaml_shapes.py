@@ -374,12 +374,9 @@ def _annotated(of: Of, name: str, kind: Any, *said: Any) -> Shape[Any]:
 
 FORMS: Mapping[Any, Callable[..., Shape[Any]]] = {
     Annotated: _annotated,
-    Union: _optional,
-    UnionType: _optional,
-    dict: _mapping,
-    abc.Mapping: _mapping,
-    tuple: _sequence,
-    abc.Sequence: _sequence,
+    **dict.fromkeys((Union, UnionType), _optional),
+    **dict.fromkeys((dict, abc.Mapping), _mapping),
+    **dict.fromkeys((tuple, abc.Sequence), _sequence),
 }
 """What makes the shape of an annotation by its origin."""
 

@@ -235,9 +235,7 @@ class MadeObject(NamedTuple):
 
 
 U8, U16, U32, STRING = values.UNSIGNED8, values.UNSIGNED16, values.UNSIGNED32, values.VISIBLE_STRING
-INTEGERS = {
-    (each.size, each.is_signed): each for each in values.DATA_TYPES.values() if each.bits > 1 and each.is_integer
-}
+INTEGERS = {(t.size, t.is_signed): t for t in values.DATA_TYPES.values() if t.bits > 1 and t.is_integer}
 """The integer type of each number of bytes, without a sign and with one."""
 
 ERROR_HISTORY = 8
