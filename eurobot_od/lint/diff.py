@@ -263,15 +263,16 @@ def readable(device: LintedDevice) -> list[Address]:
     return sorted(address for address, each in found if each.access != "wo" and each.type is not values.DOMAIN)
 
 
+Answers: TypeAlias = Mapping[Address, bytes | int]
+"""What a node answers when its objects are read: an object's bytes, or the abort code."""
+
+
 def compare_live(
-    device: LintedDevice,
-    answers: Mapping[Address, bytes | int],
-    node_id: int,
-    process_data: Container[Address] = frozenset(),
+    device: LintedDevice, answers: Answers, node_id: int, process_data: Container[Address] = frozenset()
 ) -> list[EdsDifference]:
     """Compare a file with a node's answers to SDO reads; process data and states only have to be there.
 
-    An answer is the object's bytes, or the abort code. A DCF describes one device: an object that it gives no value
+    A DCF describes one device: an object that it gives no value
     need not be there, and one that cannot be written need not have its default.
     """
     known = variables(device)
@@ -298,9 +299,7 @@ def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) 
         yield EdsDifference(address, "bytes", str(variable.type.size), str(len(answer)))
 
 
-def _overlaid(
-    device: LintedDevice, answers: Mapping[Address, bytes | int], process_data: Container[Address]
-) -> LintedDevice:
+def _overlaid(device: LintedDevice, answers: Answers, process_data: Container[Address]) -> LintedDevice:
     """Return the device with the values that were read, where the file has some to compare them with."""
     sections = dict(device.document.sections)
     for (index, sub), variable in variables(device).items():

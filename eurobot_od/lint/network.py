@@ -28,14 +28,6 @@ DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if "PDO" in each.owner)
 """The ranges of the PDOs in the pre-defined connection set."""
 
 
-SERVICE_BASES = {
-    values.SDO_REQUEST_BASE: "SDO request",
-    values.SDO_RESPONSE_BASE: "SDO answer",
-    values.ERROR_CONTROL_BASE: "heartbeat",
-}
-"""Services that every node has, under these identifiers plus its node-ID."""
-
-
 class NetworkNode(NamedTuple):
     """A device in the network: its name, file and node-ID, and whether that is only a guess."""
 
@@ -52,8 +44,8 @@ class NetworkNode(NamedTuple):
     def services(self) -> Iterator[tuple[int, str, Spot]]:
         """Yield the identifiers of its services other than PDOs; SYNC and TIME are the network's."""
         top = self.spot()
-        for base, name in SERVICE_BASES.items():
-            yield base + self.node_id, f"{name} of {self.name}", top
+        for each in (each for each in values.RESTRICTED if each.is_per_node):
+            yield each.low + self.node_id - 1, f"{each.owner.removeprefix('the ')} of {self.name}", top
         for index, name in ((0x1005, "SYNC"), (0x1012, "TIME"), (0x1014, f"EMCY of {self.name}")):
             variable = self.device.variable(index)
             value = variable.value.at(self.node_id) if variable and variable.value else None

@@ -325,9 +325,8 @@ def outside_type_of(keys: tuple[str, ...]) -> Check:
     def check(device: LintedDevice) -> Violations:
         for each in (value for value in device.integers if value.key in keys):
             # The value grows with the node-ID: the lower end is judged without it, the upper one with the highest.
-            if each.number and not (
-                each.type.low <= each.number.value and each.number.at(device.node_ids[-1]) <= each.type.high
-            ):
+            ends = (each.number.value, each.number.at(device.node_ids[-1])) if each.number else ()
+            if not all(each.type.low <= end <= each.type.high for end in ends):
                 text = f"{each.entry.key}={each.entry.value[:40]} of {each.variable.where} is outside {each.type.name}"
                 yield each.entry, text
 

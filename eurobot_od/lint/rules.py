@@ -6,17 +6,11 @@ finds.
 
 from __future__ import annotations
 
-from eurobot_od.lint import configuration_rules, file_rules, object_rules, pdo_rules
-from eurobot_od.lint.findings import Finding, Rule
+from eurobot_od.lint import file_rules, object_rules, pdo_rules
+from eurobot_od.lint.findings import Finding
 from eurobot_od.lint.model import LintedDevice, load
 
-FILE_RULES: tuple[Rule, ...] = (
-    *file_rules.RULES,
-    *object_rules.RULES,
-    *configuration_rules.MODULE_RULES,
-    *pdo_rules.RULES,
-    *configuration_rules.RULES,
-)
+FILE_RULES = (*file_rules.RULES, *object_rules.RULES, *file_rules.MODULES, *pdo_rules.RULES, *file_rules.CONFIGURATION)
 """The rules for one file, by code."""
 
 

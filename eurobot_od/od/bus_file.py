@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeAlias
 import yaml
 
 from eurobot_od.errors import DictionaryError, LocalError, YamlError
-from eurobot_od.od import values
+from eurobot_od.od import standard, values
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import completed, read
@@ -36,11 +36,11 @@ FOLDER = "@BUS_CONFIG_PATH@"
 
 OPTIONS, MASTER, DEFAULTS, NODES = "options", "master", "defaults", "nodes"
 
-OBJECTS: Mapping[str, Address] = {
-    "time_cob_id": (0x1012, 0),
-    "heartbeat_producer": (0x1017, 0),
-    "guard_time": (0x100C, 0),
-    "life_time_factor": (0x100D, 0),
+OBJECTS = {
+    "time_cob_id": standard.TIME,
+    "heartbeat_producer": standard.HEARTBEAT_TIME,
+    "guard_time": standard.GUARD_TIME,
+    "life_time_factor": standard.LIFE_TIME_FACTOR,
 }
 """Keys of a node that are the value of one object."""
 

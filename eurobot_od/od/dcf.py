@@ -159,10 +159,8 @@ def missing(document: Document) -> list[str]:
     members = Counter(name.partition("sub")[0] for name in document.sections if "sub" in name)
     wanted = [name for each in OBJECT_LISTS for name in _listed(document, each)]
     counts = [(name, parse_number(document.text(name.lower(), "subnumber"))) for name in wanted]
-    return [
-        *(name for name in wanted if name.lower() not in document.sections),
-        *(f"{name}sub" for name, count in counts if count and members[name.lower()] < count.value),
-    ]
+    absent = [name for name in wanted if name.lower() not in document.sections]
+    return absent + [f"{name}sub" for name, count in counts if count and members[name.lower()] < count.value]
 
 
 def _listed(document: Document, name: str) -> Iterator[str]:

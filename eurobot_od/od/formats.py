@@ -23,7 +23,7 @@ from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.description import parse_section_name
 from eurobot_od.od.document import WIDE_MARKS, Document, Odd, Oddity, Section
-from eurobot_od.od.standard import MANDATORY
+from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, PdoDirection, parse_number
 
 SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
@@ -45,9 +45,7 @@ def files_in(folder: str | Path) -> list[Path]:
 
 def read(data: bytes) -> Document:
     """Read the bytes of a file; nothing raises, what is odd is in the document."""
-    if not is_xml(data):
-        return cia306.read(data)
-    return read_xml(data)
+    return read_xml(data) if is_xml(data) else cia306.read(data)
 
 
 def is_xml(data: bytes) -> bool:
@@ -61,19 +59,8 @@ def is_xml(data: bytes) -> bool:
 
 COUNTS = {PdoDirection.RPDO: "nrofrxpdo", PdoDirection.TPDO: "nroftxpdo"}
 
-PARAMETERS: tuple[tuple[str, DataType], ...] = (
-    ("COB-ID", values.UNSIGNED32),
-    ("Transmission type", values.UNSIGNED8),
-    ("Inhibit time", values.UNSIGNED16),
-    ("Compatibility entry", values.UNSIGNED8),
-    ("Event timer", values.UNSIGNED16),
-    ("SYNC start value", values.UNSIGNED8),
-)
+PARAMETERS = ("COB-ID", "Transmission type", "Inhibit time", "Compatibility entry", "Event timer", "SYNC start value")
 """Communication parameters from sub-index 1 on; the device has those whose bit in CompactPDO is set."""
-
-
-USUAL_NAME = re.compile(r"[0-9a-f]{4}(?:sub(?:0|[1-9a-f][0-9a-f]?)|name|value|denotation)?")
-"""Names of objects' sections, in lower case; `parse_section_name` says what they mean."""
 
 
 def completed(document: Document) -> Document:
@@ -120,7 +107,7 @@ def decimal_subs(document: Document) -> dict[str, str]:
 
 def looks_odd(name: str) -> bool:
     """Whether a section's name, in lower case, may be that of an object in an unusual form."""
-    return name[:1].isdigit() and not USUAL_NAME.fullmatch(name)
+    return name[:1].isdigit() and parse_section_name(name) is None
 
 
 def usual_name(name: str) -> str | None:
@@ -155,7 +142,7 @@ def misspelled(document: Document) -> Iterator[Misspelling]:
 
 
 def _object_name(name: str, written: str) -> str | None:
-    if USUAL_NAME.fullmatch(name):
+    if parse_section_name(name):
         return written.strip().replace("SUB", "sub")  # the letter case of the digits is left to the file
     usual = usual_name(name) if looks_odd(name) else None
     return usual and usual.upper().replace("SUB", "sub")
@@ -187,11 +174,11 @@ def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Sect
     title = f"{direction} communication parameter"
     yield _section(f"{index:04X}", at, {"ParameterName": title, "ObjectType": "0x9"})
     yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
-    for sub, (name, type_) in present.items():
+    for sub, name in present.items():
         # The first four PDOs have a COB-ID from the pre-defined connection set (CiA 301, 7.3.3), later ones have none.
         is_without = sub == values.COB_ID and index & values.PDO_COUNT - 1 >= values.DEFAULT_PDOS
         default = f"0x{values.NOT_VALID:08X}" if is_without else ""
-        yield _variable(at, f"{index:04X}sub{sub}", name, type_, default)
+        yield _variable(at, f"{index:04X}sub{sub}", name, known_type(index, sub) or values.UNSIGNED32, default)
 
 
 def _variable(at: Section, name: str, title: str, type_: DataType, default: str) -> Section:
@@ -286,13 +273,12 @@ def _plain_time(text: str, type_: DataType) -> str | None:
 
 def _plain_bytes(text: str) -> str | None:
     """Write bytes in hexadecimal digits; an editor may put 0x in front of them."""
-    for digits in (text, text[2:] if text[:2].lower() == "0x" else ""):
-        try:
-            bytes.fromhex(digits)
-        except ValueError:
-            continue
-        return digits if digits or not text else None
-    return None
+    digits = text[2:] if text[:2].lower() == "0x" else text
+    try:
+        bytes.fromhex(digits)
+    except ValueError:
+        return None
+    return digits if digits or not text else None
 
 
 def _plain_real(text: str, type_: DataType) -> str | None:

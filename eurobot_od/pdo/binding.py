@@ -84,11 +84,8 @@ class Binding:
     def placed(self) -> tuple[Placed, ...]:
         """The mapped objects that carry something."""
         offsets = accumulate((entry.bits for entry in self.pdo.mapping), initial=0)
-        return tuple(
-            Placed(entry, entry.address, (1 << entry.bits) - 1, offset)
-            for entry, offset in zip(self.pdo.mapping, offsets)
-            if not entry.is_padding
-        )
+        carrying = ((each, offset) for each, offset in zip(self.pdo.mapping, offsets) if not each.is_padding)
+        return tuple(Placed(each, each.address, (1 << each.bits) - 1, offset) for each, offset in carrying)
 
     @cached_property
     def objects(self) -> Mapping[str, MappedObject]:

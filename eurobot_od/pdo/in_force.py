@@ -197,10 +197,8 @@ def _pdos(shown: Mapping[Address, int]) -> Iterator[str]:
 
 
 def _record(index: int, name: str, subs: Mapping[int, int]) -> str:
-    members = "".join(
-        _variable(f"{index:X}sub{sub:X}", f"{sub}", (UNSIGNED32 if sub else UNSIGNED8).code, f"DefaultValue={value}\n")
-        for sub, value in subs.items()
-    )
+    each = ((sub, (UNSIGNED32 if sub else UNSIGNED8).code, f"DefaultValue={value}\n") for sub, value in subs.items())
+    members = "".join(_variable(f"{index:X}sub{sub:X}", f"{sub}", code, default) for sub, code, default in each)
     return f"[{index:X}]\nParameterName={name}\nObjectType=9\nSubNumber={len(subs)}\n{members}"
 
 

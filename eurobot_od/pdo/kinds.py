@@ -490,11 +490,9 @@ def plain(message: Message) -> dict[str, Any]:
 def describe(message: Message) -> str:
     """Write a message's fields for a person, without those that have their default: `x=1200 mm, angle=90 deg`."""
     defaults = message._field_defaults
-    return ", ".join(
-        f"{name}={kind.text(value)}"
-        for (name, kind), value in zip(kinds(type(message)).items(), message)
-        if name not in defaults or value != defaults[name]
-    )
+    fields = ((name, kind, value) for (name, kind), value in zip(kinds(type(message)).items(), message))
+    said = ((name, kind.text(value)) for name, kind, value in fields if name not in defaults or value != defaults[name])
+    return ", ".join(f"{name}={text}" for name, text in said)
 
 
 _Class = TypeVar("_Class", bound=type)

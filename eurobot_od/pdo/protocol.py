@@ -18,7 +18,7 @@ from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName, show
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.network import READERS, load, read_network
+from eurobot_od.od.network import is_network, load, read_network
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import ALL_NODES, PdoDirection
 from eurobot_od.od.words import error_words, profile_of
@@ -90,8 +90,9 @@ class Protocol:
         if isinstance(source, Dictionary):
             dictionaries: Iterable[Dictionary] = [source]
         elif isinstance(source, (str, Path)):
-            is_network = Path(source).is_dir() or Path(source).suffix.lower() in READERS
-            dictionaries = load(read_network(source).nodes) if is_network else [Dictionary.load(source, node_id)]
+            dictionaries = (
+                load(read_network(source).nodes) if is_network(source) else [Dictionary.load(source, node_id)]
+            )
         else:
             dictionaries = source.dictionaries
         return cls.of_devices(dictionaries, cls.CATALOGUE)

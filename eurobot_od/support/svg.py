@@ -18,6 +18,8 @@ COLOURS = BLUE, RED, GREEN, PURPLE, BROWN = "#2f8fd0", "#c62828", "#2e7d32", "#8
 TEXT, TITLE = 13, 17
 """Sizes of type in charts, in pixels of a screen."""
 
+NAMESPACE = "http://www.w3.org/2000/svg"
+
 TICKS = 6
 """A scale has about this many lines."""
 
@@ -93,17 +95,9 @@ def _points(points: Iterable[PaperPoint]) -> str:
 
 def document(heading: str, *content: str, width: float, height: float) -> str:
     """Return a picture as a file."""
-    return element(
-        "svg",
-        title(heading),
-        rectangle((0, 0), width, height, fill=PAPER),
-        *content,
-        xmlns="http://www.w3.org/2000/svg",
-        viewBox=f"0 0 {number(width)} {number(height)}",
-        width=width,
-        height=height,
-        font_family=FONT,
-    )
+    size = {"viewBox": f"0 0 {number(width)} {number(height)}", "width": width, "height": height}
+    paper = rectangle((0, 0), width, height, fill=PAPER)
+    return element("svg", title(heading), paper, *content, xmlns=NAMESPACE, **size, font_family=FONT)
 
 
 def heading(words: str) -> str:

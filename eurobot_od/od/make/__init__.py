@@ -284,11 +284,6 @@ def data_records(table: Table) -> Iterator[Record]:
         yield from node.readings.values()
 
 
-def setting_records(table: Table) -> Iterator[Record]:
-    """Return the settings, those of every node and those of one."""
-    return (each for _, each in named_records(table))
-
-
 def named_records(table: Table) -> Iterator[tuple[PlacedText, Record]]:
     """Return the settings with the names of their objects."""
     for settings in (table.settings, *(node.settings for node in table.nodes.values())):
@@ -297,7 +292,8 @@ def named_records(table: Table) -> Iterator[tuple[PlacedText, Record]]:
 
 def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
     """Check every field by itself. Only a setting is one node's, and so may have that node's ID as default."""
-    for records, names in ((data_records(table), ()), (setting_records(table), (NODE_ID,))):
+    settings = (each for _, each in named_records(table))
+    for records, names in ((data_records(table), ()), (settings, (NODE_ID,))):
         for each in (entry for record in records for entry in record.fields.values()):
             yield from (*number_problems(each), *default_problems(each, [*each.codes, *names]))
 
@@ -372,9 +368,8 @@ def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
     own.value = [pair for pair in own.value if pair[0] is not named[0]]
     file = find(SCALAR.read(named[1], problems))
     if file is None or not file.is_file():
-        yaml_places.refuse(
-            named[1], problems, f"there is no table to build on that is called {yaml_places.shown(named[1])}"
-        )
+        what = f"there is no table to build on that is called {yaml_places.shown(named[1])}"
+        yaml_places.refuse(named[1], problems, what)
     base = _composed(read_whole(file).decode(errors="replace"), find, problems)
     return yaml_places.merged(yaml_places.elsewhere(base, str(file)), own)
 

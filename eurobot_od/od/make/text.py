@@ -41,6 +41,7 @@ from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText
 
 KeyValues = list[tuple[str, object]]
 EdsSection = tuple[str, KeyValues]
+Fields = dict[PlacedText, TableField]
 
 
 def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> str:
@@ -140,12 +141,12 @@ class Slice(NamedTuple):
         return PADDING if self.field == PADDING else f"{self.field} ({self.high}:{self.low})"
 
 
-def whole_fields(fields: dict[PlacedText, TableField]) -> tuple[Slice, ...]:
+def whole_fields(fields: Fields) -> tuple[Slice, ...]:
     """Lay out the fields as CiA 301 does, each one whole, the least significant bit first (7.5.2.36)."""
     return tuple(Slice(name, each.bits - 1, 0) for name, each in fields.items())
 
 
-def most_significant_first(fields: dict[PlacedText, TableField]) -> tuple[Slice, ...]:
+def most_significant_first(fields: Fields) -> tuple[Slice, ...]:
     """Lay out the fields from the first byte's most significant bit on; left-over bits of the last byte are padding."""
     bits = [(name, bit) for name, each in fields.items() for bit in reversed(range(each.bits))]
     bits += [(PADDING, bit) for bit in reversed(range(-len(bits) % BYTE))]
@@ -168,7 +169,7 @@ class ObjectLayout:
     """An object in a dialect: index and fields, its `parts` in PDO order, and the index of those that are slices."""
 
     index: int
-    fields: dict[PlacedText, TableField]
+    fields: Fields
     parts: tuple[Slice, ...]
     slices_index: int
 
@@ -215,9 +216,7 @@ def layout(dialect: DialectRow, name: PlacedText, record: Record) -> ObjectLayou
     return ObjectLayout(record.index, record.fields, most_significant_first(fields), slices_index)
 
 
-def in_pdo_order(
-    fields: dict[PlacedText, TableField], reserved: dict[PlacedText, PlacedText]
-) -> dict[PlacedText, TableField]:
+def in_pdo_order(fields: Fields, reserved: dict[PlacedText, PlacedText]) -> Fields:
     """Return the fields with the reserved bits, which are the last sub-indices, before those they belong before."""
     named = (name for name in fields if name not in reserved.values())
     order = (each for name in named for each in (reserved.get(name), name) if each is not None)
@@ -489,10 +488,9 @@ def object_dictionary(table: Table, dialect: DialectRow, name: PlacedText) -> li
     objects = [*common(), *own_objects(table, dialect, node), *clients(table, node)]
     objects += [*pdos(table, name, data), *all_data(table, name, data)]
     for access, records in (("rw", {**table.settings, **node.settings}), ("ro", node.readings)):
-        objects += [
-            record(each.index, key, *(field_entry(field, f, access, node=node) for field, f in each.fields.items()))
-            for key, each in records.items()
-        ]
+        for key, each in records.items():
+            fields = (field_entry(name, own, access, node=node) for name, own in each.fields.items())
+            objects.append(record(each.index, key, *fields))
     return sorted(objects, key=lambda each: each.index)
 
 
