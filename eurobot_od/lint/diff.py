@@ -283,8 +283,7 @@ def compare_live(
         answers = {address: answer for address, answer in answers.items() if address in said | given}
     missing = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
     # The answers as a file of their own: so a live node is compared by the same rules as two files.
-    found = compare(device, _overlaid(device, answers, process_data), node_id)
-    return sorted([*_named(missing, device), *found])
+    return sorted([*_named(missing, device), *compare(device, _overlaid(device, answers, process_data), node_id)])
 
 
 def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[EdsDifference]:

@@ -116,8 +116,7 @@ def unknown_sections(device: LintedDevice) -> Violations:
 
 def looks_like_object(name: str) -> bool:
     """Whether a name is meant as that of an object's section, however it is written: 0x1000, 01000, 1000sub01."""
-    bare = name.replace(" ", "").replace("\t", "").removeprefix("0x")
-    head, sub, tail = bare.partition("sub")
+    head, sub, tail = name.replace(" ", "").replace("\t", "").removeprefix("0x").partition("sub")
     digits = head.lstrip("0") if len(head) != 4 else head
     fits = bool(tail.lstrip("0") or "0" in tail) if sub else bool(digits)
     is_hexadecimal = not (digits + tail).strip("0123456789abcdef")
@@ -284,8 +283,7 @@ def modified_before_created(device: LintedDevice) -> Violations:
     created, modified = (device.document.text("fileinfo", key.lower()) for key in cia306.DATES)
     # mm-dd-yyyy: with the year in front, texts compare as dates do.
     if is_date(created) and is_date(modified) and modified[6:] + modified[:5] < created[6:] + created[:5]:
-        at = device.at("fileinfo", "modificationdate")
-        yield at, f"modified {modified}, before it was created {created}"
+        yield device.at("fileinfo", "modificationdate"), f"modified {modified}, before it was created {created}"
 
 
 def identity_of(key: str, sub: int) -> Check:

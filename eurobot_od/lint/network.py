@@ -284,8 +284,7 @@ def too_short(network: LintedNetwork) -> Conflicts:
     """A consumer expects no more bytes than are sent."""
     for producer, consumer in _pairs(network):
         if producer.size < consumer.size:
-            text = f"{_lengths(producer, consumer)}: not processed (EMCY 8210)"
-            yield consumer.mapping_spot, text
+            yield consumer.mapping_spot, f"{_lengths(producer, consumer)}: not processed (EMCY 8210)"
 
 
 @RULES.rule("W807", "CiA 301, RPDO length (EMCY 8220)")
@@ -293,8 +292,7 @@ def too_long(network: LintedNetwork) -> Conflicts:
     """A consumer expects all bytes that are sent."""
     for producer, consumer in _pairs(network):
         if producer.size > consumer.size:
-            text = f"{_lengths(producer, consumer)}: the rest is lost (EMCY 8220)"
-            yield consumer.mapping_spot, text
+            yield consumer.mapping_spot, f"{_lengths(producer, consumer)}: the rest is lost (EMCY 8220)"
 
 
 def _lengths(producer: NodePdo, consumer: NodePdo) -> str:
@@ -317,8 +315,7 @@ def other_bits(network: LintedNetwork) -> Conflicts:
     for producer, consumer in _pairs(network):
         bits = [[length for _, length in port.layout] for port in (producer, consumer)]
         if bits[0] != bits[1] and producer.size == consumer.size:  # else E806 or W807 has said it
-            text = f"{consumer.name} takes {bits[1]} bits, {producer.name} sends {bits[0]}"
-            yield consumer.mapping_spot, text
+            yield consumer.mapping_spot, f"{consumer.name} takes {bits[1]} bits, {producer.name} sends {bits[0]}"
 
 
 # Identifiers and priorities
@@ -371,8 +368,7 @@ def declared_order(network: LintedNetwork) -> Conflicts:
     known = {each.pdo.name: each for ports in network.producers.values() for each in ports}
     for before, after in pairwise([known[name] for name in network.order if name in known]):
         if after.identifier < before.identifier:
-            text = f"{after.pdo.name} (0x{after.identifier:03X}) wins against {before.pdo.name}"
-            yield after.spot, text
+            yield after.spot, f"{after.pdo.name} (0x{after.identifier:03X}) wins against {before.pdo.name}"
 
 
 @RULES.rule("W814", "the network file")
@@ -418,8 +414,7 @@ def _watches(network: LintedNetwork) -> Iterator[tuple[Spot, str, int, int, Netw
     """Give every consumer heartbeat time: its place, whose it is, the node-ID watched, the time in ms, that node."""
     for node in network.nodes:
         for variable, node_id, time in heartbeats(node.device):
-            place = node.spot(variable.place)
-            yield place, node.name, node_id, time, network.node_ids.get(node_id)
+            yield node.spot(variable.place), node.name, node_id, time, network.node_ids.get(node_id)
 
 
 def _heartbeat(node: NetworkNode) -> int:
@@ -491,8 +486,7 @@ def one_of(index: int, bit: int, what: str) -> Callable[[LintedNetwork], Conflic
     def check(network: LintedNetwork) -> Conflicts:
         nodes = _with_bit(network, index, bit)
         for each in nodes[1:]:
-            place = each.spot(each.device.objects[index].place)
-            yield place, f"{each.name} is {what}, as {nodes[0].name} is"
+            yield each.spot(each.device.objects[index].place), f"{each.name} is {what}, as {nodes[0].name} is"
 
     return check
 

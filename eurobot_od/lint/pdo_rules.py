@@ -101,8 +101,7 @@ def in_predefined(device: LintedDevice) -> Violations:
         # Made from the node-ID; in a DCF it may be written out, so there nobody can tell.
         is_own = device.node_id is not None or (cob_id and cob_id.relative)
         if found and not is_own:
-            text = f"{pdo.title} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
-            yield at, text
+            yield at, f"{pdo.title} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
 
 
 @RULES.rule("W609", "public: CANopenNode, CO_PDO.c, adds the node-ID to such an identifier")

@@ -271,8 +271,7 @@ class _Configuration:
             if not bits:
                 what = f"{label(address)} is not an object of {self._node.file.name} that can be mapped"
                 raise DictionaryError(f"{self._bus.file}:{each['index'].place.line}", None, what)
-            entry = values.MappingEntry(*address, bits).number
-            yield BusWrite((mapping, sub), entry, each["index"].place.line)
+            yield BusWrite((mapping, sub), values.MappingEntry(*address, bits).number, each["index"].place.line)
         if "mapping" in said:
             yield BusWrite((mapping, 0), len(said["mapping"]), line)
         if said.get("enabled", "true").lower() not in ("false", "no", "off"):

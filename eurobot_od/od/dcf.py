@@ -199,8 +199,7 @@ def _written(variable: DescribedVariable, value: DcfValue) -> str:
         return f"0x{value:0{len(like) - 2 if like.startswith('0x') else COB_ID_DIGITS}X}"
     text = str(value)
     if isinstance(value, (bytes, FileBeside)) or not is_text(text, "utf-8"):
-        where = label((variable.index, variable.sub))
-        raise FieldError(where, variable.name, value, "what a line of a DCF can hold")
+        raise FieldError(label((variable.index, variable.sub)), variable.name, value, "what a line of a DCF can hold")
     return text
 
 

@@ -45,8 +45,7 @@ class Dictionary:
 
     def __init__(self, file: Path, content: bytes, normal: Normal, node_id: int | None = None, name: str = "") -> None:
         # The EDS that says the same: what a device keeps of itself in 0x1021, and what a DCF is made of.
-        is_other = normal.is_xml or normal.is_patched
-        self.content = normal.text.encode(normal.encoding) if is_other else content
+        self.content = normal.text.encode(normal.encoding) if normal.is_xml or normal.is_patched else content
         self.file, self.name = file, name or encodable(file.stem)
         self._normal = normal
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
@@ -101,8 +100,7 @@ class Dictionary:
     @property
     def idle_modules(self) -> tuple[Module, ...]:
         """The modules that a modular device supports, if none is connected: their objects are not there."""
-        modules = Modules(self.device.document)
-        return () if self._normal.has_modules else tuple(modules.supported.values())
+        return () if self._normal.has_modules else tuple(Modules(self.device.document).supported.values())
 
     @property
     def left_out(self) -> list[Refusal]:

@@ -171,8 +171,7 @@ def _compact_pdos(document: Document) -> Iterator[Section]:
 
 def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Section]:
     present = {sub: each for sub, each in enumerate(PARAMETERS, start=1) if mask >> sub - 1 & 1}
-    title = f"{direction} communication parameter"
-    yield _section(f"{index:04X}", at, {"ParameterName": title, "ObjectType": "0x9"})
+    yield _section(f"{index:04X}", at, {"ParameterName": f"{direction} communication parameter", "ObjectType": "0x9"})
     yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
     for sub, name in present.items():
         # The first four PDOs have a COB-ID from the pre-defined connection set (CiA 301, 7.3.3), later ones have none.
@@ -182,8 +181,7 @@ def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Sect
 
 
 def _variable(at: Section, name: str, title: str, type_: DataType, default: str) -> Section:
-    code = f"0x{type_.code:04X}"
-    entries = {"ParameterName": title, "DataType": code, "AccessType": "rw", "DefaultValue": default}
+    entries = {"ParameterName": title, "DataType": f"0x{type_.code:04X}", "AccessType": "rw", "DefaultValue": default}
     return _section(name, at, entries)
 
 

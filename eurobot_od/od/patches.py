@@ -298,8 +298,7 @@ class _Patching:
         """Remember the highest sub-index that an object had before it gets another one."""
         whole = self._objects.get(index)
         if whole is None and index not in self._grown:
-            what = f"there is no 0x{index:04X}: name it above, with `ObjectType: RECORD`"
-            raise self._patch.wrong(each.line, what)
+            raise self._patch.wrong(each.line, f"there is no 0x{index:04X}: name it above, with `ObjectType: RECORD`")
         if whole and not self._is_record(index, {}):
             raise self._patch.wrong(each.line, f"0x{index:04X} is a variable: it has no sub-indices")
         if whole:

@@ -205,8 +205,7 @@ class PdoReader:
     def _refuse_unusual(self, pdo: Pdo) -> None:
         """Raise MappingError for a PDO that only a listener understands."""
         if pdo.cob_id & values.EXTENDED:  # cut to 11 bits it would be another message's identifier
-            what = f"COB-ID 0x{pdo.cob_id:08X} asks for a 29-bit identifier"
-            raise MappingError(self._file, pdo.index, what)
+            raise MappingError(self._file, pdo.index, f"COB-ID 0x{pdo.cob_id:08X} asks for a 29-bit identifier")
         if pdo.multiplex is not None:
             kind = f"{pdo.multiplex.name.lower()} address mode"
             raise MappingError(self._file, pdo.mapping_index, f"{pdo.title} is a multiplexed PDO ({kind})")

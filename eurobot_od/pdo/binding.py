@@ -195,8 +195,7 @@ class Binding:
         if len(data) >= self.layout.length:
             return bytes(data[: self.layout.length])
         if len(data) not in self.lengths:
-            expected = " or ".join(map(str, self.lengths))
-            raise FrameLengthError(self.name, self.cob_id, len(data), expected)
+            raise FrameLengthError(self.name, self.cob_id, len(data), " or ".join(map(str, self.lengths)))
         word = int.from_bytes(bytes(data) + bytes(self.layout.length - len(data)), self.layout.byte_order)
         for field in self.optional:  # none of them came, whatever their bits hold
             word &= ~self.layout.place(field, -1)

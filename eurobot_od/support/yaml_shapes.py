@@ -74,8 +74,7 @@ def _text(node: yaml.Node, problems: Problems) -> PlacedText:
 
 def _scalar(node: yaml.Node, problems: Problems) -> PlacedText:
     if not isinstance(node, yaml.ScalarNode):
-        braces = isinstance(node, yaml.MappingNode) and node.flow_style
-        hint = "; a text in { } needs quotes: '{t}'" if braces else ""
+        hint = "; a text in { } needs quotes: '{t}'" if isinstance(node, yaml.MappingNode) and node.flow_style else ""
         nodes.refuse(node, problems, f"expected a single value, found {nodes.shown(node)}{hint}")
     return PlacedText(node.value, nodes.place_of(node.start_mark))
 

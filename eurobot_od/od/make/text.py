@@ -462,8 +462,7 @@ def field_entry(
     name: str, whole: TableField, access: str, begin: int = 0, node: NodeRow | None = None, mappable: bool = False
 ) -> KeyValues:
     """Return the entry of a whole field, of a setting or of a reading."""
-    real = whole.type is FieldType.REAL32
-    type_ = values.REAL32 if real else integer(whole.bits, begin, whole.is_signed)
+    type_ = values.REAL32 if whole.type is FieldType.REAL32 else integer(whole.bits, begin, whole.is_signed)
     return entry(name, type_, access, default_of(whole, node), whole.low, whole.high, mappable)
 
 
