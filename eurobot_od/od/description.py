@@ -47,7 +47,7 @@ class SectionName(NamedTuple):
 
 
 SECTION_NAME = re.compile(
-    r"(?P<index>[0-9A-F]{4})(?:sub(?P<sub>0|[1-9A-F][0-9A-F]?)|(?P<list>name|value|denotation))?", re.I | re.A
+    r"([0-9A-F]{4})(?:sub(0|[1-9A-F][0-9A-F]?)|(name|value|denotation))?", re.IGNORECASE | re.ASCII
 )
 """Sections of objects and sub-indices; `[xxxxName]` and its like give those of a compact object their own texts."""
 
@@ -57,7 +57,8 @@ def parse_section_name(name: str) -> SectionName | None:
     match = SECTION_NAME.fullmatch(name)
     if match is None:
         return None
-    return SectionName(int(match["index"], 16), int(match["sub"] or "-1", 16), (match["list"] or "").lower())
+    index, sub, list_name = match.groups()
+    return SectionName(int(index, 16), int(sub, 16) if sub else -1, list_name.lower() if list_name else "")
 
 
 class DescribedVariable:
