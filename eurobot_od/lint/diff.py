@@ -172,9 +172,7 @@ def _limit_of(key: str) -> Aspect:
 
 
 def _number(number: Number, node_id: int | None) -> str:
-    if number.relative and node_id is None:
-        return f"{values.NODE_ID}+{number.value}"
-    return str(number.at(node_id or 0))
+    return f"{values.NODE_ID}+{number.value}" if number.relative and node_id is None else str(number.at(node_id or 0))
 
 
 def _value(variable: DescribedVariable, node_id: int | None) -> str:

@@ -29,13 +29,13 @@ DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if "PDO" in each.owner)
 
 
 class NetworkNode(NamedTuple):
-    """A device in the network: its name, file and node-ID, and whether that is only a guess."""
+    """A device in the network: its name, file and node-ID (0: not known), and whether that is only a guess."""
 
     name: str
     file: str
     device: LintedDevice
-    node_id: int
-    is_guess: bool
+    node_id: int = 0
+    is_guess: bool = False
 
     def spot(self, at: Located = TOP) -> Spot:
         """Return a place of its file."""
@@ -190,23 +190,14 @@ class LintedNetwork:
         return found
 
 
-class NetworkMember(NamedTuple):
-    """A device that is to be in the network; without node-ID its file's own one is taken, or the next free one."""
-
-    name: str
-    file: str
-    device: LintedDevice
-    node_id: int | None = None
-
-
-def nodes_of(members: Sequence[NetworkMember]) -> list[NetworkNode]:
-    """Make nodes of devices."""
-    declared = [each.node_id or own_node_id(each.device) for each in members]
+def nodes_of(nodes: Sequence[NetworkNode]) -> list[NetworkNode]:
+    """Give nodes without a node-ID that of their files, or else the next free one."""
+    declared = [each.node_id or own_node_id(each.device) for each in nodes]
     # With more than 127 devices the numbers run out: then all of the rest get 1, and E816 says so.
     free = iter(number for number in values.NODE_IDS if number not in declared)
     return [
-        NetworkNode(each.name, each.file, each.device, number or next(free, values.NODE_IDS[0]), number is None)
-        for each, number in zip(members, declared)
+        each._replace(node_id=number or next(free, values.NODE_IDS[0]), is_guess=number is None)
+        for each, number in zip(nodes, declared)
     ]
 
 
