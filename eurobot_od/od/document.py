@@ -72,6 +72,13 @@ class Oddity(NamedTuple):
     text: str
 
 
+class Remark(NamedTuple):
+    """What is to be said about a line of a file."""
+
+    line: int
+    what: str
+
+
 class Entry(NamedTuple):
     """`key=value`, as written but without blanks around either; `line` and `column` (of the value) count from 1."""
 

@@ -22,7 +22,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.description import parse_section_name
-from eurobot_od.od.document import WIDE_MARKS, Document, Odd, Oddity, Section
+from eurobot_od.od.document import WIDE_MARKS, Document, Odd, Oddity, Remark, Section
 from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, PdoDirection, parse_number
 
@@ -118,27 +118,20 @@ def usual_name(name: str) -> str | None:
     return usual if parse_section_name(usual) else None
 
 
-class Misspelling(NamedTuple):
-    """A section or key that is not spelled as in CiA 306: its line, and how it is spelled there."""
-
-    line: int
-    what: str
-
-
-def misspelled(document: Document) -> Iterator[Misspelling]:
-    """Give the sections and keys that are not spelled as CiA 306 has them."""
+def misspelled(document: Document) -> Iterator[Remark]:
+    """Give the sections and keys that are not spelled as CiA 306 has them, and how they are spelled there."""
     for name, counted in decimal_subs(document).items():
         section = document.sections[name]
-        yield Misspelling(section.line, f"section [{section.name}] named [{counted}]: its object counts in decimal")
+        yield Remark(section.line, f"section [{section.name}] named [{counted}]: its object counts in decimal")
     for name, section in document.sections.items():
         usual = cia306.SECTION_NAMES.get(name) or _object_name(name, section.name)
         if usual is not None and usual != section.name:
-            yield Misspelling(section.line, f"section [{section.name}] named [{usual}]")
+            yield Remark(section.line, f"section [{section.name}] named [{usual}]")
         # What is neither a section of CiA 306 nor an object is the maker's own, and so are its keys.
         spelled = cia306.SPELLED_KEYS.get(name, cia306.SPELLED_OBJECT_KEYS if usual else {})
         for key, entry in section.entries.items():
             if entry.key != spelled.get(key, entry.key):
-                yield Misspelling(entry.line, f"key {entry.key} spelled {spelled[key]}")
+                yield Remark(entry.line, f"key {entry.key} spelled {spelled[key]}")
 
 
 def _object_name(name: str, written: str) -> str | None:

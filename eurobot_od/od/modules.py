@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice
-from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.document import Document, Entry, Remark, Section
 from eurobot_od.od.values import parse_number
 
 CONNECTED = "connectedmodules"
@@ -62,13 +62,6 @@ class Extension(NamedTuple):
     subs: int
     bits: int
     last: int
-
-
-class Misfit(NamedTuple):
-    """Why a connected module cannot be there as the file says it: the line, and the words."""
-
-    line: int
-    what: str
 
 
 def _position(key: str) -> tuple[int, str]:
@@ -146,7 +139,7 @@ class Modules:
         return Extension(section, subs.value if subs else 0, bits.value if bits else 0, last.value if last else 0)
 
 
-def with_modules(document: Document, texts: Sequence[str] | None = None) -> tuple[Document, list[Misfit]]:
+def with_modules(document: Document, texts: Sequence[str] | None = None) -> tuple[Document, list[Remark]]:
     """Return a document with the objects of the connected modules, and what could not be connected.
 
     `texts` are numbers or names of the modules in their positions; None for those of [ConnectedModules].
@@ -163,7 +156,7 @@ def with_modules(document: Document, texts: Sequence[str] | None = None) -> tupl
             built.connect(module)
         elif entry.value not in ("0", ""):  # an empty slot
             known = ", ".join(map(str, modules.supported.values())) or "none"
-            built.misfits.append(Misfit(entry.line, f"module {entry.value[:40]} is not supported; supported: {known}"))
+            built.misfits.append(Remark(entry.line, f"module {entry.value[:40]} is not supported; supported: {known}"))
     if not built.numbers:
         return document, built.misfits
     return document._replace(sections={**document.sections, **built.sections()}), built.misfits
@@ -192,7 +185,7 @@ class _Built:
         self._described = DescribedDevice(modules.document).objects
         self._fixed_modules: set[int] = set()
         self.numbers: list[int] = []
-        self.misfits: list[Misfit] = []
+        self.misfits: list[Remark] = []
 
     def connect(self, module: Module) -> None:
         """Add the objects of one more module."""
@@ -206,7 +199,7 @@ class _Built:
             extension = self._modules.extension(module.number, number.value) if number else None
             if extension is None or number is None:
                 what = f"module {module}: no [M{module.number}SubExt...] with a Count describes {entry.value[:40]}"
-                self.misfits.append(Misfit(entry.line, what))
+                self.misfits.append(Remark(entry.line, what))
             else:
                 self._extend(module, number.value, extension)
 
@@ -235,7 +228,7 @@ class _Built:
         array = self._array_with_room(index, extension)
         if array is None:
             what = f"module {module}: 0x{index:04X} has no room for a further sub-index"
-            self.misfits.append(Misfit(extension.section.line, what))
+            self.misfits.append(Remark(extension.section.line, what))
         else:
             array.add(extension.section)
             array.free = free
