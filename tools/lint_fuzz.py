@@ -16,7 +16,7 @@ from pathlib import Path
 
 from eurobot_od.lint.diff import compare
 from eurobot_od.lint.model import load
-from eurobot_od.lint.network import LintedNetwork, NetworkMember, lint_network, nodes_of, overview
+from eurobot_od.lint.network import LintedNetwork, NetworkNode, lint_network, nodes_of, overview
 from eurobot_od.lint.rules import lint_device
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -101,9 +101,7 @@ def check(data: bytes) -> float:
     start = time.perf_counter()
     device = load(data, "fuzz.eds")
     lint_device(device, "fuzz.eds")
-    network = LintedNetwork(
-        nodes_of([NetworkMember("one", "fuzz.eds", device), NetworkMember("two", "fuzz.eds", device)])
-    )
+    network = LintedNetwork(nodes_of([NetworkNode("one", "fuzz.eds", device), NetworkNode("two", "fuzz.eds", device)]))
     lint_network(network)
     overview(network)
     compare(device, load(data[:-1], "fuzz.dcf"))

@@ -305,7 +305,7 @@ def make_eds(
     $ make-eds eds/protocol.yaml -o made --check
     """
     from eurobot_od.od.make import read_table
-    from eurobot_od.od.make.text import differences, make_files, write_files  # with canopen
+    from eurobot_od.od.make.text import differences, make_files, write_files
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = read_whole(table).decode(errors="replace")

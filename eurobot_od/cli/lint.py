@@ -199,14 +199,14 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
 
 def read_network(files: Sequence[str]) -> LintedNetwork:
     """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises FileError."""
-    from eurobot_od.lint.network import LintedNetwork, NetworkMember, nodes_of
+    from eurobot_od.lint.network import LintedNetwork, NetworkNode, nodes_of
     from eurobot_od.od.network import NetworkFile, NodeFile, read_network
 
     is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)
     described = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
     devices = [(each, load(read_bytes(each.file), each.file, each.patch)) for each in described.nodes]
     members = [
-        NetworkMember(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id)
+        NetworkNode(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id or 0)
         for each, device in devices
     ]
     return LintedNetwork(nodes_of(members), described.shared, described.order, described.bit_rate, described.master)

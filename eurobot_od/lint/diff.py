@@ -172,9 +172,7 @@ def _limit_of(key: str) -> Aspect:
 
 
 def _number(number: Number, node_id: int | None) -> str:
-    if number.relative and node_id is None:
-        return f"{values.NODE_ID}+{number.value}"
-    return str(number.at(node_id or 0))
+    return f"{values.NODE_ID}+{number.value}" if number.relative and node_id is None else str(number.at(node_id or 0))
 
 
 def _value(variable: DescribedVariable, node_id: int | None) -> str:
@@ -263,30 +261,27 @@ def readable(device: LintedDevice) -> list[Address]:
     return sorted(address for address, each in found if each.access != "wo" and each.type is not values.DOMAIN)
 
 
+Answers: TypeAlias = Mapping[Address, bytes | int]
+"""What a node answers when its objects are read: an object's bytes, or the abort code."""
+
+
 def compare_live(
-    device: LintedDevice,
-    answers: Mapping[Address, bytes | int],
-    node_id: int,
-    process_data: Container[Address] = frozenset(),
+    device: LintedDevice, answers: Answers, node_id: int, process_data: Container[Address] = frozenset()
 ) -> list[EdsDifference]:
     """Compare a file with a node's answers to SDO reads; process data and states only have to be there.
 
-    An answer is the object's bytes, or the abort code. A DCF describes one device: an object that it gives no value
+    A DCF describes one device: an object that it gives no value
     need not be there, and one that cannot be written need not have its default.
     """
     known = variables(device)
     if device.node_id is not None:
         # Where the DCF has no value, an abort is not a difference, and what cannot be written need not be the default.
-        answers = {
-            address: answer
-            for address, answer in answers.items()
-            if known[address].section.text("parametervalue")
-            or (isinstance(answer, bytes) and known[address].is_writable)
-        }
+        said = {each for each in answers if known[each].section.text("parametervalue")}
+        given = {each for each, answer in answers.items() if isinstance(answer, bytes) and known[each].is_writable}
+        answers = {address: answer for address, answer in answers.items() if address in said | given}
     missing = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
     # The answers as a file of their own: so a live node is compared by the same rules as two files.
-    found = compare(device, _overlaid(device, answers, process_data), node_id)
-    return sorted([*_named(missing, device), *found])
+    return sorted([*_named(missing, device), *compare(device, _overlaid(device, answers, process_data), node_id)])
 
 
 def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[EdsDifference]:
@@ -301,9 +296,7 @@ def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) 
         yield EdsDifference(address, "bytes", str(variable.type.size), str(len(answer)))
 
 
-def _overlaid(
-    device: LintedDevice, answers: Mapping[Address, bytes | int], process_data: Container[Address]
-) -> LintedDevice:
+def _overlaid(device: LintedDevice, answers: Answers, process_data: Container[Address]) -> LintedDevice:
     """Return the device with the values that were read, where the file has some to compare them with."""
     sections = dict(device.document.sections)
     for (index, sub), variable in variables(device).items():

@@ -1,5 +1,7 @@
 """Rules about the file itself (CiA 306): how it is written, [FileInfo], [DeviceInfo], dummies, comments, object lists.
 
+At the end are those about what is configured, and about modules.
+
 Here and in the other files of rules, a rule is a function that takes the device and yields problems; its docstring is
 what it demands. Rules that differ only in their data are rows of a table, and a function named `..._of` makes their
 checks.
@@ -7,19 +9,22 @@ checks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import pairwise
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise, product
 
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
+from eurobot_od.od import dcf, values
 from eurobot_od.od import document as cia306
-from eurobot_od.od import values
-from eurobot_od.od.document import Entry, Odd, Section
+from eurobot_od.od.document import BIT_RATES, Entry, Odd, Section
 from eurobot_od.od.formats import misspelled
-from eurobot_od.od.standard import MANDATORY
-from eurobot_od.od.values import Number, PdoDirection, parse_number
+from eurobot_od.od.modules import CONNECTED, COUNT, SUPPORTED
+from eurobot_od.od.standard import MANDATORY, MODULE_LIST
+from eurobot_od.od.values import MOST_SUBS, UNSIGNED32, Number, PdoDirection, parse_number
 
-RULES = Rules()
+RULES, CONFIGURATION, MODULES = Rules(), Rules(), Rules()
+"""The rules of the file itself, of what is configured, and of modules."""
 
 Check = Callable[[LintedDevice], Violations]
 
@@ -111,8 +116,7 @@ def unknown_sections(device: LintedDevice) -> Violations:
 
 def looks_like_object(name: str) -> bool:
     """Whether a name is meant as that of an object's section, however it is written: 0x1000, 01000, 1000sub01."""
-    bare = name.replace(" ", "").replace("\t", "").removeprefix("0x")
-    head, sub, tail = bare.partition("sub")
+    head, sub, tail = name.replace(" ", "").replace("\t", "").removeprefix("0x").partition("sub")
     digits = head.lstrip("0") if len(head) != 4 else head
     fits = bool(tail.lstrip("0") or "0" in tail) if sub else bool(digits)
     is_hexadecimal = not (digits + tail).strip("0123456789abcdef")
@@ -176,16 +180,21 @@ def missing_sections(device: LintedDevice) -> Violations:
 # [FileInfo], [DeviceInfo]
 
 
-def missing_of(name: str, keys: Sequence[str], why: str = "") -> Check:
-    """Make the rule that a section, if it is there, has these keys."""
+def missing_of(
+    sections: Callable[[LintedDevice], Iterable[Section]], *keys: str, sentence: str = "{key} is missing in [{name}]"
+) -> Check:
+    """Make the rule that some sections have these keys."""
 
     def check(device: LintedDevice) -> Violations:
-        section = device.section(name)
-        for key in keys if section else ():
-            if section and not section.text(key.lower()):
-                yield section.at(key.lower()), f"{key} is missing in [{section.name}]{why}"
+        for section, key in product(sections(device), keys):
+            if not section.text(key.lower()):
+                yield section.at(key.lower()), sentence.format(key=key, name=section.name)
 
     return check
+
+
+def _only(name: str) -> Callable[[LintedDevice], Iterable[Section]]:
+    return lambda device: filter(None, [device.section(name)])
 
 
 Form = tuple[Callable[[str], bool], str]
@@ -216,23 +225,17 @@ def up_to(high: int, words: str = "") -> Form:
 
 def is_version(text: str) -> bool:
     """Whether a text is a version: 4.0."""
-    major, point, minor = text.partition(".")
-    return major.isdecimal() and (minor.isdecimal() if point else True)
+    return re.fullmatch(r"[0-9]+(\.[0-9]+)?", text) is not None
 
 
 def is_time(text: str) -> bool:
     """Whether a text is a time: 09:30AM."""
-    hour, minute, half = text[:2], text[3:5], text[5:].upper()
-    digits = hour.isdecimal() and minute.isdecimal() and text[2:3] == ":"
-    return digits and int(hour) <= 12 and int(minute) <= 59 and half in ("AM", "PM")
+    return re.fullmatch(r"(0[0-9]|1[0-2]):[0-5][0-9](AM|PM)", text, re.IGNORECASE) is not None
 
 
 def is_date(text: str) -> bool:
     """Whether a text is a date: 05-28-2014."""
-    parts = text.split("-")
-    if [len(each) for each in parts] != [2, 2, 4] or not all(each.isdecimal() for each in parts):
-        return False
-    return 1 <= int(parts[0]) <= 12 and 1 <= int(parts[1]) <= 31
+    return re.fullmatch(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", text) is not None
 
 
 FLAG, BYTE = up_to(1, "0 or 1"), up_to(255)
@@ -280,8 +283,7 @@ def modified_before_created(device: LintedDevice) -> Violations:
     created, modified = (device.document.text("fileinfo", key.lower()) for key in cia306.DATES)
     # mm-dd-yyyy: with the year in front, texts compare as dates do.
     if is_date(created) and is_date(modified) and modified[6:] + modified[:5] < created[6:] + created[:5]:
-        at = device.at("fileinfo", "modificationdate")
-        yield at, f"modified {modified}, before it was created {created}"
+        yield device.at("fileinfo", "modificationdate"), f"modified {modified}, before it was created {created}"
 
 
 def identity_of(key: str, sub: int) -> Check:
@@ -305,9 +307,7 @@ def no_bit_rate(device: LintedDevice) -> Violations:
 
 def bit_rates(device: LintedDevice) -> set[int]:
     """Return the bit rates in kbit/s that a device supports."""
-    return {
-        rate for rate in cia306.BIT_RATES if (device.number("deviceinfo", f"baudrate_{rate}") or Number(0)).value == 1
-    }
+    return {rate for rate in BIT_RATES if device.number("deviceinfo", f"baudrate_{rate}") == Number(1)}
 
 
 def pdo_count_of(key: str, direction: PdoDirection) -> Check:
@@ -372,15 +372,16 @@ RULES += (
          "CiA 306, [DeviceInfo]; public: dcf-tools, parse.py, reads bits 0 to 5",
          form_of(("CompactPDO",), up_to(0x3F, "0 to 0x3F"), "deviceinfo")),
     Rule("E201", "[FileInfo] has FileName, FileVersion and FileRevision.", "CiA 306, [FileInfo]",
-         missing_of("fileinfo", cia306.FILE_INFO)),
+         missing_of(_only("fileinfo"), *cia306.FILE_INFO)),
     Rule("E202", "[FileInfo] has EDSVersion.", "CiA 306, [FileInfo]",
-         missing_of("fileinfo", ("EDSVersion",), ": a reader takes the file as one of edition 3.0")),
+         missing_of(_only("fileinfo"), "EDSVersion",
+                    sentence="{key} is missing in [{name}]: a reader takes the file as one of edition 3.0")),
     Rule("W203", "[FileInfo] says what the file is, who made it and when.", "CiA 306, [FileInfo]",
-         missing_of("fileinfo", cia306.ORIGIN)),
+         missing_of(_only("fileinfo"), *cia306.ORIGIN)),
     Rule("E212", "[DeviceInfo] names vendor, product and revision, as far as 0x1018 does.", "CiA 306, [DeviceInfo]",
-         missing_of("deviceinfo", ("VendorName", "VendorNumber", "ProductName"))),
+         missing_of(_only("deviceinfo"), "VendorName", "VendorNumber", "ProductName")),
     Rule("W213", "[DeviceInfo] has all its keys.", "CiA 306, [DeviceInfo]",
-         missing_of("deviceinfo", cia306.DEVICE_INFO)),
+         missing_of(_only("deviceinfo"), *cia306.DEVICE_INFO)),
     Rule("E218", "VendorNumber equals 0x1018 sub 1.", "CiA 306, [DeviceInfo]", identity_of("VendorNumber", 1)),
     Rule("E219", "ProductNumber equals 0x1018 sub 2.", "CiA 306, [DeviceInfo]", identity_of("ProductNumber", 2)),
     Rule("E220", "RevisionNumber equals 0x1018 sub 3.", "CiA 306, [DeviceInfo]", identity_of("RevisionNumber", 3)),
@@ -560,3 +561,226 @@ RULES += (
     Rule("W313", "Data types are not listed as objects.", "CiA 306, object lists",
          misplaced_of(LISTS, lambda index: 0 <= index < values.FIRST, "is a data type, not an object")),
 )  # fmt: skip
+
+
+# What is configured: [DeviceComissioning], and what only a DCF has
+
+
+SPELLINGS = ("devicecomissioning", "devicecommissioning")
+"""The section, as CiA 306 misspells it and as the dictionary spells it."""
+
+DCF_KEYS = ("parametervalue", "denotation", "uploadfile", "downloadfile", "paramrefd")
+"""Keys of objects that only a DCF has."""
+
+
+@CONFIGURATION.rule("E701", "CiA 306, DCF")
+def without_commissioning(device: LintedDevice) -> Violations:
+    """A DCF has [DeviceComissioning]."""
+    if device.is_dcf and device.commissioning is None:
+        yield TOP, "a DCF without [DeviceComissioning]: its node-ID is unknown"
+
+
+@CONFIGURATION.rule("W702", "CiA 306, DCF")
+def spelling_of_commissioning(device: LintedDevice) -> Violations:
+    """The section is spelled [DeviceComissioning]."""
+    section = device.section("devicecommissioning")
+    if section:
+        yield section, "[DeviceCommissioning] is spelled [DeviceComissioning] in CiA 306, and tools look for that"
+
+
+@CONFIGURATION.rule("E703", "CiA 306, [DeviceComissioning]")
+def node_id(device: LintedDevice) -> Violations:
+    """NodeID is 1 to 127."""
+    section = device.commissioning
+    if section and device.node_id is None:
+        yield section.at("nodeid"), f"NodeID is {section.text('nodeid')[:20] or 'missing'}, not 1 to 127"
+
+
+@CONFIGURATION.rule("E704", "CiA 306, [DeviceComissioning]")
+def bit_rate(device: LintedDevice) -> Violations:
+    """Baudrate is a bit rate of CANopen in kbit/s."""
+    section, number = device.commissioning, device.commissioned("baudrate")
+    if section and (number is None or number.value not in BIT_RATES):
+        text = section.text("baudrate")[:20] or "missing"
+        yield section.at("baudrate"), f"Baudrate is {text}, not one of {BIT_RATES} kbit/s"
+
+
+@CONFIGURATION.rule("E705", "CiA 306, [DeviceComissioning]")
+def unsupported_bit_rate(device: LintedDevice) -> Violations:
+    """Baudrate is one that the device supports."""
+    section, number, rates = device.commissioning, device.commissioned("baudrate"), bit_rates(device)
+    if section and number and number.value in BIT_RATES and rates and number.value not in rates:
+        yield section.at("baudrate"), f"Baudrate is {number.value} kbit/s, but BaudRate_{number.value} is not 1"
+
+
+@CONFIGURATION.rule("E708", "CiA 306, [DeviceComissioning]")
+def serial_number(device: LintedDevice) -> Violations:
+    """LSS_SerialNumber equals 0x1018 sub 4."""
+    section, declared, real = device.commissioning, device.commissioned("lss_serialnumber"), device.value(0x1018, 4)
+    if section and declared and real and declared != real:
+        at = section.at("lss_serialnumber")
+        yield at, f"LSS_SerialNumber is 0x{declared.value:08X}, but 0x1018 sub 4 is 0x{real.value:08X}"
+
+
+@CONFIGURATION.rule("W709", "CiA 306, LastEDS")
+def without_last_eds(device: LintedDevice) -> Violations:
+    """A DCF says which EDS it was made from."""
+    section = device.section("fileinfo")
+    if device.is_dcf and section and not section.text("lasteds"):
+        yield section.at("lasteds"), "LastEDS is missing, which says from which EDS this DCF was made"
+
+
+@CONFIGURATION.rule("W710", "CiA 306, DCF")
+def dcf_keys_in_eds(device: LintedDevice) -> Violations:
+    """ParameterValue, Denotation, UploadFile and DownloadFile are only in a DCF."""
+    for key in DCF_KEYS if not device.is_dcf else ():
+        for section, entry in device.entries[key]:
+            yield entry, f"{entry.key} of [{section.name}] belongs in a DCF"
+
+
+@CONFIGURATION.rule("E711", "CiA 306, DCF")
+def parameter_of_constant(device: LintedDevice) -> Violations:
+    """A constant's ParameterValue equals its DefaultValue."""
+    for each in device.variables:
+        given, default = each.number("parametervalue"), each.number("defaultvalue")
+        if each.access == "const" and given and default and given != default:  # no master could write it
+            at = each.section.at("parametervalue")
+            yield at, f"ParameterValue of {each.where}, which is const, is not its DefaultValue"
+
+
+@CONFIGURATION.rule("E712", "CiA 306, DCF")
+def file_of_number(device: LintedDevice) -> Violations:
+    """Only a DOMAIN, or a string that no line can hold, has UploadFile or DownloadFile."""
+    for each in device.variables:
+        for key in ("uploadfile", "downloadfile"):
+            entry = each.section.entries.get(key)
+            # A number fits into its line.
+            if entry and entry.value and each.type and each.type.size:
+                yield entry, f"{entry.key} of {each.where}, a {each.type.name}"
+
+
+def is_concise(text: str) -> bool:
+    """Whether a text is a concise DCF in hexadecimal digits."""
+    try:
+        dcf.unpack(bytes.fromhex(text))
+    except ValueError:  # not hexadecimal, or concise.Truncated
+        return False
+    return True
+
+
+@CONFIGURATION.rule("E713", "CiA 302-3, object 0x1F22; public: dcf-tools, dcfgen")
+def concise_dcf(device: LintedDevice) -> Violations:
+    """A concise DCF is complete."""
+    found = device.objects.get(0x1F22)
+    for sub, variable in found.subs.items() if found else ():
+        at = variable.value_entry
+        if sub and at and at.value and not is_concise(at.value):  # an empty one is of a node without configuration
+            yield at, f"{variable.where} is not a concise DCF: count, then index, sub-index, size and data for each"
+
+
+CONFIGURATION += (
+    Rule("E706", "NetNumber and LSS_SerialNumber are UNSIGNED32.", "CiA 306, [DeviceComissioning]",
+         form_of(("NetNumber", "LSS_SerialNumber"), up_to(UNSIGNED32.high), *SPELLINGS)),
+    Rule("E707", "CANopenManager is 0 or 1.", "CiA 306, [DeviceComissioning]",
+         form_of(("CANopenManager",), up_to(1), *SPELLINGS)),
+)  # fmt: skip
+
+
+# Modules of a device that may have several: they bring objects that are there as soon as they are connected (CiA 306-1)
+
+
+CLAUSE = "CiA 306, modular devices"
+
+INFO_KEYS = ("ProductName", "ProductVersion", "ProductRevision", "OrderCode")
+DESCRIBED_BY = {"fixedobjects": "Fixed", "subextends": "SubExt"}
+"""A module's lists, and how the sections of the listed objects begin after the module's number."""
+
+
+@MODULES.rule("E461", CLAUSE)
+def module_count(device: LintedDevice) -> Violations:
+    """NrOfEntries of [SupportedModules] is the number of modules that are described."""
+    section, real = device.section(SUPPORTED), len(device.modules.supported)
+    if section and parse_number(section.text("nrofentries")) != Number(real):
+        yield section.at("nrofentries"), f"NrOfEntries is not {real}, the number of [M...ModuleInfo] sections"
+    elif section is None and real:
+        yield device.section(f"m{min(device.modules.supported)}moduleinfo") or TOP, "[SupportedModules] is missing"
+
+
+@MODULES.rule("E463", CLAUSE)
+def undescribed_module_object(device: LintedDevice) -> Violations:
+    """An object in a module's list has a section that describes it."""
+    for number in device.modules.supported:
+        for part, head in DESCRIBED_BY.items():
+            for entry in device.modules.listed(number, part):
+                index = parse_number(entry.value)
+                names = [f"m{number}{head.lower()}{index.value:{form}}" for form in ("04x", "x")] if index else []
+                if not any(device.section(name) for name in names):
+                    shown = f"{index.value:04X}" if index else "..."
+                    yield entry, f"{entry.value[:40]} is listed, but there is no section [M{number}{head}{shown}]"
+
+
+@MODULES.rule("E464", CLAUSE)
+def extension_count(device: LintedDevice) -> Violations:
+    """Count is a number of sub-indices, or `0;` and the bits of one; ObjExtend is a sub-index."""
+    for section in _extensions(device):
+        # COUNT takes a 0 as any number, but nothing is added by it.
+        if not COUNT.fullmatch(section.text("count")) or section.text("count") == "0":
+            yield section.at("count"), f"Count of [{section.name}] is neither a number of sub-indices nor 0;bits"
+        last = section.text("objextend")
+        number = parse_number(last)
+        if last and (number is None or not 0 <= number.value <= MOST_SUBS):
+            yield section.at("objextend"), f"ObjExtend of [{section.name}] is not a sub-index from 0 to {MOST_SUBS}"
+
+
+def _infos(device: LintedDevice) -> Iterator[Section]:
+    return (device.document.sections[f"m{number}moduleinfo"] for number in device.modules.supported)
+
+
+def _extensions(device: LintedDevice) -> list[Section]:
+    """Return the sections that describe what modules add to arrays."""
+    modules = device.modules
+    # [M1SubExt6000] describes what [M1SubExtends] lists; both begin alike.
+    heads, sections = tuple(f"m{number}subext" for number in modules.supported), device.document.sections
+    return [each for name, each in sections.items() if name.startswith(heads) and not name.endswith("extends")]
+
+
+@MODULES.rule("E465", CLAUSE)
+def unknown_module(device: LintedDevice) -> Violations:
+    """A connected module is one that the file supports."""
+    for entry in device.modules.connected:
+        if entry.value != "0" and device.modules.find(entry.value) is None:
+            yield entry, f"module {entry.value[:40]} is connected, but there is no [M{entry.value[:40]}ModuleInfo]"
+
+
+@MODULES.rule("W466", "CiA 301, object 0x1027")
+def module_list(device: LintedDevice) -> Violations:
+    """A device with modules has the module list, 0x1027, and no other has it."""
+    section = device.section(SUPPORTED) or device.section(CONNECTED)
+    there = device.objects.get(MODULE_LIST)
+    if section and there is None:
+        yield section, "there are modules, but no module list (0x1027)"
+    if there and section is None and not device.modules.supported:
+        yield there.place, "there is a module list (0x1027), but no [SupportedModules]"
+
+
+@MODULES.rule("E467", CLAUSE)
+def doubly_described(device: LintedDevice) -> Violations:
+    """An object that a module brings once is not extended by it, nor described for the device itself."""
+    for number in device.modules.supported:
+        extended = device.modules.indices(number, "subextends")
+        for entry in device.modules.listed(number, "fixedobjects"):
+            index = parse_number(entry.value)
+            if index and index.value in extended:
+                yield entry, f"0x{index.value:04X} is both in [M{number}FixedObjects] and in [M{number}SubExtends]"
+            # a DCF of connected modules describes their objects in sections of their own
+            elif index and index.value in device.objects and not device.modules.connected:
+                yield entry, f"0x{index.value:04X} of module {number} is described as an object of the device, too"
+
+
+MODULES += (
+    Rule(
+        "W462", "A module has a name, a version, a revision and an order code.", CLAUSE, missing_of(_infos, *INFO_KEYS)
+    ),
+    Rule("E468", "An extension of an array has a DataType.", CLAUSE, missing_of(_extensions, "DataType")),
+    Rule("E469", "An extension of an array has an AccessType.", CLAUSE, missing_of(_extensions, "AccessType")),
+)

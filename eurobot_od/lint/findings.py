@@ -8,9 +8,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
-from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.support.texts import amount, one_line
+
+if TYPE_CHECKING:
+    from eurobot_od.od.document import Entry, Oddity, Section
 
 
 class Severity(Enum):
@@ -25,23 +28,11 @@ LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "
 """What a level is called, here and in SARIF."""
 
 
-class Located(Protocol):
-    """Anything with a line and a column, both from 1: an entry, a section, an oddity."""
+Located: TypeAlias = "Entry | Section | Oddity"
+"""What has a line and a column, both from 1."""
 
-    @property
-    def line(self) -> int:
-        """Line, from 1."""
-
-    @property
-    def column(self) -> int:
-        """Column, from 1."""
-
-
-Violation: TypeAlias = tuple[Located, str]
-"""One place where a rule does not hold, and what is wrong there in one sentence."""
-
-Violations: TypeAlias = Iterator[Violation]
-"""What a check of a file yields."""
+Violations: TypeAlias = Iterator[tuple[Located, str]]
+"""What a check of a file yields: the places where a rule does not hold, each with what is wrong there in a sentence."""
 
 
 class Rule(NamedTuple):
@@ -164,10 +155,7 @@ def _result(finding: Finding, rule: int) -> dict[str, Any]:
 
     file = Path(finding.file)  # a file named relative to the working folder has a relative URI (3.4.3)
     uri = file.as_uri() if file.is_absolute() else quote_from_bytes(os.fsencode(file.as_posix()))
-    place = {
-        "artifactLocation": {"uri": uri},
-        "region": {"startLine": finding.line, "startColumn": finding.column},
-    }
+    place = {"artifactLocation": {"uri": uri}, "region": {"startLine": finding.line, "startColumn": finding.column}}
     return {
         "ruleId": finding.code,
         "ruleIndex": rule,

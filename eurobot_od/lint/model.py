@@ -102,9 +102,8 @@ class LintedDevice(DescribedDevice):
             head = self.objects[name.object_index].section
             if name.list == "value" and head:
                 variable = DescribedVariable(name.object_index, 1, head)
-                found += [
-                    (variable, "parametervalue", each) for key, each in section.entries.items() if key != "nrofentries"
-                ]
+                given = (each for key, each in section.entries.items() if key != "nrofentries")
+                found += [(variable, "parametervalue", each) for each in given]
         return [
             GivenValue(variable, variable.type, key, entry, variable.read(entry.value))
             for variable, key, entry in found

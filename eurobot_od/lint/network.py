@@ -6,7 +6,8 @@ The place of a finding is the PDO or value that has to change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
@@ -27,22 +28,14 @@ DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if "PDO" in each.owner)
 """The ranges of the PDOs in the pre-defined connection set."""
 
 
-SERVICE_BASES = {
-    values.SDO_REQUEST_BASE: "SDO request",
-    values.SDO_RESPONSE_BASE: "SDO answer",
-    values.ERROR_CONTROL_BASE: "heartbeat",
-}
-"""Services that every node has, under these identifiers plus its node-ID."""
-
-
 class NetworkNode(NamedTuple):
-    """A device in the network: its name, file and node-ID, and whether that is only a guess."""
+    """A device in the network: its name, file and node-ID (0: not known), and whether that is only a guess."""
 
     name: str
     file: str
     device: LintedDevice
-    node_id: int
-    is_guess: bool
+    node_id: int = 0
+    is_guess: bool = False
 
     def spot(self, at: Located = TOP) -> Spot:
         """Return a place of its file."""
@@ -51,8 +44,8 @@ class NetworkNode(NamedTuple):
     def services(self) -> Iterator[tuple[int, str, Spot]]:
         """Yield the identifiers of its services other than PDOs; SYNC and TIME are the network's."""
         top = self.spot()
-        for base, name in SERVICE_BASES.items():
-            yield base + self.node_id, f"{name} of {self.name}", top
+        for each in (each for each in values.RESTRICTED if each.is_per_node):
+            yield each.low + self.node_id - 1, f"{each.owner.removeprefix('the ')} of {self.name}", top
         for index, name in ((0x1005, "SYNC"), (0x1012, "TIME"), (0x1014, f"EMCY of {self.name}")):
             variable = self.device.variable(index)
             value = variable.value.at(self.node_id) if variable and variable.value else None
@@ -61,9 +54,7 @@ class NetworkNode(NamedTuple):
                 yield value & values.BASE_IDENTIFIER, name, self.spot(variable.place)
         section = self.device.section("deviceinfo")
         if section and section.text("lss_supported") == "1":
-            yield from (
-                (identifier, "LSS", self.spot(section.at("lss_supported"))) for identifier in values.LSS_COB_IDS
-            )
+            yield from ((each, "LSS", self.spot(section.at("lss_supported"))) for each in values.LSS_COB_IDS)
 
 
 class Spot(NamedTuple):
@@ -124,19 +115,15 @@ def _spot(node: NetworkNode, pdo: DescribedPdo, sub: int) -> Spot:
     return node.spot(where.place if where else TOP)
 
 
+@dataclass(frozen=True)
 class LintedNetwork:
     """All nodes, and what is declared for them: messages with several senders, priorities, the bit rate."""
 
-    def __init__(
-        self,
-        nodes: Sequence[NetworkNode],
-        shared: Iterable[str] = (),
-        order: Sequence[str] = (),
-        bit_rate: int | None = None,
-        master: str = "",
-    ) -> None:
-        self.nodes, self.shared, self.order, self.bit_rate = tuple(nodes), frozenset(shared), tuple(order), bit_rate
-        self.master = master
+    nodes: Sequence[NetworkNode]
+    shared: Sequence[str] = ()
+    order: Sequence[str] = ()
+    bit_rate: int | None = None
+    master: str = ""
 
     @property
     def has_foreign_master(self) -> bool:
@@ -188,7 +175,7 @@ class LintedNetwork:
         """
         ports = self.ports(identifier)
         names = {each.pdo.name for each in ports}
-        if names & self.shared:
+        if names.intersection(self.shared):
             return True
         is_heard = len(self.consumers.get(identifier, ())) > 0
         return is_heard and len(names) == 1 and "" not in names and all(each.pdo.bits == 0 for each in ports)
@@ -203,23 +190,14 @@ class LintedNetwork:
         return found
 
 
-class NetworkMember(NamedTuple):
-    """A device that is to be in the network; without node-ID its file's own one is taken, or the next free one."""
-
-    name: str
-    file: str
-    device: LintedDevice
-    node_id: int | None = None
-
-
-def nodes_of(members: Sequence[NetworkMember]) -> list[NetworkNode]:
-    """Make nodes of devices."""
-    declared = [each.node_id or own_node_id(each.device) for each in members]
+def nodes_of(nodes: Sequence[NetworkNode]) -> list[NetworkNode]:
+    """Give nodes without a node-ID that of their files, or else the next free one."""
+    declared = [each.node_id or own_node_id(each.device) for each in nodes]
     # With more than 127 devices the numbers run out: then all of the rest get 1, and E816 says so.
     free = iter(number for number in values.NODE_IDS if number not in declared)
     return [
-        NetworkNode(each.name, each.file, each.device, number or next(free, values.NODE_IDS[0]), number is None)
-        for each, number in zip(members, declared)
+        each._replace(node_id=number or next(free, values.NODE_IDS[0]), is_guess=number is None)
+        for each, number in zip(nodes, declared)
     ]
 
 
@@ -279,12 +257,8 @@ def switched_off(network: LintedNetwork) -> Conflicts:
         for pdo in node.device.pdos:
             value = pdo.value(1)
             identifier = value.at(node.node_id) & values.BASE_IDENTIFIER if value else 0
-            if (
-                value
-                and value.value & values.NOT_VALID
-                and pdo.direction is PdoDirection.RPDO
-                and identifier in network.producers
-            ):
+            is_off = pdo.direction is PdoDirection.RPDO and value and value.value & values.NOT_VALID
+            if is_off and identifier in network.producers:
                 text = f"{node.name} {pdo.title} could receive 0x{identifier:03X}, but is not valid until configured"
                 yield _spot(node, pdo, 1), text
 
@@ -301,8 +275,7 @@ def too_short(network: LintedNetwork) -> Conflicts:
     """A consumer expects no more bytes than are sent."""
     for producer, consumer in _pairs(network):
         if producer.size < consumer.size:
-            text = f"{_lengths(producer, consumer)}: not processed (EMCY 8210)"
-            yield consumer.mapping_spot, text
+            yield consumer.mapping_spot, f"{_lengths(producer, consumer)}: not processed (EMCY 8210)"
 
 
 @RULES.rule("W807", "CiA 301, RPDO length (EMCY 8220)")
@@ -310,8 +283,7 @@ def too_long(network: LintedNetwork) -> Conflicts:
     """A consumer expects all bytes that are sent."""
     for producer, consumer in _pairs(network):
         if producer.size > consumer.size:
-            text = f"{_lengths(producer, consumer)}: the rest is lost (EMCY 8220)"
-            yield consumer.mapping_spot, text
+            yield consumer.mapping_spot, f"{_lengths(producer, consumer)}: the rest is lost (EMCY 8220)"
 
 
 def _lengths(producer: NodePdo, consumer: NodePdo) -> str:
@@ -334,8 +306,7 @@ def other_bits(network: LintedNetwork) -> Conflicts:
     for producer, consumer in _pairs(network):
         bits = [[length for _, length in port.layout] for port in (producer, consumer)]
         if bits[0] != bits[1] and producer.size == consumer.size:  # else E806 or W807 has said it
-            text = f"{consumer.name} takes {bits[1]} bits, {producer.name} sends {bits[0]}"
-            yield consumer.mapping_spot, text
+            yield consumer.mapping_spot, f"{consumer.name} takes {bits[1]} bits, {producer.name} sends {bits[0]}"
 
 
 # Identifiers and priorities
@@ -357,10 +328,9 @@ def unused_service_identifiers(network: LintedNetwork) -> Conflicts:
         found = owner(identifier, values.RESERVED + values.PREDEFINED)
         is_free = identifier not in network.services and not any(each.is_predefined for each in ports)
         # W827 says it if the node is in the network that has this identifier by default
-        if found and is_free and not (found.is_per_node and identifier - found.low + 1 in network.node_ids):
-            whose = found.whose(identifier)
-            text = f"0x{identifier:03X} {ports[0].pdo.name} belongs to {whose}, which is not in the network"
-            yield ports[0].spot, text
+        if found and is_free and found.node_id(identifier) not in network.node_ids:
+            what = f"0x{identifier:03X} {ports[0].pdo.name} belongs to {found.whose(identifier)}"
+            yield ports[0].spot, f"{what}, which is not in the network"
 
 
 @RULES.rule("W827", "CiA 301, pre-defined connection set")
@@ -368,7 +338,7 @@ def default_of_other_node(network: LintedNetwork) -> Conflicts:
     """A custom identifier is not a default PDO of a node in the network."""
     for identifier, ports in network.producers.items():
         found = owner(identifier, DEFAULT_PDOS)
-        node = network.node_ids.get(identifier - found.low + 1) if found else None
+        node = network.node_ids.get(found.node_id(identifier) or 0) if found else None
         if found and node and not any(each.is_predefined for each in ports):
             text = f"{ports[0].name} has 0x{identifier:03X}, {found.owner} of {node.name} before it is configured"
             yield ports[0].spot, text
@@ -389,8 +359,7 @@ def declared_order(network: LintedNetwork) -> Conflicts:
     known = {each.pdo.name: each for ports in network.producers.values() for each in ports}
     for before, after in pairwise([known[name] for name in network.order if name in known]):
         if after.identifier < before.identifier:
-            text = f"{after.pdo.name} (0x{after.identifier:03X}) wins against {before.pdo.name}"
-            yield after.spot, text
+            yield after.spot, f"{after.pdo.name} (0x{after.identifier:03X}) wins against {before.pdo.name}"
 
 
 @RULES.rule("W814", "the network file")
@@ -436,8 +405,7 @@ def _watches(network: LintedNetwork) -> Iterator[tuple[Spot, str, int, int, Netw
     """Give every consumer heartbeat time: its place, whose it is, the node-ID watched, the time in ms, that node."""
     for node in network.nodes:
         for variable, node_id, time in heartbeats(node.device):
-            place = node.spot(variable.place)
-            yield place, node.name, node_id, time, network.node_ids.get(node_id)
+            yield node.spot(variable.place), node.name, node_id, time, network.node_ids.get(node_id)
 
 
 def _heartbeat(node: NetworkNode) -> int:
@@ -509,8 +477,7 @@ def one_of(index: int, bit: int, what: str) -> Callable[[LintedNetwork], Conflic
     def check(network: LintedNetwork) -> Conflicts:
         nodes = _with_bit(network, index, bit)
         for each in nodes[1:]:
-            place = each.spot(each.device.objects[index].place)
-            yield place, f"{each.name} is {what}, as {nodes[0].name} is"
+            yield each.spot(each.device.objects[index].place), f"{each.name} is {what}, as {nodes[0].name} is"
 
     return check
 
@@ -538,20 +505,16 @@ RULES += (
 
 def lint_network(network: LintedNetwork) -> list[Finding]:
     """Check a network; findings are ordered by file and place."""
-    found = {
-        Finding(at.file, at.line, at.column, rule.code, text) for rule in RULES for at, text in rule.check(network)
-    }
+    said = ((rule.code, at, text) for rule in RULES for at, text in rule.check(network))
+    found = {Finding(at.file, at.line, at.column, code, text) for code, at, text in said}
     files = {each.file: number for number, each in enumerate(network.nodes)}
     return sorted(found, key=lambda each: (files[each.file], each.line, each.column, each.code))
 
 
-def overview(network: LintedNetwork) -> list[tuple[str, str, str, str]]:
+def overview(network: LintedNetwork) -> list[tuple[str, ...]]:
     """Return one row for each identifier: itself, its name, its producers, its consumers."""
+    sides = (network.producers, network.consumers)
     return [
-        (f"0x{each:03X}", network.title(each), _names(network.producers, each), _names(network.consumers, each))
+        (f"0x{each:03X}", network.title(each), *(", ".join(p.node.name for p in side.get(each, ())) for side in sides))
         for each in network.identifiers
     ]
-
-
-def _names(ports: Mapping[int, Sequence[NodePdo]], identifier: int) -> str:
-    return ", ".join(each.node.name for each in ports.get(identifier, ()))

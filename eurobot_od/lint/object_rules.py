@@ -7,18 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from eurobot_od.lint.file_rules import Check, granularity
+from eurobot_od.lint.file_rules import Check, granularity, missing_of
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import LintedDevice
-from eurobot_od.od import values
-from eurobot_od.od.description import (
-    COMPOSED,
-    SIMPLE,
-    DescribedObject,
-    DescribedVariable,
-    ObjectCode,
-    parse_section_name,
-)
+from eurobot_od.od import description, values
+from eurobot_od.od.description import COMPOSED, SIMPLE, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import LIMITS, OF_VARIABLE, VALUES, Entry, Section
 from eurobot_od.od.standard import DATA_SUBS, KNOWN, Known
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED32, Number, is_standard_number, parse_number
@@ -31,46 +24,10 @@ COMPLEX_TYPES = (range(0x20, 0x26), range(0x40, 0x260))
 """Data types of whole records (CiA 301: standard ones; manufacturer's and device profiles')."""
 
 
-@RULES.rule("E401", "CiA 306, object description")
-def without_name(device: LintedDevice) -> Violations:
-    """An object and a sub-index have a ParameterName."""
-    for name, section in device.object_sections:
-        if not name.list and not section.text("parametername"):
-            yield section.at("parametername"), f"[{section.name}] has no ParameterName"
-
-
-@RULES.rule("E402", "CiA 301, object codes")
-def unknown_kind(device: LintedDevice) -> Violations:
-    """ObjectType is 0, 2, 5, 6, 7, 8 or 9."""
-    codes = {each.value for each in ObjectCode}
-    for section, entry in device.entries["objecttype"]:
-        number = parse_number(entry.value)
-        if entry.value and (number is None or number.value not in codes):
-            yield entry, f"ObjectType {entry.value[:20]} of [{section.name}] is not one of 0, 2, 5, 6, 7, 8, 9"
-
-
-def _simple(device: LintedDevice) -> Iterator[DescribedVariable]:
-    """Give the variables that have a value of their own: VARs, sub-indices and compact templates."""
+def _simple(device: LintedDevice) -> Iterator[Section]:
+    """Give what describes variables that have a value of their own: VARs, sub-indices and compact templates."""
     # `2` and `0x2` are a DOMAIN, of which DataType and AccessType may be left out.
-    return (each for each in device.variables if not each.section.text("objecttype").endswith("2"))
-
-
-@RULES.rule("E403", "CiA 306, object description")
-def without_type(device: LintedDevice) -> Violations:
-    """A variable has a DataType."""
-    for each in _simple(device):
-        if not each.section.text("datatype"):
-            yield each.section.at("datatype"), f"[{each.section.name}] has no DataType"
-
-
-@RULES.rule("E404", "CiA 301, data types")
-def unknown_type(device: LintedDevice) -> Violations:
-    """DataType is one of CiA 301."""
-    for section, entry in device.entries["datatype"]:
-        number = parse_number(entry.value)
-        known = number and (number.value in values.DATA_TYPES or any(number.value in each for each in COMPLEX_TYPES))
-        if entry.value and not known:
-            yield entry, f"DataType {entry.value[:20]} of [{section.name}] is not a type of CiA 301"
+    return (each.section for each in device.variables if not each.section.text("objecttype").endswith("2"))
 
 
 @RULES.rule("W453", "CiA 301, DEFTYPE and DEFSTRUCT")
@@ -84,26 +41,51 @@ def undefined_type(device: LintedDevice) -> Violations:
             yield entry, f"DataType {entry.value[:20]} of [{section.name}] is defined nowhere; it is taken as bytes"
 
 
-@RULES.rule("E405", "CiA 306, object description")
-def without_access(device: LintedDevice) -> Violations:
-    """A variable has an AccessType."""
-    for each in _simple(device):
-        if not each.access:
-            yield each.section.at("accesstype"), f"[{each.section.name}] has no AccessType"
-
-
-@RULES.rule("E406", "CiA 306, object description")
-def unknown_access(device: LintedDevice) -> Violations:
-    """AccessType is ro, wo, rw, rwr, rww or const."""
-    for section, entry in device.entries["accesstype"]:
-        if entry.value and entry.value.lower() not in values.ACCESS_TYPES:
-            text = f"AccessType {entry.value[:20]} of [{section.name}] is not one of {', '.join(values.ACCESS_TYPES)}"
-            yield entry, text
-
-
 def _composed(device: LintedDevice) -> Iterator[tuple[DescribedObject, Section]]:
     """Give arrays and records with their sections."""
     return ((o, o.section) for o in device.objects.values() if o.section and o.code in COMPOSED)
+
+
+def entry_of(key: str, fits: Callable[[str, Number | None], bool], sentence: str) -> Check:
+    """Make the rule that the text of a key, wherever an object has it, and its number fit."""
+
+    def check(device: LintedDevice) -> Violations:
+        for section, entry in device.entries[key]:
+            if entry.value and not fits(entry.value, parse_number(entry.value)):
+                yield entry, sentence.format(entry.value[:20], section.name)
+
+    return check
+
+
+DESCRIPTION, LACKS = "CiA 306, object description", "[{name}] has no {key}"
+CODES = {each.value for each in ObjectCode}
+TYPES = (values.DATA_TYPES, *COMPLEX_TYPES)
+
+RULES += (
+    Rule("E401", "An object and a sub-index have a ParameterName.", DESCRIPTION,
+         missing_of(lambda device: (each for name, each in device.object_sections if not name.list), "ParameterName",
+                    sentence=LACKS)),
+    Rule("E402", "ObjectType is 0, 2, 5, 6, 7, 8 or 9.", "CiA 301, object codes",
+         entry_of("objecttype", lambda _, number: number is not None and number.value in CODES,
+                  "ObjectType {} of [{}] is not one of 0, 2, 5, 6, 7, 8, 9")),
+    Rule("E403", "A variable has a DataType.", DESCRIPTION, missing_of(_simple, "DataType", sentence=LACKS)),
+    Rule("E404", "DataType is one of CiA 301.", "CiA 301, data types",
+         entry_of("datatype", lambda _, number: number is not None and any(number.value in each for each in TYPES),
+                  "DataType {} of [{}] is not a type of CiA 301")),
+    Rule("E405", "A variable has an AccessType.", DESCRIPTION, missing_of(_simple, "AccessType", sentence=LACKS)),
+    Rule("E406", "AccessType is ro, wo, rw, rwr, rww or const.", DESCRIPTION,
+         entry_of("accesstype", lambda text, _: text.lower() in values.ACCESS_TYPES,
+                  f"AccessType {{}} of [{{}}] is not one of {', '.join(values.ACCESS_TYPES)}")),
+    Rule("E411", "An array or record has SubNumber or CompactSubObj.", DESCRIPTION,
+         missing_of(lambda device: (section for each, section in _composed(device) if not each.compact), "SubNumber",
+                    sentence=LACKS)),
+    Rule("E444", "PDOMapping is 0 or 1.", DESCRIPTION,
+         entry_of("pdomapping", lambda _, number: number in (None, Number(0), Number(1)),
+                  "PDOMapping of [{1}] is {0}, not 0 or 1")),
+    Rule("E445", "ObjFlags has bits 0 and 1 only.", "CiA 306, ObjFlags",
+         entry_of("objflags", lambda _, number: number is None or number.value in range(4),
+                  "ObjFlags of [{1}] is {0}; only bits 0 and 1 mean something")),
+)  # fmt: skip
 
 
 @RULES.rule("E407", "CiA 306, object description")
@@ -118,7 +100,7 @@ def orphans(device: LintedDevice) -> Violations:
 def sub_keys_on_variable(device: LintedDevice) -> Violations:
     """A VAR has no SubNumber and no CompactSubObj."""
     for section, entry in device.entries["subnumber"] + device.entries["compactsubobj"]:
-        name = parse_section_name(section.name.strip())
+        name = description.parse_section_name(section.name.strip())
         whole = device.objects[name.object_index] if name and name.sub < 0 else None
         code = (whole or DescribedObject(0, section, {}, {})).code  # a sub-index counts as an object of its own
         # `SubNumber=0` says the same as none at all.
@@ -147,14 +129,6 @@ def subs_of_variable(device: LintedDevice) -> Violations:
             yield sub.section, f"[{sub.section.name}] is a sub-index, but 0x{each.index:04X} is a VAR"
 
 
-@RULES.rule("E411", "CiA 306, object description")
-def without_sub_number(device: LintedDevice) -> Violations:
-    """An array or record has SubNumber or CompactSubObj."""
-    for each, section in _composed(device):
-        if not section.text("subnumber") and not each.compact:
-            yield section.at("subnumber"), f"[{section.name}] has no SubNumber"
-
-
 @RULES.rule("E412", "CiA 306, object description")
 def wrong_sub_number(device: LintedDevice) -> Violations:
     """SubNumber is the number of sub-indices, without 0xFF."""
@@ -162,10 +136,8 @@ def wrong_sub_number(device: LintedDevice) -> Violations:
         # 0xFF describes the object's structure and is not a sub-index of data (CiA 301, 7.4.9).
         declared, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
         if declared and declared.value != real and not each.compact:
-            yield (
-                section.at("subnumber"),
-                f"SubNumber is {declared.value}, but 0x{each.index:04X} has {real} sub-indices",
-            )
+            what = f"SubNumber is {declared.value}, but 0x{each.index:04X} has {real} sub-indices"
+            yield section.at("subnumber"), what
 
 
 @RULES.rule("E413", "CiA 301, sub-index 0")
@@ -353,9 +325,8 @@ def outside_type_of(keys: tuple[str, ...]) -> Check:
     def check(device: LintedDevice) -> Violations:
         for each in (value for value in device.integers if value.key in keys):
             # The value grows with the node-ID: the lower end is judged without it, the upper one with the highest.
-            if each.number and not (
-                each.type.low <= each.number.value and each.number.at(device.node_ids[-1]) <= each.type.high
-            ):
+            ends = (each.number.value, each.number.at(device.node_ids[-1])) if each.number else ()
+            if not all(each.type.low <= end <= each.type.high for end in ends):
                 text = f"{each.entry.key}={each.entry.value[:40]} of {each.variable.where} is outside {each.type.name}"
                 yield each.entry, text
 
@@ -439,24 +410,6 @@ def value_of_domain(device: LintedDevice) -> Violations:
     for each in device.others:
         if each.type is values.DOMAIN and each.key in VALUES:
             yield each.entry, f"{each.entry.key} of {each.variable.where}, a DOMAIN: tools drop it"
-
-
-@RULES.rule("E444", "CiA 306, object description")
-def pdo_mapping_flag(device: LintedDevice) -> Violations:
-    """PDOMapping is 0 or 1."""
-    for section, entry in device.entries["pdomapping"]:
-        number = parse_number(entry.value)
-        if number and number not in (Number(0), Number(1)):
-            yield entry, f"PDOMapping of [{section.name}] is {entry.value[:20]}, not 0 or 1"
-
-
-@RULES.rule("E445", "CiA 306, ObjFlags")
-def object_flags(device: LintedDevice) -> Violations:
-    """ObjFlags has bits 0 and 1 only."""
-    for section, entry in device.entries["objflags"]:
-        number = parse_number(entry.value)
-        if number and (number.value < 0 or number.value & ~3):
-            yield entry, f"ObjFlags of [{section.name}] is {entry.value[:20]}; only bits 0 and 1 mean something"
 
 
 @RULES.rule("W446", "CiA 306, object description")

@@ -15,6 +15,8 @@ from eurobot_od.od.values import IdentifierRange, MappingEntry, Multiplex, PdoDi
 
 RULES = Rules()
 
+COMMUNICATION = "CiA 301, objects 0x1400 and 0x1800"
+
 RESERVED_BITS = 0x1FFFF800
 """Bits 11 to 28 of a COB-ID, which are 0 for a base frame."""
 
@@ -26,6 +28,17 @@ def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[DescribedPdo, Ent
         at, value = (variable.value_entry, variable.value) if variable else (None, None)
         if at and value:
             yield pdo, at, value.value
+
+
+def setting_of(sub: int, is_wrong: Callable[[PdoDirection, int], bool], sentence: str) -> Check:
+    """Make the rule that no PDO has a communication parameter with a wrong value."""
+
+    def check(device: LintedDevice) -> Violations:
+        for pdo, at, value in _setting(device, sub):
+            if is_wrong(pdo.direction, value):
+                yield at, sentence.format(pdo=pdo.title, text=at.value[:20], value=value)
+
+    return check
 
 
 # Records
@@ -60,22 +73,6 @@ def without_parameters(device: LintedDevice) -> Violations:
 # Identifiers
 
 
-@RULES.rule("E604", "CiA 301, objects 0x1400 and 0x1800")
-def reserved_bits(device: LintedDevice) -> Violations:
-    """Bits 11 to 28 of the COB-ID of a base frame are 0."""
-    for pdo, at, cob_id in _setting(device, 1):
-        if not cob_id & values.EXTENDED and cob_id & RESERVED_BITS:
-            yield at, f"COB-ID {at.value[:20]} of {pdo.title} has bits 11 to 28 set without bit 29"
-
-
-@RULES.rule("W605", "CiA 301, objects 0x1400 and 0x1800")
-def extended(device: LintedDevice) -> Violations:
-    """PDOs have 11-bit identifiers."""
-    for pdo, at, cob_id in _setting(device, 1):
-        if cob_id & values.EXTENDED:
-            yield at, f"{pdo.title} has a 29-bit identifier, which few devices know"
-
-
 def _identifiers(device: LintedDevice) -> Iterator[tuple[DescribedPdo, Entry | Section, int]]:
     """Give every PDO that is valid with its identifier for the lowest node-ID, and where that stands."""
     for pdo in device.pdos:
@@ -104,8 +101,7 @@ def in_predefined(device: LintedDevice) -> Violations:
         # Made from the node-ID; in a DCF it may be written out, so there nobody can tell.
         is_own = device.node_id is not None or (cob_id and cob_id.relative)
         if found and not is_own:
-            text = f"{pdo.title} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
-            yield at, text
+            yield at, f"{pdo.title} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
 
 
 @RULES.rule("W609", "public: CANopenNode, CO_PDO.c, adds the node-ID to such an identifier")
@@ -138,6 +134,12 @@ def outside_cob_id(device: LintedDevice) -> Violations:
 
 
 RULES += (
+    Rule("E604", "Bits 11 to 28 of the COB-ID of a base frame are 0.", COMMUNICATION,
+         setting_of(values.COB_ID, lambda _, value: not value & values.EXTENDED and bool(value & RESERVED_BITS),
+                    "COB-ID {text} of {pdo} has bits 11 to 28 set without bit 29")),
+    Rule("W605", "PDOs have 11-bit identifiers.", COMMUNICATION,
+         setting_of(values.COB_ID, lambda _, value: bool(value & values.EXTENDED),
+                    "{pdo} has a 29-bit identifier, which few devices know")),
     Rule("E606", "No PDO has an identifier of NMT, SDO, heartbeat or LSS.",
          "CiA 301, restricted CAN-IDs; public: CANopenNode, CO_IS_RESTRICTED_CAN_ID",
          in_range_of(values.RESTRICTED, "restricted to")),
@@ -152,15 +154,9 @@ RULES += (
 RTR_TYPES = (252, 253)
 
 
-def transmission_of(direction: PdoDirection, is_reserved: Callable[[int], bool], sentence: str) -> Check:
-    """Make the rule that no PDO of a direction has a reserved transmission type."""
-
-    def check(device: LintedDevice) -> Violations:
-        for pdo, at, value in _setting(device, 2):
-            if pdo.direction is direction and is_reserved(value):
-                yield at, f"transmission type {value} of {pdo.title}: {sentence}"
-
-    return check
+def is_reserved(type_: int) -> bool:
+    """Whether a transmission type has no meaning, for PDOs of either direction."""
+    return not (type_ in values.SYNCHRONOUS or 252 <= type_ <= 255)
 
 
 @RULES.rule("E623", "CiA 301, object 0x1800")
@@ -181,14 +177,6 @@ def synchronous_without_sync(device: LintedDevice) -> Violations:
             yield at, f"{pdo.title} is synchronous (type {value}), but the device has no SYNC (0x1005)"
 
 
-@RULES.rule("W625", "CiA 301, objects 0x1400 and 0x1800")
-def compatibility_entry(device: LintedDevice) -> Violations:
-    """Sub-index 4 is reserved."""
-    for pdo, at, value in _setting(device, 4):
-        if value:
-            yield at, f"sub 4 of {pdo.title} is {at.value[:20]}, but is reserved"
-
-
 @RULES.rule("W626", "CiA 301, object 0x1400")
 def inhibited_rpdo(device: LintedDevice) -> Violations:
     """Inhibit time and SYNC start value are for TPDOs."""
@@ -196,14 +184,6 @@ def inhibited_rpdo(device: LintedDevice) -> Violations:
         for pdo, at, value in _setting(device, sub):
             if pdo.direction is PdoDirection.RPDO and value:
                 yield at, f"{pdo.title} has {what}, which RPDOs do not use"
-
-
-@RULES.rule("E627", "CiA 301, object 0x1800 sub 6")
-def sync_start(device: LintedDevice) -> Violations:
-    """A SYNC start value is 0 to 240."""
-    for pdo, at, value in _setting(device, 6):
-        if not 0 <= value <= 240:
-            yield at, f"SYNC start value {value} of {pdo.title} is not 0 to 240"
 
 
 @RULES.rule("W628", "CiA 301, object 0x1800")
@@ -215,19 +195,26 @@ def slower_than_event(device: LintedDevice) -> Violations:
             yield at, f"event timer {milliseconds} ms of {pdo.title} is shorter than its inhibit time {inhibit.value}"
 
 
+TYPE = "transmission type {value} of {pdo}: "
+
 RULES += (
     Rule("E620", "A TPDO's transmission type is 0 to 240 or 252 to 255.",
          "CiA 301, object 0x1800 sub 2; public: manuals of Lika RD4, Applied Motion ST10, Gefran RK5C",
-         transmission_of(PdoDirection.TPDO, lambda v: not (v in values.SYNCHRONOUS or 252 <= v <= 255),
-                         "241 to 251 are reserved")),
+         setting_of(values.TRANSMISSION_TYPE, lambda direction, v: direction is PdoDirection.TPDO and is_reserved(v),
+                    TYPE + "241 to 251 are reserved")),
     Rule("E621", "An RPDO's transmission type is 0 to 240, 254 or 255.",
          "CiA 301, object 0x1400 sub 2; public: manual of Lika RD4, object 1400",
-         transmission_of(PdoDirection.RPDO, lambda v: not (v in values.SYNCHRONOUS or v in (252, 253, 254, 255)),
-                         "241 to 253 are reserved")),
+         setting_of(values.TRANSMISSION_TYPE, lambda direction, v: direction is PdoDirection.RPDO and is_reserved(v),
+                    TYPE + "241 to 253 are reserved")),
     Rule("W622", "No RPDO is for remote frames only.",
          "CiA 301, object 0x1400 sub 2; public: Lika RD4 lists 252 and 253 for RPDOs too, hence a warning",
-         transmission_of(PdoDirection.RPDO, lambda v: v in RTR_TYPES,
-                         "remote frames ask for TPDOs; reserved for RPDOs")),
+         setting_of(values.TRANSMISSION_TYPE, lambda direction, v: direction is PdoDirection.RPDO and v in RTR_TYPES,
+                    TYPE + "remote frames ask for TPDOs; reserved for RPDOs")),
+    Rule("W625", "Sub-index 4 is reserved.", COMMUNICATION,
+         setting_of(4, lambda _, value: value != 0, "sub 4 of {pdo} is {text}, but is reserved")),
+    Rule("E627", "A SYNC start value is 0 to 240.", "CiA 301, object 0x1800 sub 6",
+         setting_of(values.SYNC_START, lambda _, value: not 0 <= value <= 240,
+                    "SYNC start value {value} of {pdo} is not 0 to 240")),
 )  # fmt: skip
 
 # Mappings

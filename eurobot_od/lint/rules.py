@@ -6,17 +6,11 @@ finds.
 
 from __future__ import annotations
 
-from eurobot_od.lint import configuration_rules, file_rules, object_rules, pdo_rules
-from eurobot_od.lint.findings import Finding, Rule
+from eurobot_od.lint import file_rules, object_rules, pdo_rules
+from eurobot_od.lint.findings import Finding
 from eurobot_od.lint.model import LintedDevice, load
 
-FILE_RULES: tuple[Rule, ...] = (
-    *file_rules.RULES,
-    *object_rules.RULES,
-    *configuration_rules.MODULE_RULES,
-    *pdo_rules.RULES,
-    *configuration_rules.RULES,
-)
+FILE_RULES = (*file_rules.RULES, *object_rules.RULES, *file_rules.MODULES, *pdo_rules.RULES, *file_rules.CONFIGURATION)
 """The rules for one file, by code."""
 
 
@@ -31,10 +25,6 @@ def lint(data: bytes, file: str) -> list[Finding]:
 
 def lint_device(device: LintedDevice, file: str) -> list[Finding]:
     """Check a device that has been read."""
-    found = {
-        Finding(file, at.line, at.column, rule.code, text)
-        for rule in FILE_RULES
-        if not device.document.is_xml or rule.code not in NOT_OF_XML
-        for at, text in rule.check(device)
-    }
+    rules = [each for each in FILE_RULES if not device.document.is_xml or each.code not in NOT_OF_XML]
+    found = {Finding(file, at.line, at.column, rule.code, text) for rule in rules for at, text in rule.check(device)}
     return sorted(found, key=lambda each: each[1:])

@@ -13,19 +13,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
 from eurobot_od.errors import DictionaryError, LocalError, YamlError
-from eurobot_od.od import values
+from eurobot_od.od import standard, values
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import completed, read
 from eurobot_od.od.values import Address, PdoDirection, label, parse_number
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, compose, place_of, refuse, telling
+from eurobot_od.support.yaml_places import START, PlacedText, Problem, Problems, compose, place_of, telling
 from eurobot_od.support.yaml_shapes import SCALAR
 
 Tree: TypeAlias = "PlacedText | list[Any] | dict[PlacedText, Any]"
@@ -35,11 +36,11 @@ FOLDER = "@BUS_CONFIG_PATH@"
 
 OPTIONS, MASTER, DEFAULTS, NODES = "options", "master", "defaults", "nodes"
 
-OBJECTS: Mapping[str, Address] = {
-    "time_cob_id": (0x1012, 0),
-    "heartbeat_producer": (0x1017, 0),
-    "guard_time": (0x100C, 0),
-    "life_time_factor": (0x100D, 0),
+OBJECTS = {
+    "time_cob_id": standard.TIME,
+    "heartbeat_producer": standard.HEARTBEAT_TIME,
+    "guard_time": standard.GUARD_TIME,
+    "life_time_factor": standard.LIFE_TIME_FACTOR,
 }
 """Keys of a node that are the value of one object."""
 
@@ -111,24 +112,12 @@ class BusFile(NamedTuple):
 
     def writes(self, name: str) -> tuple[BusNode, list[BusWrite]]:
         """Return what the master writes to a node; raises LocalError, DictionaryError."""
-        free = Free(FREE_COB_IDS)
+        free = count(FREE_COB_IDS)
         for node in self.nodes:
             found = list(_Configuration(self, node, free).writes())
             if node.name == name:
                 return node, found
         raise LocalError(f"{self.file}: no node {name}")
-
-
-class Free:
-    """Identifiers that are given away in the order of the file."""
-
-    def __init__(self, first: int) -> None:
-        self._next = first
-
-    def take(self) -> int:
-        """Return the next one."""
-        self._next += 1
-        return self._next - 1
 
 
 def number(said: Tree) -> int:
@@ -199,13 +188,8 @@ def _bus(tree: Mapping[Any, Any], file: str, problems: Problems) -> BusFile:
     for each in (master, defaults, *(_mapping(node) for node in (*beside.values(), *below.values()))):
         unread += (f"{file}:{key.place.line}: {key} is not understood" for key in each if key not in READ | ELSEWHERE)
     if not nodes:
-        refuse_nothing(problems)
+        problems.append(Problem(START, "it names no nodes"))
     return BusFile(file, master, options, tuple(nodes), tuple(unread))
-
-
-def refuse_nothing(problems: Problems) -> None:
-    """Note that a file names no node."""
-    refuse(yaml.ScalarNode("", "", yaml.Mark("", 0, 0, 0, None, 0)), problems, "it names no nodes")
 
 
 def _mapping(said: Tree) -> dict[Any, Any]:
@@ -234,7 +218,7 @@ def bus_text(nodes: Mapping[str, tuple[int, str, Sequence[tuple[Address, int]]]]
 class _Configuration:
     """What one node's entries configure."""
 
-    def __init__(self, bus: BusFile, node: BusNode, free: Free) -> None:
+    def __init__(self, bus: BusFile, node: BusNode, free: Iterator[int]) -> None:
         self._bus, self._node, self._free = bus, node, free
         self._device = DescribedDevice(completed(read(read_bytes(node.file))))
 
@@ -287,8 +271,7 @@ class _Configuration:
             if not bits:
                 what = f"{label(address)} is not an object of {self._node.file.name} that can be mapped"
                 raise DictionaryError(f"{self._bus.file}:{each['index'].place.line}", None, what)
-            entry = values.MappingEntry(*address, bits).number
-            yield BusWrite((mapping, sub), entry, each["index"].place.line)
+            yield BusWrite((mapping, sub), values.MappingEntry(*address, bits).number, each["index"].place.line)
         if "mapping" in said:
             yield BusWrite((mapping, 0), len(said["mapping"]), line)
         if said.get("enabled", "true").lower() not in ("false", "no", "off"):
@@ -302,7 +285,7 @@ class _Configuration:
         if wanted != "auto":
             return number(wanted)
         bases = values.DEFAULT_PDO_BASES[direction]
-        return bases[place] + self._node.node_id if place < len(bases) else self._free.take()
+        return bases[place] + self._node.node_id if place < len(bases) else next(self._free)
 
     def _address(self, entry: Mapping[str, Any]) -> Address:
         return number(entry.get("index", PlacedText("", self._node.name.place))), number(entry.get("sub_index", "0"))

@@ -110,10 +110,5 @@ SWITCHED_ON = "on"
 BIT_BLOCKS: Mapping[int, int] = {each.value: each.bits for each in (*DIGITAL_INPUTS, *DIGITAL_OUTPUTS)}
 """Objects whose bits are inputs or outputs: how many are in a block."""
 
-FUNCTION_BITS: Mapping[int, str] = {
-    16: "digital inputs",
-    17: "digital outputs",
-    18: "analogue inputs",
-    19: "analogue outputs",
-}
+FUNCTION_BITS = {16: "digital inputs", 17: "digital outputs", 18: "analogue inputs", 19: "analogue outputs"}
 """What bits of 0x1000 say about the module."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping
 from enum import Enum, IntEnum
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 PROFILE = 402
 """Low word of 0x1000 of a drive."""
@@ -18,6 +18,13 @@ FIRST_AXIS = range(0x6000, 0x6800)
 
 AXIS_STEP, MOST_AXES = 0x800, 8
 """From one axis to the next, and how many there may be."""
+
+
+def on_first_axis(index: int) -> int:
+    """Return the index that an object of an axis has on the first one; any other object's index stays."""
+    is_of_axis = FIRST_AXIS.start <= index < FIRST_AXIS.start + MOST_AXES * AXIS_STEP
+    return FIRST_AXIS.start + (index - FIRST_AXIS.start) % AXIS_STEP if is_of_axis else index
+
 
 # Objects
 
@@ -66,8 +73,20 @@ PROCESS_DATA: Mapping[int, Container[int]] = {
 # The state machine (CiA 402-2, clause 8)
 
 
-class State(Enum):
-    """A state of the drive: its name, and which bits of the statusword have which values in it."""
+class BitPattern(Enum):
+    """What a word of a drive says by some of its bits: in words, with the mask of the bits, and their values."""
+
+    def __init__(self, words: str, mask: int, bits: int) -> None:
+        self.words, self.mask, self.bits = words, mask, bits
+
+    @classmethod
+    def of(cls, word: int) -> Self | None:
+        """Return what a word says; None for bits that say nothing."""
+        return next((each for each in cls if word & each.mask == each.bits), None)
+
+
+class State(BitPattern):
+    """A state of the drive, as the statusword says it."""
 
     NOT_READY = "Not ready to switch on", 0x4F, 0x00
     DISABLED = "Switch on disabled", 0x4F, 0x40
@@ -78,12 +97,9 @@ class State(Enum):
     FAULT_REACTION = "Fault reaction active", 0x4F, 0x0F
     FAULT = "Fault", 0x4F, 0x08
 
-    def __init__(self, words: str, mask: int, bits: int) -> None:
-        self.words, self.mask, self.bits = words, mask, bits
 
-
-class DriveCommand(Enum):
-    """A command of the controlword: its name, and which bits have which values in it.
+class DriveCommand(BitPattern):
+    """A command, as the controlword says it.
 
     `FAULT_RESET` is a rising edge of its bit. `ENABLE` and `SWITCH_ON` are also what a drive that is enabled, or
     not, is commanded by: `SWITCH_ON` disables operation then.
@@ -95,9 +111,6 @@ class DriveCommand(Enum):
     DISABLE_VOLTAGE = "Disable voltage", 0x82, 0x00
     QUICK_STOP = "Quick stop", 0x86, 0x02
     FAULT_RESET = "Fault reset", 0x80, 0x80
-
-    def __init__(self, words: str, mask: int, bits: int) -> None:
-        self.words, self.mask, self.bits = words, mask, bits
 
 
 class Transition(NamedTuple):
@@ -134,24 +147,14 @@ Transition 16 is there only if the quick stop option code lets the drive stay in
 takes 12 by itself when it stands.
 """
 
-ARROWS: Mapping[tuple[State, DriveCommand | None], Transition] = {
-    (each.before, each.command): each for each in TRANSITIONS
-}
+ARROWS = {(each.before, each.command): each for each in TRANSITIONS}
 """The arrows by the state and what makes the drive take them."""
 
 POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
 """The states in which the motor has torque (CiA 402-2, clause 8.2)."""
 
-
-def state_of(statusword: int) -> State | None:
-    """Return the state that a statusword says; None for bits that belong to no state."""
-    return next((each for each in State if statusword & each.mask == each.bits), None)
-
-
-def command_of(controlword: int) -> DriveCommand | None:
-    """Return the command that a controlword says; None for bits that belong to no command."""
-    return next((each for each in DriveCommand if controlword & each.mask == each.bits), None)
-
+state_of, command_of = State.of, DriveCommand.of
+"""What a statusword, and a controlword, says."""
 
 # Modes of operation (CiA 402-2, clause 9)
 
@@ -224,12 +227,7 @@ MODE_CONTROL_BITS: Mapping[Mode, Mapping[int, str]] = {
     Mode.INTERPOLATED_POSITION: {4: "interpolation"},
 }
 
-INPUT_BITS: Mapping[int, str] = {
-    0: "negative limit switch",
-    1: "positive limit switch",
-    2: "home switch",
-    3: "interlock",
-}
+INPUT_BITS = dict(enumerate(("negative limit switch", "positive limit switch", "home switch", "interlock")))
 OUTPUT_BITS: Mapping[int, str] = {0: "set brake"}
 MODE_BITS: Mapping[int, str] = {mode - 1: MODE_WORDS[mode] for mode in Mode if mode}
 POLARITY_BITS: Mapping[int, str] = {6: "velocity inverted", 7: "position inverted"}
@@ -259,13 +257,7 @@ OPTIONS: Mapping[int, Mapping[int, Ramp]] = {
 }
 """The ramp of each option code that CiA 402 defines, by its object (CiA 402-2, clauses 8.4.5 to 8.4.9)."""
 
-DEFAULT_OPTION: Mapping[int, int] = {
-    QUICK_STOP_OPTION: 2,
-    SHUTDOWN_OPTION: 0,
-    DISABLE_OPTION: 1,
-    HALT_OPTION: 1,
-    FAULT_OPTION: 2,
-}
+DEFAULT_OPTION = {QUICK_STOP_OPTION: 2, SHUTDOWN_OPTION: 0, DISABLE_OPTION: 1, HALT_OPTION: 1, FAULT_OPTION: 2}
 """The code of a device that does not have the object."""
 
 STAYING = range(5, 9)
@@ -284,6 +276,7 @@ OPTION_WORDS: Mapping[int, Mapping[int, str]] = {
 
 
 POSITIVE, NEGATIVE = 1, -1
+SIDES = {POSITIVE: "positive", NEGATIVE: "negative"}
 
 
 class Switch(IntEnum):
@@ -325,63 +318,44 @@ class Method(NamedTuple):
     steps: tuple[Seek, ...] = ()
 
 
-class HomeEdge(NamedTuple):
-    """Which edge of the home switch is home.
+def _edge(initial: int, edge: int, inside: bool) -> Method:
+    """Return the method whose home is an edge of the home switch.
 
     The axis looks for the switch in the direction `initial`, leaves it to the side `edge`, and is at home there, or
     `inside`, when it has come back.
     """
-
-    initial: int
-    edge: int
-    inside: bool
-
-    @property
-    def steps(self) -> tuple[Seek, ...]:
-        """What is sought."""
-        found = Seek(self.initial, Switch.HOME, True, Speed.SWITCH, turns=True)
-        # A fast axis has gone through the switch before it stands; any other one is still inside.
-        back = Seek(-self.initial, Switch.HOME, True, turns=True)
-        left = Seek(self.edge, Switch.HOME, False)
-        return (found, back, left, Seek(-self.edge, Switch.HOME)) if self.inside else (found, back, left)
-
-    @property
-    def words(self) -> str:
-        """For a person."""
-        side = "positive" if self.edge == POSITIVE else "negative"
-        return f"{side} edge of the home switch, {'inside' if self.inside else 'outside'}"
-
-
-EDGES: Mapping[int, HomeEdge] = {
-    # 19 to 22 know on which side of the switch they start; 23 to 26 begin in positive and 27 to 30 in negative
-    # direction, and turn round at a limit switch.
-    19: HomeEdge(POSITIVE, NEGATIVE, False),
-    20: HomeEdge(POSITIVE, NEGATIVE, True),
-    21: HomeEdge(NEGATIVE, POSITIVE, False),
-    22: HomeEdge(NEGATIVE, POSITIVE, True),
-    23: HomeEdge(POSITIVE, NEGATIVE, False),
-    24: HomeEdge(POSITIVE, NEGATIVE, True),
-    25: HomeEdge(POSITIVE, POSITIVE, True),
-    26: HomeEdge(POSITIVE, POSITIVE, False),
-    27: HomeEdge(NEGATIVE, POSITIVE, False),
-    28: HomeEdge(NEGATIVE, POSITIVE, True),
-    29: HomeEdge(NEGATIVE, NEGATIVE, True),
-    30: HomeEdge(NEGATIVE, NEGATIVE, False),
-}
-"""The methods that look for the home switch."""
+    found = Seek(initial, Switch.HOME, True, Speed.SWITCH, turns=True)
+    # A fast axis has gone through the switch before it stands; any other one is still inside.
+    back = Seek(-initial, Switch.HOME, True, turns=True)
+    left = Seek(edge, Switch.HOME, False)
+    steps = (found, back, left, Seek(-edge, Switch.HOME)) if inside else (found, back, left)
+    return Method(f"{SIDES[edge]} edge of the home switch, {'inside' if inside else 'outside'}", steps)
 
 
 def _limit(direction: int) -> Method:
+    """Return the method whose home is where the axis leaves a limit switch."""
     switch = LIMITS[direction]
-    side = "positive" if direction == POSITIVE else "negative"
     steps = Seek(direction, switch, True, Speed.SWITCH), Seek(-direction, switch, False)
-    return Method(f"{side} limit switch", steps)
+    return Method(f"{SIDES[direction]} limit switch", steps)
 
 
 _WITHOUT_INDEX: Mapping[int, Method] = {
     17: _limit(NEGATIVE),
     18: _limit(POSITIVE),
-    **{number: Method(edge.words, edge.steps) for number, edge in EDGES.items()},
+    # 19 to 22 know on which side of the switch they start; 23 to 26 begin in positive and 27 to 30 in negative
+    # direction, and turn round at a limit switch.
+    19: _edge(POSITIVE, NEGATIVE, False),
+    20: _edge(POSITIVE, NEGATIVE, True),
+    21: _edge(NEGATIVE, POSITIVE, False),
+    22: _edge(NEGATIVE, POSITIVE, True),
+    23: _edge(POSITIVE, NEGATIVE, False),
+    24: _edge(POSITIVE, NEGATIVE, True),
+    25: _edge(POSITIVE, POSITIVE, True),
+    26: _edge(POSITIVE, POSITIVE, False),
+    27: _edge(NEGATIVE, POSITIVE, False),
+    28: _edge(NEGATIVE, POSITIVE, True),
+    29: _edge(NEGATIVE, NEGATIVE, True),
+    30: _edge(NEGATIVE, NEGATIVE, False),
 }
 
 

@@ -15,17 +15,7 @@ from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
 from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, Document, Rewriting, is_text, read_bytes
 from eurobot_od.od.objects import data_type, value_text
-from eurobot_od.od.values import (
-    DOMAIN,
-    TIMES,
-    UNICODE_STRING,
-    VISIBLE_STRING,
-    Address,
-    DataType,
-    Value,
-    label,
-    parse_number,
-)
+from eurobot_od.od.values import DOMAIN, TIMES, UNICODE_STRING, VISIBLE_STRING, Address, Value, label, parse_number
 
 if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
@@ -114,25 +104,16 @@ def _value(eds: Dictionary, address: Address, data: bytes) -> Value:
             return type_.read(data)
         except ValueError as error:
             raise FieldError(label(address), variable.name, data.hex(), str(error)) from None
-    text = _text_of_bytes(type_, data, encoding)
+    text = data.hex().upper()
+    if type_ in (VISIBLE_STRING, UNICODE_STRING):
+        try:
+            text = data.decode(encoding if type_ == VISIBLE_STRING else UNICODE_BYTES)
+        except UnicodeDecodeError:
+            return None
+    # A code page is found out by what is not UTF-8, so a text in it could turn a whole file into UTF-8.
+    is_safe = type_ != UNICODE_STRING or text.isascii() or encoding == "utf-8"
     # An empty text is none in a file: `ParameterValue=` says that there is no value.
-    return text if text and is_text(text, encoding) else None
-
-
-def _text_of_bytes(type_: DataType, data: bytes, encoding: str) -> str | None:
-    """Return the text that stands for bytes, None if there is none."""
-    if type_ == DOMAIN:
-        return None
-    try:
-        if type_ == VISIBLE_STRING:
-            return data.decode(encoding)
-        if type_ == UNICODE_STRING:
-            text = data.decode(UNICODE_BYTES)
-            # A code page is found out by what is not UTF-8, so a text in it could turn a whole file into UTF-8.
-            return text if text.isascii() or encoding == "utf-8" else None
-    except UnicodeDecodeError:
-        return None
-    return data.hex().upper()
+    return text if type_ != DOMAIN and text and is_safe and is_text(text, encoding) else None
 
 
 # The file
@@ -178,10 +159,8 @@ def missing(document: Document) -> list[str]:
     members = Counter(name.partition("sub")[0] for name in document.sections if "sub" in name)
     wanted = [name for each in OBJECT_LISTS for name in _listed(document, each)]
     counts = [(name, parse_number(document.text(name.lower(), "subnumber"))) for name in wanted]
-    return [
-        *(name for name in wanted if name.lower() not in document.sections),
-        *(f"{name}sub" for name, count in counts if count and members[name.lower()] < count.value),
-    ]
+    absent = [name for name in wanted if name.lower() not in document.sections]
+    return absent + [f"{name}sub" for name, count in counts if count and members[name.lower()] < count.value]
 
 
 def _listed(document: Document, name: str) -> Iterator[str]:
@@ -220,8 +199,7 @@ def _written(variable: DescribedVariable, value: DcfValue) -> str:
         return f"0x{value:0{len(like) - 2 if like.startswith('0x') else COB_ID_DIGITS}X}"
     text = str(value)
     if isinstance(value, (bytes, FileBeside)) or not is_text(text, "utf-8"):
-        where = label((variable.index, variable.sub))
-        raise FieldError(where, variable.name, value, "what a line of a DCF can hold")
+        raise FieldError(label((variable.index, variable.sub)), variable.name, value, "what a line of a DCF can hold")
     return text
 
 

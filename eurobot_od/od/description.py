@@ -6,6 +6,7 @@ look at any file; `normal` decides what a file must have to be used.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from enum import Enum
 from functools import cached_property
@@ -45,24 +46,19 @@ class SectionName(NamedTuple):
     list: str = ""
 
 
-COMPACT_LISTS = ("name", "value", "denotation")
-"""Sections `[xxxxName]` and their like, which give a compact object's sub-indices their own texts and values."""
+SECTION_NAME = re.compile(
+    r"([0-9A-F]{4})(?:sub(0|[1-9A-F][0-9A-F]?)|(name|value|denotation))?", re.IGNORECASE | re.ASCII
+)
+"""Sections of objects and sub-indices; `[xxxxName]` and its like give those of a compact object their own texts."""
 
 
 def parse_section_name(name: str) -> SectionName | None:
     """Read the name of an object's section: `1018`, `1018sub1`, `2000Name`; None if it is not one."""
-    head, tail = name[:4], name[4:].lower()
-    # strip, not int(): that would take blanks, signs and underscores, too
-    if len(head) != 4 or head.strip(values.DIGITS[16]):
+    match = SECTION_NAME.fullmatch(name)
+    if match is None:
         return None
-    if tail in COMPACT_LISTS:
-        return SectionName(int(head, 16), list=tail)
-    sub = tail.removeprefix("sub")
-    if not tail:
-        return SectionName(int(head, 16))
-    if sub == tail or not 1 <= len(sub) <= 2 or sub.strip(values.DIGITS[16]) or (sub[0] == "0" and sub != "0"):
-        return None
-    return SectionName(int(head, 16), int(sub, 16))
+    index, sub, list_name = match.groups()
+    return SectionName(int(index, 16), int(sub, 16) if sub else -1, list_name.lower() if list_name else "")
 
 
 class DescribedVariable:
@@ -334,12 +330,9 @@ class DescribedDevice:
     def pdos(self) -> list[DescribedPdo]:
         """All PDOs of which at least one record is there, RPDOs first."""
         found = {values.pdo_of(index) for index in self.objects} - {None}
-        return [
-            DescribedPdo(direction, index, self.objects.get(index), self.objects.get(index + values.MAPPING_OFFSET))
-            for direction, records in values.COMMUNICATION_RECORDS.items()
-            for index in records
-            if index in found
-        ]
+        every = ((direction, index) for direction in PdoDirection for index in values.COMMUNICATION_RECORDS[direction])
+        there = ((direction, index, index + values.MAPPING_OFFSET) for direction, index in every if index in found)
+        return [DescribedPdo(each, one, self.objects.get(one), self.objects.get(other)) for each, one, other in there]
 
     @cached_property
     def mapped(self) -> list[tuple[DescribedPdo, MappingEntry, DescribedVariable]]:

@@ -45,8 +45,7 @@ class Dictionary:
 
     def __init__(self, file: Path, content: bytes, normal: Normal, node_id: int | None = None, name: str = "") -> None:
         # The EDS that says the same: what a device keeps of itself in 0x1021, and what a DCF is made of.
-        is_other = normal.is_xml or normal.is_patched
-        self.content = normal.text.encode(normal.encoding) if is_other else content
+        self.content = normal.text.encode(normal.encoding) if normal.is_xml or normal.is_patched else content
         self.file, self.name = file, name or encodable(file.stem)
         self._normal = normal
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
@@ -101,8 +100,7 @@ class Dictionary:
     @property
     def idle_modules(self) -> tuple[Module, ...]:
         """The modules that a modular device supports, if none is connected: their objects are not there."""
-        modules = Modules(self.device.document)
-        return () if self._normal.has_modules else tuple(modules.supported.values())
+        return () if self._normal.has_modules else tuple(Modules(self.device.document).supported.values())
 
     @property
     def left_out(self) -> list[Refusal]:
@@ -280,13 +278,9 @@ class Dictionary:
         A setting may be mapped into PDOs; what is not one is `process_data`, a command or a history.
         """
         variable = self.variable(address)
-        return (
-            variable is not None
-            and od.is_described(variable)
-            and variable.writable
-            and address[0] not in standard.NOT_PARAMETERS
-            and address not in self.process_data
-        )
+        if variable is None or not od.is_described(variable) or not variable.writable:
+            return False
+        return address[0] not in standard.NOT_PARAMETERS and address not in self.process_data
 
     @cached_property
     def process_data(self) -> frozenset[Address]:
@@ -301,12 +295,8 @@ class Dictionary:
                     part = self.part(each.address)
                     found |= {each.address, part.whole if part else each.address}
         of_profile = PROCESS_DATA.get(profile_of(self.objects), {})
-        return frozenset(found).union(
-            (index, sub)
-            for index, subs in self.members.items()
-            for sub in subs
-            if sub in of_profile.get(_on_first_axis(index), ())
-        )
+        known = (each for each in self.addresses() if each[1] in of_profile.get(cia402.on_first_axis(each[0]), ()))
+        return frozenset(found).union(known)
 
     # PDOs
 
@@ -319,14 +309,11 @@ class Dictionary:
         self, value: Callable[[Address], Value], refused: OnRefused = fatal, listening: bool = False
     ) -> tuple[Pdo, ...]:
         """Read RPDOs, then TPDOs, from the parameter values that `value` gives; see `PdoReader`."""
-        return self._reader(value).pdos(refused, listening)
+        return PdoReader(self.file, self.objects, self.node_id, value).pdos(refused, listening)
 
     def mapped(self, mapping_index: int, entry: int) -> Mapped:
         """Return what a mapping entry stands for; raises MappingError."""
-        return self._reader(self.default).mapped(mapping_index, entry)
-
-    def _reader(self, value: Callable[[Address], Value]) -> PdoReader:
-        return PdoReader(self.file, self.objects, self.node_id, value)
+        return PdoReader(self.file, self.objects, self.node_id, self.default).mapped(mapping_index, entry)
 
     def part(self, address: Address) -> Part | None:
         """Return what a slice is a part of; None for what is not a slice."""
@@ -335,12 +322,6 @@ class Dictionary:
 
 
 PROCESS_DATA = {cia401.PROFILE: cia401.PROCESS_DATA, cia402.PROFILE: cia402.PROCESS_DATA}
-
-
-def _on_first_axis(index: int) -> int:
-    """Return the index that an object of CiA 402 has on the first axis; others are there anyway."""
-    first = cia402.FIRST_AXIS
-    return first.start + (index - first.start) % cia402.AXIS_STEP if index >= first.start else index
 
 
 class _Read:
@@ -424,15 +405,13 @@ class SdoChannel(NamedTuple):
     @classmethod
     def of(cls, device: Dictionary) -> SdoChannel:
         """Return where a device's SDO server is, as its file says."""
-        said = cls(
-            device.cob_id(standard.SDO_REQUESTS, values.SDO_REQUEST_BASE),
-            device.cob_id(standard.SDO_ANSWERS, values.SDO_RESPONSE_BASE),
-        )
+        said_at = standard.SDO_REQUESTS, standard.SDO_ANSWERS
+        said = cls(*map(device.cob_id, said_at, cls.default(0)))
         node_id = said.usual_for
         if node_id is None:
             return said
         # A ParameterValue was set for this device; a DefaultValue was perhaps only copied.
-        is_set = all(device.has_own_value(each) for each in (standard.SDO_REQUESTS, standard.SDO_ANSWERS))
+        is_set = all(map(device.has_own_value, said_at))
         is_for_another = node_id in (0, device.commissioned_node_id)
         return said if is_set and not is_for_another else cls.default(device.node_id)
 

@@ -72,6 +72,13 @@ class Oddity(NamedTuple):
     text: str
 
 
+class Remark(NamedTuple):
+    """What is to be said about a line of a file."""
+
+    line: int
+    what: str
+
+
 class Entry(NamedTuple):
     """`key=value`, as written but without blanks around either; `line` and `column` (of the value) count from 1."""
 
@@ -101,6 +108,12 @@ class Section(NamedTuple):
     def numbered(self) -> Iterator[Entry]:
         """Yield the entries whose keys are numbers: those of a list of objects or modules (CiA 306-1, 4.6.1)."""
         return (entry for key, entry in self.entries.items() if key.isdecimal())
+
+    def saying(self, **entries: str) -> Section:
+        """Return the section with other values; a key that is new stands where the section begins."""
+        places = ((key, text, self.at(key.lower())) for key, text in entries.items())
+        said = {key.lower(): Entry(key, text, at.line, at.column) for key, text, at in places}
+        return self._replace(entries={**self.entries, **said})
 
     def without_lines(self) -> Section:
         """Return the section for another file, in which its lines are those of something else."""
@@ -308,10 +321,9 @@ class _Reader:
         key = key.rstrip()
         if ";" in value:
             value = self._without_comment(number, column, value)
-        if len(key) + len(value) > LONGEST:
-            self._note(
-                Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {len(key) + len(value)} characters"
-            )
+        length = len(key) + len(value)
+        if length > LONGEST:
+            self._note(Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {length} characters")
         entry = Entry(key, value, number, column)
         first = self._entries.setdefault(key.lower(), entry) if key else entry
         if first is not entry or not key or self._entries is self._before:

@@ -22,12 +22,17 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.description import parse_section_name
-from eurobot_od.od.document import WIDE_MARKS, Document, Entry, Odd, Oddity, Section
-from eurobot_od.od.standard import MANDATORY
+from eurobot_od.od.document import WIDE_MARKS, Document, Odd, Oddity, Remark, Section
+from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, PdoDirection, parse_number
 
 SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
+
+
+def list_of(index: int) -> str:
+    """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
+    return cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
 
 
 def files_in(folder: str | Path) -> list[Path]:
@@ -40,9 +45,7 @@ def files_in(folder: str | Path) -> list[Path]:
 
 def read(data: bytes) -> Document:
     """Read the bytes of a file; nothing raises, what is odd is in the document."""
-    if not is_xml(data):
-        return cia306.read(data)
-    return read_xml(data)
+    return read_xml(data) if is_xml(data) else cia306.read(data)
 
 
 def is_xml(data: bytes) -> bool:
@@ -56,19 +59,8 @@ def is_xml(data: bytes) -> bool:
 
 COUNTS = {PdoDirection.RPDO: "nrofrxpdo", PdoDirection.TPDO: "nroftxpdo"}
 
-PARAMETERS: tuple[tuple[str, DataType], ...] = (
-    ("COB-ID", values.UNSIGNED32),
-    ("Transmission type", values.UNSIGNED8),
-    ("Inhibit time", values.UNSIGNED16),
-    ("Compatibility entry", values.UNSIGNED8),
-    ("Event timer", values.UNSIGNED16),
-    ("SYNC start value", values.UNSIGNED8),
-)
+PARAMETERS = ("COB-ID", "Transmission type", "Inhibit time", "Compatibility entry", "Event timer", "SYNC start value")
 """Communication parameters from sub-index 1 on; the device has those whose bit in CompactPDO is set."""
-
-
-USUAL_NAME = re.compile(r"[0-9a-f]{4}(?:sub(?:0|[1-9a-f][0-9a-f]?)|name|value|denotation)?")
-"""Names of objects' sections, in lower case; `parse_section_name` says what they mean."""
 
 
 def completed(document: Document) -> Document:
@@ -115,7 +107,7 @@ def decimal_subs(document: Document) -> dict[str, str]:
 
 def looks_odd(name: str) -> bool:
     """Whether a section's name, in lower case, may be that of an object in an unusual form."""
-    return name[:1].isdigit() and not USUAL_NAME.fullmatch(name)
+    return name[:1].isdigit() and parse_section_name(name) is None
 
 
 def usual_name(name: str) -> str | None:
@@ -126,31 +118,24 @@ def usual_name(name: str) -> str | None:
     return usual if parse_section_name(usual) else None
 
 
-class Misspelling(NamedTuple):
-    """A section or key that is not spelled as in CiA 306: its line, and how it is spelled there."""
-
-    line: int
-    what: str
-
-
-def misspelled(document: Document) -> Iterator[Misspelling]:
-    """Give the sections and keys that are not spelled as CiA 306 has them."""
+def misspelled(document: Document) -> Iterator[Remark]:
+    """Give the sections and keys that are not spelled as CiA 306 has them, and how they are spelled there."""
     for name, counted in decimal_subs(document).items():
         section = document.sections[name]
-        yield Misspelling(section.line, f"section [{section.name}] named [{counted}]: its object counts in decimal")
+        yield Remark(section.line, f"section [{section.name}] named [{counted}]: its object counts in decimal")
     for name, section in document.sections.items():
         usual = cia306.SECTION_NAMES.get(name) or _object_name(name, section.name)
         if usual is not None and usual != section.name:
-            yield Misspelling(section.line, f"section [{section.name}] named [{usual}]")
+            yield Remark(section.line, f"section [{section.name}] named [{usual}]")
         # What is neither a section of CiA 306 nor an object is the maker's own, and so are its keys.
         spelled = cia306.SPELLED_KEYS.get(name, cia306.SPELLED_OBJECT_KEYS if usual else {})
         for key, entry in section.entries.items():
             if entry.key != spelled.get(key, entry.key):
-                yield Misspelling(entry.line, f"key {entry.key} spelled {spelled[key]}")
+                yield Remark(entry.line, f"key {entry.key} spelled {spelled[key]}")
 
 
 def _object_name(name: str, written: str) -> str | None:
-    if USUAL_NAME.fullmatch(name):
+    if parse_section_name(name):
         return written.strip().replace("SUB", "sub")  # the letter case of the digits is left to the file
     usual = usual_name(name) if looks_odd(name) else None
     return usual and usual.upper().replace("SUB", "sub")
@@ -179,21 +164,17 @@ def _compact_pdos(document: Document) -> Iterator[Section]:
 
 def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Section]:
     present = {sub: each for sub, each in enumerate(PARAMETERS, start=1) if mask >> sub - 1 & 1}
-    title = f"{direction} communication parameter"
-    yield _section(f"{index:04X}", at, {"ParameterName": title, "ObjectType": "0x9"})
+    yield _section(f"{index:04X}", at, {"ParameterName": f"{direction} communication parameter", "ObjectType": "0x9"})
     yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
-    for sub, (name, type_) in present.items():
+    for sub, name in present.items():
         # The first four PDOs have a COB-ID from the pre-defined connection set (CiA 301, 7.3.3), later ones have none.
-        is_without = sub == values.COB_ID and index & values.PDO_COUNT - 1 >= len(
-            values.DEFAULT_PDO_BASES[PdoDirection.RPDO]
-        )
+        is_without = sub == values.COB_ID and index & values.PDO_COUNT - 1 >= values.DEFAULT_PDOS
         default = f"0x{values.NOT_VALID:08X}" if is_without else ""
-        yield _variable(at, f"{index:04X}sub{sub}", name, type_, default)
+        yield _variable(at, f"{index:04X}sub{sub}", name, known_type(index, sub) or values.UNSIGNED32, default)
 
 
 def _variable(at: Section, name: str, title: str, type_: DataType, default: str) -> Section:
-    code = f"0x{type_.code:04X}"
-    entries = {"ParameterName": title, "DataType": code, "AccessType": "rw", "DefaultValue": default}
+    entries = {"ParameterName": title, "DataType": f"0x{type_.code:04X}", "AccessType": "rw", "DefaultValue": default}
     return _section(name, at, entries)
 
 
@@ -283,13 +264,12 @@ def _plain_time(text: str, type_: DataType) -> str | None:
 
 def _plain_bytes(text: str) -> str | None:
     """Write bytes in hexadecimal digits; an editor may put 0x in front of them."""
-    for digits in (text, text[2:] if text[:2].lower() == "0x" else ""):
-        try:
-            bytes.fromhex(digits)
-        except ValueError:
-            continue
-        return digits if digits or not text else None
-    return None
+    digits = text[2:] if text[:2].lower() == "0x" else text
+    try:
+        bytes.fromhex(digits)
+    except ValueError:
+        return None
+    return digits if digits or not text else None
 
 
 def _plain_real(text: str, type_: DataType) -> str | None:
@@ -358,9 +338,8 @@ def read_xml(data: bytes) -> Document:
     try:
         root = parse_xml(data)
     except expat.ExpatError as error:
-        return Document(
-            {}, [Oddity(Odd.XML, error.lineno, error.offset + 1, expat.ErrorString(error.code))], is_xml=True
-        )
+        odd = Oddity(Odd.XML, error.lineno, error.offset + 1, expat.ErrorString(error.code))
+        return Document({}, [odd], is_xml=True)
     except _Refused as error:
         what, line = error.args
         return Document({}, [Oddity(Odd.XML, line, 1, what)], is_xml=True)
@@ -403,24 +382,21 @@ def parse_xml(data: bytes) -> XmlElement:
 
 # Sections
 
-BODY_INFO = {
-    "fileName": "FileName",
-    "fileCreator": "CreatedBy",
-    "fileModifiedBy": "ModifiedBy",
-    "fileVersion": "FileVersion",
-}
+
+def _keys(*same: str, **others: str) -> dict[str, str]:
+    """Return the keys of an EDS by the names that they have in XML: those with a small letter, and others."""
+    return {name: name[:1].upper() + name[1:] for name in same} | others
+
+
+BODY_INFO = _keys("fileName", "fileVersion", fileCreator="CreatedBy", fileModifiedBy="ModifiedBy")
 """Attributes of a profile's body, and their keys in [FileInfo]."""
 
 DATES = {"fileCreationDate": "CreationDate", "fileModificationDate": "ModificationDate"}
 TIMES = {"fileCreationTime": "CreationTime", "fileModificationTime": "ModificationTime"}
 
-IDENTITY = {
-    "vendorName": "VendorName",
-    "vendorID": "VendorNumber",
-    "productName": "ProductName",
-    "productID": "ProductNumber",
-    "orderNumber": "OrderCode",
-}
+IDENTITY = _keys(
+    *("vendorName", "productName"), vendorID="VendorNumber", productID="ProductNumber", orderNumber="OrderCode"
+)
 FEATURES = {
     "granularity": "Granularity",
     "nrOfRxPDO": "NrOfRXPDO",
@@ -432,14 +408,9 @@ FEATURES = {
 }
 """Elements of the identity, attributes of general and of a master's features, and their keys in [DeviceInfo]."""
 
-COMMISSIONED = {
-    "nodeID": "NodeID",
-    "nodeName": "NodeName",
-    "actualBaudRate": "Baudrate",
-    "networkNumber": "NetNumber",
-    "networkName": "NetworkName",
-    "cANopenManager": "CANopenManager",
-}
+COMMISSIONED = _keys(
+    *("nodeID", "nodeName", "networkName", "cANopenManager"), actualBaudRate="Baudrate", networkNumber="NetNumber"
+)
 DUMMY = re.compile(r"(Dummy[0-9A-Fa-f]{4})=([01])")
 BREAKS = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 BOOLEANS = {"true": "1", "false": "0"}
@@ -502,8 +473,7 @@ def _section(name: str, at: XmlElement | Section, entries: Mapping[str, str]) ->
     """Return a section that stands where the file says what is in it."""
     # A line end in a value, which XML can have, would make two lines of an EDS.
     lines = {key: BREAKS.sub(" ", value).strip() for key, value in entries.items()}
-    said = {key.lower(): Entry(key, value, at.line, at.column) for key, value in lines.items()}
-    return Section(name, at.line, at.column, said)
+    return Section(name, at.line, at.column, {}).saying(**lines)
 
 
 DIGITS = {"index": 4, "subIndex": 2}
@@ -566,9 +536,8 @@ def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
     indices: dict[str, list[int]] = {name: [] for name in cia306.OBJECT_LISTS}
     for each in objects:
         index = _digits(each, "index") or 0
-        kind = 0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1
         if index >= values.FIRST:  # below are the data types, which no list of CiA 306 has
-            indices[cia306.OBJECT_LISTS[kind]].append(index)
+            indices[list_of(index)].append(index)
     for name, found in indices.items():
         rows = {str(number): f"0x{index:04X}" for number, index in enumerate(found, start=1)}
         yield _section(name, at, {"SupportedObjects": str(len(found)), **rows})

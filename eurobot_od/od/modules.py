@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice
-from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.document import Document, Entry, Remark, Section
 from eurobot_od.od.values import parse_number
 
 CONNECTED = "connectedmodules"
@@ -33,6 +33,9 @@ EXTENSION_KEYS = ("count", "objextend")
 
 COUNT = re.compile(r"(?:0\s*;\s*(?P<bits>[1-9]\d*)|(?P<subs>0[xX][0-9A-Fa-f]+|\d+))")
 """Count: sub-indices of each module, or bits of it after `0;`."""
+
+HIGHEST = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
+"""What is said of a sub-index 0 that the file does not describe."""
 
 FIXED = re.compile(r"(m[0-9]+fixed[0-9a-f]{4})((?:sub.*)?)")
 """A section of a fixed object, and the rest of its name."""
@@ -59,13 +62,6 @@ class Extension(NamedTuple):
     subs: int
     bits: int
     last: int
-
-
-class Misfit(NamedTuple):
-    """Why a connected module cannot be there as the file says it: the line, and the words."""
-
-    line: int
-    what: str
 
 
 def _position(key: str) -> tuple[int, str]:
@@ -99,10 +95,8 @@ class Modules:
         number = parse_number(text)
         if number is not None and number.value in self.supported:
             return self.supported[number.value]
-        same = (
-            each for each in self.supported.values() if text.lower() in (each.name.lower(), each.order_code.lower())
-        )
-        return next(same, None) if text else None
+        known = self.supported.values() if text else ()
+        return next((each for each in known if text.lower() in (each.name.lower(), each.order_code.lower())), None)
 
     def listed(self, module: int, part: str) -> list[Entry]:
         """Return the entries of a module's list: `fixedobjects` or `subextends`."""
@@ -132,9 +126,8 @@ class Modules:
 
     def extension(self, module: int, index: int) -> Extension | None:
         """Return what a module adds to the array at an index; None if no section describes it, or no Count fits."""
-        section = self.document.sections.get(f"m{module}subext{index:04x}") or self.document.sections.get(
-            f"m{module}subext{index:x}"
-        )
+        sections, head = self.document.sections, f"m{module}subext"
+        section = sections.get(f"{head}{index:04x}") or sections.get(f"{head}{index:x}")
         if section is None:
             return None
         count = COUNT.fullmatch(section.text("count") or "1")
@@ -146,7 +139,7 @@ class Modules:
         return Extension(section, subs.value if subs else 0, bits.value if bits else 0, last.value if last else 0)
 
 
-def with_modules(document: Document, texts: Sequence[str] | None = None) -> tuple[Document, list[Misfit]]:
+def with_modules(document: Document, texts: Sequence[str] | None = None) -> tuple[Document, list[Remark]]:
     """Return a document with the objects of the connected modules, and what could not be connected.
 
     `texts` are numbers or names of the modules in their positions; None for those of [ConnectedModules].
@@ -163,7 +156,7 @@ def with_modules(document: Document, texts: Sequence[str] | None = None) -> tupl
             built.connect(module)
         elif entry.value not in ("0", ""):  # an empty slot
             known = ", ".join(map(str, modules.supported.values())) or "none"
-            built.misfits.append(Misfit(entry.line, f"module {entry.value[:40]} is not supported; supported: {known}"))
+            built.misfits.append(Remark(entry.line, f"module {entry.value[:40]} is not supported; supported: {known}"))
     if not built.numbers:
         return document, built.misfits
     return document._replace(sections={**document.sections, **built.sections()}), built.misfits
@@ -192,7 +185,7 @@ class _Built:
         self._described = DescribedDevice(modules.document).objects
         self._fixed_modules: set[int] = set()
         self.numbers: list[int] = []
-        self.misfits: list[Misfit] = []
+        self.misfits: list[Remark] = []
 
     def connect(self, module: Module) -> None:
         """Add the objects of one more module."""
@@ -206,7 +199,7 @@ class _Built:
             extension = self._modules.extension(module.number, number.value) if number else None
             if extension is None or number is None:
                 what = f"module {module}: no [M{module.number}SubExt...] with a Count describes {entry.value[:40]}"
-                self.misfits.append(Misfit(entry.line, what))
+                self.misfits.append(Remark(entry.line, what))
             else:
                 self._extend(module, number.value, extension)
 
@@ -235,7 +228,7 @@ class _Built:
         array = self._array_with_room(index, extension)
         if array is None:
             what = f"module {module}: 0x{index:04X} has no room for a further sub-index"
-            self.misfits.append(Misfit(extension.section.line, what))
+            self.misfits.append(Remark(extension.section.line, what))
         else:
             array.add(extension.section)
             array.free = free
@@ -262,11 +255,8 @@ class _Built:
     def sections(self) -> dict[str, Section]:
         """Return all sections that are new, or have other values than in the file."""
         # A DCF that gives those sub-indices values has written out what its modules add: they are there already.
-        arrays = [
-            (index, array)
-            for index, array in self._arrays.items()
-            if array.subs and not (self._from_file and array.first > len(array.subs))
-        ]
+        extended = ((index, array) for index, array in self._arrays.items() if array.subs)
+        arrays = [(index, each) for index, each in extended if not (self._from_file and each.first > len(each.subs))]
         made = (each for index, array in arrays for each in self._array_sections(index, array))
         return {**self._fixed, **{each.name.lower(): each for each in (*made, *self._module_list())}}
 
@@ -274,45 +264,26 @@ class _Built:
         """Give 0x1027 its values, as far as the file describes it: the modules' numbers (CiA 301)."""
         zero = self._there.get("1027sub0")
         if zero is not None:
-            yield _with(zero, DefaultValue=str(len(self.numbers)))
+            yield zero.saying(DefaultValue=str(len(self.numbers)))
         for position, number in enumerate(self.numbers, start=1):
             section = self._there.get(f"1027sub{position:x}")
             if section is not None:
-                yield _with(section, DefaultValue=str(number))
+                yield section.saying(DefaultValue=str(number))
 
     def _array_sections(self, index: int, array: _Array) -> Iterator[Section]:
         first = next(iter(array.subs.values()))
         highest, title = array.next - 1, first.text("parametername")
         if array.head is None:
-            yield _section(first, f"{index:04X}", ParameterName=title, ObjectType="0x8", SubNumber=str(highest + 1))
+            head = first._replace(name=f"{index:04X}", entries={})
+            yield head.saying(ParameterName=title, ObjectType="0x8", SubNumber=str(highest + 1))
         elif not array.head.text("compactsubobj"):
-            yield _with(array.head, SubNumber=str(len(array.subs) + array.first))
+            yield array.head.saying(SubNumber=str(len(array.subs) + array.first))
         zero = self._there.get(f"{index:04x}sub0")
         if zero is None:
-            kind = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
-            yield _section(first, f"{index:04X}sub0", **kind, DefaultValue=str(highest), PDOMapping="0")
-        else:
-            yield _with(zero, DefaultValue=str(highest))
+            zero = first._replace(name=f"{index:04X}sub0", entries={}).saying(**HIGHEST, PDOMapping="0")
+        yield zero.saying(DefaultValue=str(highest))
         for sub, section in array.subs.items():
             entries = {key: each for key, each in section.entries.items() if key not in EXTENSION_KEYS}
             # CiA 306 has one name for all of them, by which none could be found.
-            yield _with(
-                section._replace(name=f"{index:04X}sub{sub:X}", entries=entries), ParameterName=f"{title} {sub}"
-            )
-
-
-def _section(at: Section, name: str, **entries: str) -> Section:
-    """Return a section that stands where the file describes what it is made of."""
-    return _with(Section(name, at.line, at.column, {}), **entries)
-
-
-def _with(section: Section, **entries: str) -> Section:
-    """Return a section with other values."""
-    old = section.entries
-    said = {
-        key.lower(): old[key.lower()]._replace(value=value)
-        if key.lower() in old
-        else Entry(key, value, section.line, section.column)
-        for key, value in entries.items()
-    }
-    return section._replace(entries={**old, **said})
+            own = section._replace(name=f"{index:04X}sub{sub:X}", entries=entries)
+            yield own.saying(ParameterName=f"{title} {sub}")

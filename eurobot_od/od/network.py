@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path, PurePath, PureWindowsPath
 from types import MappingProxyType
@@ -168,12 +168,10 @@ def read_network_file(text: str, file: str) -> NetworkFile:
     if not network.nodes and not network.robot:
         raise FileError(file, "it names no nodes")
     folder = PurePath(file).parent
-    return network._replace(
-        nodes=[
-            each._replace(file=str(folder / each.file), patch=tuple(str(folder / patch) for patch in each.patch))
-            for each in network.nodes
-        ]
-    )
+    patches = [tuple(str(folder / patch) for patch in each.patch) for each in network.nodes]
+    files = [str(folder / each.file) for each in network.nodes]
+    both = zip(network.nodes, files, patches)
+    return network._replace(nodes=[each._replace(file=file, patch=patch) for each, file, patch in both])
 
 
 # A maker's words for emergency error codes: `0x7310: speed`, `0x73xx: sensor`, `0xFF01..0xFF0F: axis`
@@ -203,8 +201,5 @@ def _codes(key: str) -> range:
     return codes
 
 
-READERS: Mapping[str, Callable[[str, str], NetworkFile]] = {
-    **dict.fromkeys(BUS_FILES, read_network_file),
-    ".cpj": read_nodelist,
-}
+READERS = {**dict.fromkeys(BUS_FILES, read_network_file), ".cpj": read_nodelist}
 """Readers of a network file's text by its suffix."""

@@ -21,24 +21,12 @@ from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document as cia306
-from eurobot_od.od import values
+from eurobot_od.od import formats, values
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import STRAY, UNKNOWN, Document, Entry, Odd, Section, code_page, parse
-from eurobot_od.od.formats import (
-    BYTES,
-    TEXTS,
-    UNKNOWN_TYPE,
-    completed,
-    looks_odd,
-    misspelled,
-    plain_number,
-    plain_value,
-    read,
-    usual_name,
-)
 from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.patches import Patch, patched, with_settings
-from eurobot_od.od.standard import MANDATORY, known_type
+from eurobot_od.od.standard import known_type
 from eurobot_od.od.values import NODE_ID, DataType, MappingEntry, Number, is_standard_number, parse_number
 
 NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
@@ -125,7 +113,7 @@ def normal(
     the file says are connected. `patches` are laid over the file, modules' objects included.
     Raises DictionaryError also for a module that the file does not have, and for a patch that does not fit.
     """
-    document = read(data)
+    document = formats.read(data)
     hiding = document.hiding
     if hiding:
         what = f"{hiding.kind.value} ({hiding.text})" if hiding.text else hiding.kind.value
@@ -146,8 +134,7 @@ def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]
     made = normal(data, file)
     if not AN_OBJECT.search(made.text):
         raise DictionaryError(str(file), None, "not an EDS: it describes no object")
-    ends = "\r\n" if b"\r\n" in data else "\n"
-    text = made.text.replace("\n", ends)
+    text = made.text.replace("\n", "\r\n" if b"\r\n" in data else "\n")
     is_known = made.encoding != UNKNOWN or code_page(data) is not None
     if made.encoding == "utf-8" or VALUE_BEYOND_ASCII.search(text) or not is_known:
         return text.encode(made.encoding), made.changes
@@ -266,18 +253,15 @@ class _Writer:
     """Writes one file; comments go along with the entry or the header that they stand above."""
 
     def __init__(self, document: Document, modules: Sequence[str] | None, patches: Sequence[Patch]) -> None:
-        described = with_settings(completed(document), patches)
+        described = with_settings(formats.completed(document), patches)
         whole, self.misfits = with_modules(described, modules)
         self._has_modules = whole is not described
         self._is_patched = bool(patches)
         self._device = DescribedDevice(patched(whole, patches))
         self._comments = _comments(document)
-        self._changes = [
-            Change(each.line, ODDITIES[each.kind].format(each.text))
-            for each in document.oddities
-            if each.kind in ODDITIES
-        ]
-        self._changes += (Change(*each) for each in misspelled(document))
+        odd = [each for each in document.oddities if each.kind in ODDITIES]
+        self._changes = [Change(each.line, ODDITIES[each.kind].format(each.text)) for each in odd]
+        self._changes += (Change(*each) for each in formats.misspelled(document))
         lost = ((each.line, each.text) for each in document.oddities if each.kind is Odd.ADDRESS)
         self._refusals = [Refusal(NO_OBJECT, None, *each) for each in (*self.misfits, *lost)]
         self._dropped: list[Dropped] = []
@@ -359,7 +343,7 @@ class _Writer:
             elif ":" in key:
                 self._line(entry, f";{entry.key}={entry.value}")
             elif key in spelled and ((name == "DeviceInfo" and key not in INFO_TEXTS) or key in ("nodeid", "baudrate")):
-                number = plain_number(entry.value)
+                number = formats.plain_number(entry.value)
                 # canopen reads NodeID with any base and Baudrate as decimal digits only.
                 text = None if number is None or NODE_ID in number else number
                 self._number(entry, spelled[key], str(int(text, 0)) if text and key == "baudrate" else text)
@@ -401,11 +385,10 @@ class _Writer:
     def _foreign(self, section: Section) -> None:
         """Write a section that is neither CiA 306's nor an object's, as it is."""
         name = section.name.strip()
-        usual = usual_name(name) if looks_odd(name.lower()) else None
+        usual = formats.usual_name(name) if formats.looks_odd(name.lower()) else None
+        sections = self._device.document.sections
         # It has been written already, by its own function or as an object under its usual name.
-        if name.lower() in cia306.SECTION_NAMES or (
-            usual and self._device.document.sections[usual].line == section.line
-        ):
+        if name.lower() in cia306.SECTION_NAMES or (usual and sections[usual].line == section.line):
             return
         if name.lower() == CONNECTED and self._has_modules:
             self._as_comment(section, "the objects of the modules are written out")
@@ -421,20 +404,19 @@ class _Writer:
         """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
         sections = {name: self._device.section(name.lower()) for name in cia306.OBJECT_LISTS}
         entries = {name: section.numbered() if section else () for name, section in sections.items()}
-        listed = {
-            name: [n.value for each in found if (n := parse_number(each.value))] for name, found in entries.items()
-        }
+        numbers = {name: filter(None, (parse_number(e.value) for e in found)) for name, found in entries.items()}
+        listed = {name: [each.value for each in found] for name, found in numbers.items()}
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
         # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):
-            listed = {name: sorted(i for i in there if list_of(i) == name) for name in cia306.OBJECT_LISTS}
+            listed = {name: sorted(i for i in there if formats.list_of(i) == name) for name in cia306.OBJECT_LISTS}
         for name, section in sections.items():
             indices = listed[name]
             self._head(name, section)
             rows = [("SupportedObjects", str(len(indices)))]
             rows += [(str(number), f"0x{index:04X}") for number, index in enumerate(indices, start=1)]
-            if section and {key.lower(): _plain_index(text) for key, text in rows} != {
-                key: _plain_index(entry.value) for key, entry in section.entries.items()
+            if section and {key.lower(): parse_number(text) for key, text in rows} != {
+                key: parse_number(entry.value) for key, entry in section.entries.items()
             }:
                 what = f"[{name}] written anew: the objects that are there"
                 self._changes.append(Change(section.line, what, standard=self._has_modules or self._is_patched))
@@ -451,9 +433,8 @@ class _Writer:
             head = each.place._replace(name=f"{each.index:04X}", entries={})
             self._composed(DescribedObject(each.index, head, each.subs, each.lists), head)
         elif section is None:
-            self._refusals.append(
-                Refusal(each.index, None, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
-            )
+            what = f"[{each.place.name}] has no object [{each.index:04X}]"
+            self._refusals.append(Refusal(each.index, None, each.place.line, what))
             for part in (*(sub.section for sub in each.subs.values()), *each.lists.values()):
                 self._as_comment(part, f"there is no [{each.index:04X}]")
         elif each.code is None or each.code in NO_VALUE:
@@ -502,7 +483,7 @@ class _Writer:
             self._out.append(f"SubNumber={count}")
         for key, entry in entries.items():
             if key == "objecttype":
-                number = plain_number(entry.value)
+                number = formats.plain_number(entry.value)
                 right = number is not None and Number(code.value) == parse_number(number)
                 self._line(entry, f"ObjectType={number}" if right else type_text)
             elif key == "subnumber":
@@ -521,7 +502,7 @@ class _Writer:
             self._out.append("ParameterName=")
         if not section.text("datatype"):
             is_domain = whole.code is ObjectCode.DOMAIN
-            is_guessed = type_ is UNKNOWN_TYPE
+            is_guessed = type_ is formats.UNKNOWN_TYPE
             what = "no DataType, read as DOMAIN" if is_guessed else f"DataType=0x{type_.code:04X} added"
             self._changes.append(Change(section.line, f"[{name}]: {what}", is_domain, is_guessed))
             self._out.append(f"DataType=0x{type_.code:04X}")
@@ -555,12 +536,12 @@ class _Writer:
         if type_ is not None and key in cia306.TYPED:
             if key in ENTRIES:
                 limited = type_ if type_.is_integer or type_ in values.REALS else values.UNSIGNED64
-                plain = plain_value(text, limited) if text else None
+                plain = formats.plain_value(text, limited) if text else None
                 if plain is not None:
                     self._limit(index, sub, ENTRIES[key], plain, limited)
                 self._number(entry, spelled or key, plain, limited.name)
-            elif text or (key == "defaultvalue" and type_ in (*TEXTS, *BYTES)):
-                plain = plain_value(text, type_)
+            elif text or (key == "defaultvalue" and type_ in (*formats.TEXTS, *formats.BYTES)):
+                plain = formats.plain_value(text, type_)
                 if plain is None:
                     self._dropped.append(Dropped(index, sub, RAW[key], text))
                 self._number(entry, spelled or key, plain, type_.name)
@@ -572,10 +553,10 @@ class _Writer:
                 what = f"sub {sub or 0}: DataType {text!r} is not a number"
                 self._refusals.append(Refusal(index, sub, entry.line, what))
             known = number == Number(type_.code)
-            self._number(entry, "DataType", plain_number(text) if known else f"0x{type_.code:04X}")
+            self._number(entry, "DataType", formats.plain_number(text) if known else f"0x{type_.code:04X}")
         elif key in NUMBERS:
             if text or key != "datatype":
-                self._number(entry, spelled or key, plain_number(text))
+                self._number(entry, spelled or key, formats.plain_number(text))
         elif spelled or ":" not in key:
             self._line(entry, f"{spelled or CANOPENS_KEYS.get(key, entry.key)}={text}")
         else:
@@ -601,7 +582,7 @@ class _Writer:
         CanFestival's editor makes types of its own, and describes each as an object whose sub-index 1 is the basic
         type. One that is left out is the standard's, or that of the array. Any other type is taken as DOMAIN: bytes.
         """
-        unknown = values.DOMAIN if whole.code is ObjectCode.DOMAIN else UNKNOWN_TYPE
+        unknown = values.DOMAIN if whole.code is ObjectCode.DOMAIN else formats.UNKNOWN_TYPE
         if each.type:
             return each.type
         if each.section.text("datatype"):
@@ -623,13 +604,3 @@ DUMMY_KEYS = tuple(f"dummy{code:04x}" for code in values.DUMMIES)
 def _subs(each: DescribedObject) -> list[DescribedVariable]:
     """Return the sub-indices that have sections of their own."""
     return [sub for sub in each.subs.values() if sub.section is not each.section]
-
-
-def list_of(index: int) -> str:
-    """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
-    return cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
-
-
-def _plain_index(text: str) -> int | None:
-    number = parse_number(text)
-    return number.value if number else None

@@ -337,9 +337,8 @@ def written(variable: ODVariable, value: Value) -> str:
     known = is_described(variable)
     if isinstance(value, float) and type_ == values.REAL32:
         return repr(_shortest(value))
-    is_hex = like.lower().startswith(("0x", "$nodeid")) or (
-        type_ == values.UNSIGNED32 and variable.index in values.PDO_PARAMETERS
-    )
+    is_of_pdo = type_ == values.UNSIGNED32 and variable.index in values.PDO_PARAMETERS
+    is_hex = is_of_pdo or like.lower().startswith(("0x", "$nodeid"))
     if isinstance(value, int) and value >= 0 and (not known or is_hex):
         return f"0x{value:0{2 * type_.size if known else 2}X}"
     return str(value)

@@ -28,7 +28,7 @@ from eurobot_od.od import formats, values
 from eurobot_od.od.description import COMPOSED, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Document, Entry, Section, is_text, read_bytes
 from eurobot_od.od.formats import completed, plain_number, plain_value
-from eurobot_od.od.modules import CONNECTED
+from eurobot_od.od.modules import CONNECTED, HIGHEST
 from eurobot_od.od.objects import numbered
 from eurobot_od.od.standard import known_type
 from eurobot_od.od.values import DATA_TYPES, DataType, label, parse_number
@@ -88,27 +88,17 @@ def _of_bus(file: str, name: str) -> Patch:
     from eurobot_od.od.bus_file import load_bus
 
     _, writes = load_bus(file).writes(name)
-    last = {each.address: each for each in writes}  # what is written later counts
-    return Patch(
-        file,
-        [
-            ObjectPatch(label(address), each.line, [Entry("ParameterValue", str(each.value), each.line, 1)])
-            for address, each in last.items()
-        ],
-    )
+    last = {label(each.address): each for each in writes}  # what is written later counts
+    said = {target: Entry("ParameterValue", str(each.value), each.line, 1) for target, each in last.items()}
+    return Patch(file, [ObjectPatch(target, entry.line, [entry]) for target, entry in said.items()])
 
 
 def _of_yaml(text: str, file: str) -> Patch:
     from eurobot_od.support.yaml_shapes import SCALAR, mapping, read_yaml
 
     said = read_yaml(text, mapping(mapping(SCALAR, SCALAR), SCALAR), file)
-    return Patch(
-        file,
-        [
-            ObjectPatch(str(target), target.place.line, [Entry(str(k), str(v), *k.place) for k, v in entries.items()])
-            for target, entries in said.items()
-        ],
-    )
+    objects = ((target, [Entry(str(k), str(v), *k.place) for k, v in own.items()]) for target, own in said.items())
+    return Patch(file, [ObjectPatch(str(target), target.place.line, entries) for target, entries in objects])
 
 
 def _of_configuration(data: bytes, file: Path) -> Patch:
@@ -116,10 +106,8 @@ def _of_configuration(data: bytes, file: Path) -> Patch:
     if document.hiding:
         raise DictionaryError(f"{file}:{document.hiding.line}", None, document.hiding.kind.value)
     variables = (each for whole in DescribedDevice(document).objects.values() for each in whole.variables())
-    said = ((each, list(_configured(each, file))) for each in variables)
-    objects = [
-        ObjectPatch(label((each.index, each.sub)), each.section.line, entries) for each, entries in said if entries
-    ]
+    said = (ObjectPatch(label((v.index, v.sub)), v.section.line, list(_configured(v, file))) for v in variables)
+    objects = [each for each in said if each.entries]
     return Patch(str(file), objects, {name: document.sections[name] for name in SETTINGS if name in document.sections})
 
 
@@ -223,9 +211,8 @@ class _Patching:
         if section is None:
             section = self._new(each, index, sub, own)
         elif "objecttype" in own:
-            raise self._patch.wrong(
-                own["objecttype"].line, f"ObjectType: {each.target} is there; only a new one has it"
-            )
+            what = f"ObjectType: {each.target} is there; only a new one has it"
+            raise self._patch.wrong(own["objecttype"].line, what)
         entries = dict(section.entries)
         for key in FILES if "parametervalue" in own else ("parametervalue",) if "downloadfile" in own else ():
             entries.pop(key, None)  # a value and a file at once would leave it to each tool which of them counts
@@ -311,8 +298,7 @@ class _Patching:
         """Remember the highest sub-index that an object had before it gets another one."""
         whole = self._objects.get(index)
         if whole is None and index not in self._grown:
-            what = f"there is no 0x{index:04X}: name it above, with `ObjectType: RECORD`"
-            raise self._patch.wrong(each.line, what)
+            raise self._patch.wrong(each.line, f"there is no 0x{index:04X}: name it above, with `ObjectType: RECORD`")
         if whole and not self._is_record(index, {}):
             raise self._patch.wrong(each.line, f"0x{index:04X} is a variable: it has no sub-indices")
         if whole:
@@ -348,8 +334,7 @@ class _Patching:
             return
         zero, highest = whole.variable(0), str(_highest(subs))
         if zero is None:
-            said = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
-            self._set(Section(_name(index, 0), whole.section.line, 1, {}), DefaultValue=highest, **said)
+            self._set(whole.section._replace(name=_name(index, 0), entries={}), DefaultValue=highest, **HIGHEST)
         elif zero.value == (before, False):
             # Only where it was that before: a PDO's mapping record says there how many entries are mapped.
             self._set(zero.section._replace(name=_name(index, 0)), DefaultValue=highest)
@@ -358,8 +343,7 @@ class _Patching:
             self._set(whole.section, SubNumber=str(count))
 
     def _set(self, section: Section, **entries: str) -> None:
-        said = {key.lower(): Entry(key, text, section.line, section.column) for key, text in entries.items()}
-        self._sections[section.name.strip().lower()] = section._replace(entries={**section.entries, **said})
+        self._sections[section.name.strip().lower()] = section.saying(**entries)
 
 
 def _name(index: int, sub: int | None) -> str:

@@ -182,9 +182,6 @@ class PdoReader:
 
     def _pdo(self, direction: PdoDirection, index: int) -> Pdo:
         entry, record = self._cob_id(direction, index), index + values.MAPPING_OFFSET
-        inhibit_time, event_timer = (
-            self._setting((index, sub), 0) for sub in (values.INHIBIT_TIME, values.EVENT_TIMER)
-        )
         count = self._parameter((record, 0))
         multiplex = Multiplex(count) if count in set(Multiplex) else None
         if multiplex is None and count > values.MAX_BITS:
@@ -200,16 +197,15 @@ class PdoReader:
             mapping=tuple(
                 self.mapped(record, self._parameter((record, sub))) for sub in range(1, (0 if multiplex else count) + 1)
             ),
-            inhibit_time=inhibit_time,
-            event_timer=event_timer,
+            inhibit_time=self._setting((index, values.INHIBIT_TIME), 0),
+            event_timer=self._setting((index, values.EVENT_TIMER), 0),
             multiplex=multiplex,
         )
 
     def _refuse_unusual(self, pdo: Pdo) -> None:
         """Raise MappingError for a PDO that only a listener understands."""
         if pdo.cob_id & values.EXTENDED:  # cut to 11 bits it would be another message's identifier
-            what = f"COB-ID 0x{pdo.cob_id:08X} asks for a 29-bit identifier"
-            raise MappingError(self._file, pdo.index, what)
+            raise MappingError(self._file, pdo.index, f"COB-ID 0x{pdo.cob_id:08X} asks for a 29-bit identifier")
         if pdo.multiplex is not None:
             kind = f"{pdo.multiplex.name.lower()} address mode"
             raise MappingError(self._file, pdo.mapping_index, f"{pdo.title} is a multiplexed PDO ({kind})")

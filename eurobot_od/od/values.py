@@ -204,9 +204,7 @@ class DataType(NamedTuple):
             number: float = struct.unpack(_REAL_FORMATS[self.code], data)[0]
             return number
         if self.code in TIMES:
-            from eurobot_od.od import values  # its datetime costs a start more than all the rest of this file
-
-            return values.text(data, self.code == TIME_OF_DAY.code)
+            return text(data, self.code == TIME_OF_DAY.code)
         encoding = _TEXT_ENCODINGS.get(self.code)
         try:
             return data.decode(encoding) if encoding else data
@@ -227,9 +225,7 @@ class DataType(NamedTuple):
         if isinstance(value, str) and self.code in _TEXT_ENCODINGS:
             return value.encode(_TEXT_ENCODINGS[self.code])
         if self.code in TIMES and isinstance(value, str):
-            from eurobot_od.od import values
-
-            return values.data(value, self.code == TIME_OF_DAY.code)
+            return data(value, self.code == TIME_OF_DAY.code)
         if self.code in TIMES and isinstance(value, int):  # a file has all the bits as one number
             return value.to_bytes(self.size, "little")
         raise ValueError(f"{value!r} is not {self.name}")
@@ -241,10 +237,8 @@ _TEXT_ENCODINGS = {0x09: "ascii", 0x0B: "utf-16-le"}
 
 def _integers(bits_of: dict[int, int], name: str) -> list[DataType]:
     signed = name == "INTEGER"
-    return [
-        DataType(code, f"{name}{bits}", bits, -(1 << bits - 1) if signed else 0, (1 << bits - signed) - 1)
-        for code, bits in bits_of.items()
-    ]
+    ends = ((code, bits, 1 << bits - signed) for code, bits in bits_of.items())
+    return [DataType(code, f"{name}{bits}", bits, -end * signed, end - 1) for code, bits, end in ends]
 
 
 BOOLEAN = DataType(0x01, "BOOLEAN", 1, 0, 1)
@@ -444,6 +438,9 @@ EMCY_BASE, SDO_RESPONSE_BASE, SDO_REQUEST_BASE, ERROR_CONTROL_BASE = 0x080, 0x58
 LSS_COB_IDS = (0x7E4, 0x7E5)
 """Identifiers of the layer setting services, answer and request (CiA 305)."""
 
+DEFAULT_PDOS = 4
+"""PDOs of a node, in each direction, that have an identifier in the pre-defined connection set."""
+
 DEFAULT_PDO_BASES = {PdoDirection.TPDO: range(0x180, 0x580, 0x100), PdoDirection.RPDO: range(0x200, 0x600, 0x100)}
 """COB-IDs of a node's first four PDOs in the pre-defined connection set are these plus the node-ID."""
 
@@ -480,11 +477,8 @@ RESTRICTED = (
 
 CIA_EXTENSIONS = IdentifierRange(0x6E0, 0x6FF, "extensions of CiA")
 
-RESERVED = (
-    IdentifierRange(0x001, 0x07F, "safety (GFC) and flying NMT masters"),
-    IdentifierRange(0x101, 0x180, "safety (SRDO)"),
-    CIA_EXTENSIONS,
-)
+SRDO_RANGE = IdentifierRange(0x101, 0x180, "safety (SRDO)")
+RESERVED = (IdentifierRange(0x001, 0x07F, "safety (GFC) and flying NMT masters"), SRDO_RANGE, CIA_EXTENSIONS)
 """Restricted identifiers of services that a network need not have (CiA 301, 7.3.5)."""
 
 PREDEFINED = (

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.od import cia401, cia402
 from eurobot_od.od import objects as od
-from eurobot_od.od.cia402 import DriveCommand, Mode, State
+from eurobot_od.od.cia402 import BitPattern, DriveCommand, Mode, State
 from eurobot_od.od.standard import DEVICE_TYPE, ErrorCode
 from eurobot_od.od.values import UNSIGNED16, Address, Value
 
@@ -20,18 +20,14 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 
-Says: TypeAlias = Callable[["ObjectDictionary", int], str]
-"""Gives the words for a value of an object of a dictionary."""
-
-
 READABLE = 2
 """Most meanings of a bit that are named side by side; with more of them its number says as much."""
 
 
 class ValueMeaning(NamedTuple):
-    """How an object's values are said; `codes` has a word for each if it is a list of them."""
+    """How an object's values are said, by its dictionary; `codes` has a word for each if it is a list of them."""
 
-    says: Says
+    says: Callable[[ObjectDictionary, int], str]
     codes: Mapping[int, str] = MappingProxyType({})
 
 
@@ -62,15 +58,12 @@ def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) 
 
 
 def _word(
-    find: Callable[[int], State | DriveCommand | None],
-    none: str,
-    bits: Mapping[int, str],
-    mode_bits: Mapping[Mode, Mapping[int, str]],
+    kind: type[BitPattern], none: str, bits: Mapping[int, str], mode_bits: Mapping[Mode, Mapping[int, str]]
 ) -> ValueMeaning:
     """Return the meaning of a word: the state or command that it says, and the names of its other bits."""
 
     def says(objects: ObjectDictionary, value: int) -> str:
-        found = find(value)
+        found = kind.of(value)
         return ", ".join([found.words if found else none, *_set_bits({**bits, **_by_mode(mode_bits, objects)}, value)])
 
     return ValueMeaning(says)
@@ -79,8 +72,8 @@ def _word(
 # Profiles
 
 DRIVE: Mapping[Address, ValueMeaning] = {
-    (cia402.CONTROLWORD, 0): _word(cia402.command_of, "no command", cia402.CONTROL_BITS, cia402.MODE_CONTROL_BITS),
-    (cia402.STATUSWORD, 0): _word(cia402.state_of, "no state", cia402.STATUS_BITS, cia402.MODE_STATUS_BITS),
+    (cia402.CONTROLWORD, 0): _word(DriveCommand, "no command", cia402.CONTROL_BITS, cia402.MODE_CONTROL_BITS),
+    (cia402.STATUSWORD, 0): _word(State, "no state", cia402.STATUS_BITS, cia402.MODE_STATUS_BITS),
     (cia402.MODE, 0): _coded(cia402.MODE_WORDS),
     (cia402.MODE_DISPLAY, 0): _coded(cia402.MODE_WORDS),
     (cia402.HOMING_METHOD, 0): _coded(cia402.METHOD_WORDS),
@@ -102,19 +95,11 @@ MODULE: Mapping[int, ValueMeaning] = {
 }
 
 
-def _of_drive(address: Address) -> ValueMeaning | None:
-    index, sub = address
-    # Each axis has the first one's objects, 0x800 higher (CiA 402-2, clause 6.2).
-    axis = index - cia402.FIRST_AXIS.start
-    if not 0 <= axis < cia402.MOST_AXES * cia402.AXIS_STEP:
-        return None
-    return DRIVE.get((cia402.FIRST_AXIS.start + axis % cia402.AXIS_STEP, sub))
-
-
 PROFILES: Mapping[int, Callable[[Address], ValueMeaning | None]] = {
     # Sub-index 0 is the number of blocks (CiA 401-1), and means nothing but itself.
     cia401.PROFILE: lambda address: MODULE.get(address[0]) if address[1] else None,
-    cia402.PROFILE: _of_drive,
+    # Each axis has the first one's objects, 0x800 higher (CiA 402-2, clause 6.2).
+    cia402.PROFILE: lambda address: DRIVE.get((cia402.on_first_axis(address[0]), address[1])),
 }
 """What the objects of a device mean, by its profile."""
 
@@ -170,9 +155,6 @@ def written(variable: ODVariable, value: Value) -> str:
     """Write a value for a person as `od.objects.written` does, and what it says."""
     return with_words(od.written(variable, value), words(variable, value))
 
-
-IO_MODULES, DRIVES = 401, 402
-"""Profiles with codes of their own here."""
 
 PHASES = ("L1", "L2", "L3")
 """Phases of the mains."""
@@ -264,7 +246,7 @@ OF_IO_MODULES: Mapping[int, str] = {
 }  # fmt: skip
 """Codes of I/O modules (CiA 401-1)."""
 
-OF_PROFILES: Mapping[int, Mapping[int, str]] = {DRIVES: OF_DRIVES, IO_MODULES: OF_IO_MODULES}
+OF_PROFILES: Mapping[int, Mapping[int, str]] = {cia402.PROFILE: OF_DRIVES, cia401.PROFILE: OF_IO_MODULES}
 
 MASKS = (0xFFFF, 0xFFF0, 0xFF00)
 """The code itself, then the classes that it is in."""

@@ -18,20 +18,9 @@ from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingE
 from eurobot_od.frame import Data, Frame
 from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.values import SLICE, Address, Limits
-from eurobot_od.pdo import codec
+from eurobot_od.pdo import codec, kinds
 from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, slot
-from eurobot_od.pdo.kinds import (
-    CatalogueEntry,
-    Kind,
-    Message,
-    OutOfRange,
-    field_name,
-    first_free,
-    kind_of,
-    kinds,
-    made_type,
-    plain_name,
-)
+from eurobot_od.pdo.kinds import CatalogueEntry, Kind, Message, OutOfRange
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -69,18 +58,13 @@ class Binding:
             self.layout = Layout(_slots(pdo.mapping))
         except LayoutError as error:
             raise MappingError(file, pdo.mapping_index, f"{name}: {error}") from None
-        mapped = [
-            (slot.field, mapped) for slot, mapped in zip(self.layout.slots, pdo.mapping) if slot.field is not None
-        ]
+        mapped = [(field, each) for (field, *_), each in zip(self.layout.slots, pdo.mapping) if field is not None]
         if entry is None:  # nothing is known of the fields but the types of the mapped objects
-            entries = dict(mapped)
-            made = {
-                field: kind_of(entries[field].type, self.layout.widths[field], entries[field].variable)
-                for field in self.layout.fields
-            }
-            entry = CatalogueEntry(made_type(name, made))
+            widths = self.layout.widths
+            made = {field: kinds.kind_of(each.type, widths[field], each.variable) for field, each in mapped}
+            entry = CatalogueEntry(kinds.made_type(name, made))
         self.type, self.group, self.always = entry
-        self.kinds = kinds(self.type)
+        self.kinds = kinds.kinds(self.type)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
         fields, own = set(self.layout.fields), set(self.kinds)
         if fields - own or own - set(self.defaults) - fields:  # a field with a default need not be mapped
@@ -100,11 +84,8 @@ class Binding:
     def placed(self) -> tuple[Placed, ...]:
         """The mapped objects that carry something."""
         offsets = accumulate((entry.bits for entry in self.pdo.mapping), initial=0)
-        return tuple(
-            Placed(entry, entry.address, (1 << entry.bits) - 1, offset)
-            for entry, offset in zip(self.pdo.mapping, offsets)
-            if not entry.is_padding
-        )
+        carrying = ((each, offset) for each, offset in zip(self.pdo.mapping, offsets) if not each.is_padding)
+        return tuple(Placed(each, each.address, (1 << each.bits) - 1, offset) for each, offset in carrying)
 
     @cached_property
     def objects(self) -> Mapping[str, MappedObject]:
@@ -122,8 +103,8 @@ class Binding:
         if isinstance(name, int):
             by_place: dict[int, str] = dict(enumerate(self.objects))
             return (by_place | {each.variable.index: key for key, each in reversed([*self.objects.items()])}).get(name)
-        fields = {plain_name(each.field): key for key, each in self.objects.items()}
-        return (fields | {plain_name(key): key for key in self.objects}).get(plain_name(name))
+        fields = {kinds.plain_name(each.field): key for key, each in self.objects.items()}
+        return (fields | {kinds.plain_name(key): key for key in self.objects}).get(kinds.plain_name(name))
 
     def field(self, name: str) -> str:
         """Return the field of an object that a person names; raises UnknownName."""
@@ -214,8 +195,7 @@ class Binding:
         if len(data) >= self.layout.length:
             return bytes(data[: self.layout.length])
         if len(data) not in self.lengths:
-            expected = " or ".join(map(str, self.lengths))
-            raise FrameLengthError(self.name, self.cob_id, len(data), expected)
+            raise FrameLengthError(self.name, self.cob_id, len(data), " or ".join(map(str, self.lengths)))
         word = int.from_bytes(bytes(data) + bytes(self.layout.length - len(data)), self.layout.byte_order)
         for field in self.optional:  # none of them came, whatever their bits hold
             word &= ~self.layout.place(field, -1)
@@ -289,10 +269,10 @@ def _slots(mapping: Iterable[Mapped]) -> list[Slot]:
     taken: set[str | None] = {None}
     for entry in mapping:
         signed = entry.type.is_signed
-        each = Slot(None, 0, entry.bits) if entry.is_padding else slot(entry.name, entry.bits, field_name, signed)
+        each = Slot(None, 0, entry.bits) if entry.is_padding else slot(entry.name, entry.bits, kinds.field_name, signed)
         # 86 of 200 real files have several objects of one name. A slice's field is shorter than its entry's name.
-        if each.field == field_name(entry.name):
-            each = each._replace(field=first_free(each.field, taken))
+        if each.field == kinds.field_name(entry.name):
+            each = each._replace(field=kinds.first_free(each.field, taken))
         slots.append(each)
         taken.add(each.field)
     return slots

@@ -125,10 +125,11 @@ class Layout:
     def _runs_in(self, order: ByteOrder) -> dict[str, tuple[Run, ...]]:
         # Read as big-endian, the first byte is the word's highest; the bits within a byte stay where they are.
         flip = 8 * (self.length - 1) if order == "big" else 0
-        return {
-            field: _merge([abs(flip - place // 8 * 8) + place % 8 for place in places])
-            for field, places in self._places.items()
-        }
+
+        def in_word(place: int) -> int:
+            return abs(flip - place // 8 * 8) + place % 8
+
+        return {field: _merge(list(map(in_word, places))) for field, places in self._places.items()}
 
     def places(self, field: str) -> list[int]:
         """Return the frame bits (8 times the byte plus the bit in it) of a field's bits 0, 1, 2, ..."""
@@ -249,11 +250,7 @@ def unpack(data):
 
 
 def reader(
-    layout: Layout,
-    columns: Sequence[Column],
-    message: type,
-    irregular: Callable[[Data], Any],
-    unknown: Unknown | None,
+    layout: Layout, columns: Sequence[Column], message: type, irregular: Callable[[Data], Any], unknown: Unknown | None
 ) -> Callable[[Data], Any]:
     """Generate `read(data) -> message`; `irregular` gets data of another length than the layout's."""
     names: dict[str, Any] = {"new": tuple.__new__, "message": message, "irregular": irregular}

@@ -15,9 +15,7 @@ from typing import Any
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import ALL_NODES, Address, MappingEntry, Multiplex, Value
-
-RECORDS = (*values.COMMUNICATION_RECORDS.values(), *values.MAPPING_RECORDS.values())
+from eurobot_od.od.values import ALL_NODES, UNSIGNED8, UNSIGNED32, Address, MappingEntry, Multiplex, Value
 
 SERVICES = (standard.SYNC, standard.TIME, standard.EMCY, standard.SDO_REQUESTS, standard.SDO_ANSWERS)
 """Objects that say where a service is, besides those of the PDOs."""
@@ -28,7 +26,7 @@ SETTINGS = (standard.SYNC_PERIOD, standard.HEARTBEAT_TIME)
 
 def is_followed(address: Address) -> bool:
     """Whether an object is one of those that say what other frames mean."""
-    in_record = any(address[0] in each for each in RECORDS) or address[0] == standard.CONSUMED_HEARTBEATS
+    in_record = values.pdo_of(address[0]) is not None or address[0] == standard.CONSUMED_HEARTBEATS
     return in_record or address in (*SERVICES, *SETTINGS)
 
 
@@ -98,8 +96,8 @@ class InForce:
             found = shown.get((index, subindex))
             return file.default((index, subindex)) if found is None and file else found
 
-        index = address[0] - values.MAPPING_OFFSET * any(address[0] in each for each in values.MAPPING_RECORDS.values())
-        if not any(index in each for each in values.COMMUNICATION_RECORDS.values()):
+        index = values.pdo_of(address[0])
+        if index is None:
             return present(*address)
         settings = [present(index, sub) for sub in range(1, values.EVENT_TIMER + 1)]
         if settings[0] is None or settings[0] & values.NOT_VALID:
@@ -142,9 +140,6 @@ def _said(device: Dictionary) -> Any:
 MOST_PDOS = 1 << 11
 """How many that were made are kept: twice as many as a device can have."""
 
-UNSIGNED8, UNSIGNED32 = 5, 7
-"""Codes of data types (CiA 301, Table 44)."""
-
 
 def _numbers(device: Dictionary) -> dict[Address, int]:
     """Return what a device that was made has of what is followed."""
@@ -158,9 +153,8 @@ def made(node_id: int, shown: Mapping[Address, Value]) -> tuple[Dictionary, ...]
     Each has its own, as they are shown one by one: a device of 64 PDOs would be read 64 times.
     """
     numbers = {address: value for address, value in shown.items() if isinstance(value, int)}
-    return tuple(
-        filter(None, (_read(node_id, text) for text in ("".join(_services(numbers)), *_pdos(numbers)) if text))
-    )
+    texts = filter(None, ("".join(_services(numbers)), *_pdos(numbers)))
+    return tuple(filter(None, (_read(node_id, each) for each in texts)))
 
 
 @lru_cache(MOST_PDOS)
@@ -176,7 +170,7 @@ def _services(shown: Mapping[Address, int]) -> Iterator[str]:
     for index in dict.fromkeys(index for index, _ in SERVICES):
         kept = {sub: shown[index, sub] for at, sub in SERVICES if at == index and (index, sub) in shown}
         if list(kept) == [0]:
-            yield _variable(f"{index:X}", f"0x{index:04X}", UNSIGNED32, f"DefaultValue={kept[0]}\n")
+            yield _variable(f"{index:X}", f"0x{index:04X}", UNSIGNED32.code, f"DefaultValue={kept[0]}\n")
         elif kept:
             yield _record(index, f"0x{index:04X}", {0: max(kept)} | kept)
 
@@ -203,10 +197,8 @@ def _pdos(shown: Mapping[Address, int]) -> Iterator[str]:
 
 
 def _record(index: int, name: str, subs: Mapping[int, int]) -> str:
-    members = "".join(
-        _variable(f"{index:X}sub{sub:X}", f"{sub}", UNSIGNED8 if sub == 0 else UNSIGNED32, f"DefaultValue={value}\n")
-        for sub, value in subs.items()
-    )
+    each = ((sub, (UNSIGNED32 if sub else UNSIGNED8).code, f"DefaultValue={value}\n") for sub, value in subs.items())
+    members = "".join(_variable(f"{index:X}sub{sub:X}", f"{sub}", code, default) for sub, code, default in each)
     return f"[{index:X}]\nParameterName={name}\nObjectType=9\nSubNumber={len(subs)}\n{members}"
 
 

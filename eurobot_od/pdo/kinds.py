@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
 
-NO_WORDS: Mapping[int, str] = MappingProxyType({})
-
-
 class OutOfRange(int):
     """A received raw value outside its range: kept as it came, flagged by its type, not to be acted on."""
 
@@ -103,7 +100,8 @@ class Kind:
 
     def numbers(self, limits: Limits) -> range:
         """Return the raw values that mean their own number, so that `text` writes that and the unit."""
-        return range(limits.low, limits.high + 1)
+        plain = self.measured(limits)
+        return range(plain.low, plain.high + 1) if self.column_form is ColumnForm.NUMBER else range(0)
 
     def measured(self, limits: Limits) -> Limits:
         """Return the lowest and the highest raw value that is a plain one, in an object of these limits."""
@@ -175,12 +173,9 @@ class Quantity(Kind):
         self.column_form = ColumnForm.NUMBER if step == 1 else ColumnForm.SCALED  # type: ignore[misc]
         self._within = within and Limits(*(round(each * self.per_unit) for each in within))
         self._codes: dict[int, IntEnum] = {each.value: each for each in codes or ()}
-        if self._codes and not (self._within and not any(map(self._in(self._within), self._codes))):
+        low, high = self._within or (0, 0)
+        if any(low <= raw <= high or not self._within for raw in self._codes):
             raise ValueError(f"codes need a range, and lie outside it: {codes}")
-
-    @staticmethod
-    def _in(limits: Limits) -> Callable[[int], bool]:
-        return lambda raw: limits.low <= raw <= limits.high
 
     @property
     def raw_unit(self) -> str:
@@ -205,9 +200,6 @@ class Quantity(Kind):
             return super().write(raw, self.measured(limits))
         except (ValueError, OverflowError):
             raise ValueError(value) from None
-
-    def numbers(self, limits: Limits) -> range:
-        return super().numbers(self.measured(limits)) if self.per_unit == 1 else range(0)
 
     def extremes(self, limits: Limits) -> Limits:
         raws = (*self.measured(limits), *self._codes)
@@ -248,9 +240,6 @@ class Choice(Kind):
         # Not by calling the enum and catching its error: a node may send a reserved number in every frame.
         return self.enum(raw) if raw in self.enum.__members__.values() else OutOfRange(raw)
 
-    def numbers(self, limits: Limits) -> range:
-        return range(0)
-
     def extremes(self, limits: Limits) -> Limits:
         return Limits(min(self.enum), max(self.enum))
 
@@ -276,7 +265,7 @@ class Worded(Kind):
 
     says_more = True
 
-    def __init__(self, says: Callable[[int], str], codes: Mapping[int, str] = NO_WORDS) -> None:
+    def __init__(self, says: Callable[[int], str], codes: Mapping[int, str] = MappingProxyType({})) -> None:
         super().__init__()
         self._says, self._codes = says, codes
 
@@ -296,9 +285,6 @@ class Boolean(Kind):
 
     def read(self, raw: int, limits: Limits) -> Any:
         return bool(raw) if raw in (0, 1) else OutOfRange(raw)
-
-    def numbers(self, limits: Limits) -> range:
-        return range(0)
 
     def write(self, value: Any, limits: Limits) -> int:
         return super().write(value, Limits(0, 1))
@@ -327,9 +313,6 @@ class Real(Kind):
 
     def read(self, raw: int, limits: Limits) -> Any:
         return self.type.read(raw.to_bytes(self.type.size, "little"))
-
-    def numbers(self, limits: Limits) -> range:
-        return range(0)
 
     def write(self, value: Any, limits: Limits) -> int:
         try:
@@ -365,9 +348,6 @@ class Text(Kind):
     def read(self, raw: int, limits: Limits) -> Any:
         # CiA 301 has ASCII here, but devices send what they like: Latin-1 has a character for any byte.
         return raw.to_bytes(self.length, "little").rstrip(b"\0").decode("latin-1")
-
-    def numbers(self, limits: Limits) -> range:
-        return range(0)
 
     def write(self, value: Any, limits: Limits) -> int:
         if not isinstance(value, str) or len(value) > self.length:
@@ -510,11 +490,9 @@ def plain(message: Message) -> dict[str, Any]:
 def describe(message: Message) -> str:
     """Write a message's fields for a person, without those that have their default: `x=1200 mm, angle=90 deg`."""
     defaults = message._field_defaults
-    return ", ".join(
-        f"{name}={kind.text(value)}"
-        for (name, kind), value in zip(kinds(type(message)).items(), message)
-        if name not in defaults or value != defaults[name]
-    )
+    fields = ((name, kind, value) for (name, kind), value in zip(kinds(type(message)).items(), message))
+    said = ((name, kind.text(value)) for name, kind, value in fields if name not in defaults or value != defaults[name])
+    return ", ".join(f"{name}={text}" for name, text in said)
 
 
 _Class = TypeVar("_Class", bound=type)

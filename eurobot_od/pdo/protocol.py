@@ -18,7 +18,7 @@ from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName, show
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.network import READERS, load, read_network
+from eurobot_od.od.network import is_network, load, read_network
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import ALL_NODES, PdoDirection
 from eurobot_od.od.words import error_words, profile_of
@@ -65,9 +65,8 @@ class Protocol:
         self.catalogue, self._former = catalogue, {each.name: each for each in former}
         self._bindings: dict[str, Binding] = {}
         self._by_cob_id: dict[int, Binding] = {}
-        valid = [
-            (dictionary, pdo) for dictionary, pdos in sources for pdo in pdos if pdo.valid and pdo.multiplex is None
-        ]
+        every = ((dictionary, pdo) for dictionary, pdos in sources for pdo in pdos)
+        valid = [(dictionary, pdo) for dictionary, pdo in every if pdo.valid and pdo.multiplex is None]
         # senders first: a message has its sender's name and fields
         for dictionary, pdo in sorted(valid, key=lambda each: each[1].direction is PdoDirection.RPDO):
             try:
@@ -91,8 +90,9 @@ class Protocol:
         if isinstance(source, Dictionary):
             dictionaries: Iterable[Dictionary] = [source]
         elif isinstance(source, (str, Path)):
-            is_network = Path(source).is_dir() or Path(source).suffix.lower() in READERS
-            dictionaries = load(read_network(source).nodes) if is_network else [Dictionary.load(source, node_id)]
+            dictionaries = (
+                load(read_network(source).nodes) if is_network(source) else [Dictionary.load(source, node_id)]
+            )
         else:
             dictionaries = source.dictionaries
         return cls.of_devices(dictionaries, cls.CATALOGUE)

@@ -50,7 +50,6 @@ class Backoff:
     def pause(self, now: float) -> float:
         """Return how many seconds to wait after a failure or a failed try at `now`."""
         # A loose plug fails again and again: a try that succeeds for a moment does not start from the beginning.
-        again = now - self._failed_at < STEADY
-        self._pause = min(2 * self._pause, LONGEST_PAUSE) if again else FIRST_PAUSE
+        self._pause = min(2 * self._pause, LONGEST_PAUSE) if now - self._failed_at < STEADY else FIRST_PAUSE
         self._failed_at = now
         return self._pause

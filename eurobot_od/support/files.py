@@ -1,9 +1,8 @@
 """Files that are read whole, up to a limit, and written completely or not at all.
 
 A crash at any moment leaves the old file or the new one. Any number of programs may write one file at once; the last
-one wins. Each writes a file with a name of its own, which takes the old one's place in one step. The operating system
-releases the lock on the folder when its program ends; whoever gets it knows that other new files beside the file were
-left there by a crash.
+one wins. Each writes a file with a name of its own, which takes the old one's place in one step. New files beside the
+file that are not young any more were left there by a crash.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ MOST = 16 << 20
 """Bytes of the largest EDS, DCF or YAML file that is read; those of real devices have some hundred thousand."""
 
 LONGEST_WAIT, WAIT = 0.5, 0.01
-"""How long another program may hold the folder or the file, and the pause before looking again, in seconds."""
+"""How long another program may hold the file, and the pause before looking again, in seconds."""
 
 ALIKE = 0.88
 """How much of two files' names has to be the same: more than in other names, which have no suffix in common."""
@@ -131,39 +130,20 @@ def _replace(file: Path, beside: Path) -> None:
 
 @contextmanager
 def _folder(file: Path) -> Iterator[None]:
-    """Have a file's folder for oneself, and bring what happened there to the disk; elsewhere than on POSIX, neither."""
+    """Clear a file's folder of what a crash has left, and bring what happens there to the disk; on POSIX only."""
     if os.name != "posix":
         yield
         return
+    for left in file.parent.glob(f"{escape(file.name)}.{'[0-9a-f]' * 2 * NAME_BYTES}.new"):
+        with suppress(FileNotFoundError):
+            if time.time() - left.stat().st_mtime > ABANDONED:  # not a young one: a program may just be writing it
+                left.unlink()
     folder = os.open(file.parent, os.O_RDONLY)
     try:
-        if _locked(folder):
-            for left in file.parent.glob(f"{escape(file.name)}.{'[0-9a-f]' * 2 * NAME_BYTES}.new"):
-                with suppress(FileNotFoundError):
-                    # Not a young one: a program that has waited too long for the lock may just be writing it.
-                    if time.time() - left.stat().st_mtime > ABANDONED:
-                        left.unlink()
         yield
         os.fsync(folder)  # the name is the folder's content, not the file's
     finally:
         os.close(folder)
-
-
-def _locked(folder: int) -> bool:
-    """Lock an open folder until it is closed; False where the file system, or a program that hangs, does not let us."""
-    from fcntl import LOCK_EX, LOCK_NB, flock
-
-    end = time.monotonic() + LONGEST_WAIT
-    while time.monotonic() < end:
-        try:
-            flock(folder, LOCK_EX | LOCK_NB)  # never blocking: a program that hangs would hang this one as well
-        except BlockingIOError:
-            time.sleep(WAIT)
-        except OSError:  # some network file systems have no locks: there, what a crash left stays
-            return False
-        else:
-            return True
-    return False
 
 
 def check_writable(path: Path) -> None:

@@ -18,6 +18,8 @@ COLOURS = BLUE, RED, GREEN, PURPLE, BROWN = "#2f8fd0", "#c62828", "#2e7d32", "#8
 TEXT, TITLE = 13, 17
 """Sizes of type in charts, in pixels of a screen."""
 
+NAMESPACE = "http://www.w3.org/2000/svg"
+
 TICKS = 6
 """A scale has about this many lines."""
 
@@ -27,11 +29,8 @@ PaperPoint = tuple[float, float]
 
 def element(tag: str, *content: str, **attributes: object) -> str:
     """Return an element; `stroke_width=3` becomes `stroke-width="3"`, `class_` is `class`; None leaves one out."""
-    written = "".join(
-        f' {name.rstrip("_").replace("_", "-")}="{_escaped(number(value))}"'
-        for name, value in attributes.items()
-        if value is not None
-    )
+    said = {name.rstrip("_").replace("_", "-"): value for name, value in attributes.items() if value is not None}
+    written = "".join(f' {name}="{_escaped(number(value))}"' for name, value in said.items())
     return f"<{tag}{written}>{''.join(content)}</{tag}>" if content else f"<{tag}{written}/>"
 
 
@@ -96,17 +95,9 @@ def _points(points: Iterable[PaperPoint]) -> str:
 
 def document(heading: str, *content: str, width: float, height: float) -> str:
     """Return a picture as a file."""
-    return element(
-        "svg",
-        title(heading),
-        rectangle((0, 0), width, height, fill=PAPER),
-        *content,
-        xmlns="http://www.w3.org/2000/svg",
-        viewBox=f"0 0 {number(width)} {number(height)}",
-        width=width,
-        height=height,
-        font_family=FONT,
-    )
+    size = {"viewBox": f"0 0 {number(width)} {number(height)}", "width": width, "height": height}
+    paper = rectangle((0, 0), width, height, fill=PAPER)
+    return element("svg", title(heading), paper, *content, xmlns=NAMESPACE, **size, font_family=FONT)
 
 
 def heading(words: str) -> str:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
 import yaml
 from yaml.composer import Composer, ComposerError
@@ -50,34 +50,23 @@ class ReadError(Exception):
     """A node that gave no value; the problems say why."""
 
 
-class PlacedText(str):
+class WithPlace:
+    """A value that remembers its `place`; a copy, or another process, first makes it without one."""
+
+    def __new__(cls, value: Any, place: Place = START) -> Self:
+        self = super().__new__(cls, value)  # type: ignore[call-arg]  # of the text or number that it is, too
+        self.place = place
+        return self
+
+    place: Place
+
+
+class PlacedText(WithPlace, str):
     """A text and its `place`."""
 
-    place: Place
 
-    def __new__(cls, value: str, place: Place) -> PlacedText:
-        """Make `value` remember `place`."""
-        self = super().__new__(cls, value)
-        self.place = place
-        return self
-
-    def __reduce__(self) -> tuple[type[PlacedText], tuple[str, Place]]:
-        return PlacedText, (str(self), self.place)  # what a copy, or another process, makes it from
-
-
-class PlacedNumber(int):
+class PlacedNumber(WithPlace, int):
     """A whole number, zero or more, and its `place`."""
-
-    place: Place
-
-    def __new__(cls, value: int, place: Place) -> PlacedNumber:
-        """Make `value` remember `place`."""
-        self = super().__new__(cls, value)
-        self.place = place
-        return self
-
-    def __reduce__(self) -> tuple[type[PlacedNumber], tuple[int, Place]]:
-        return type(self), (int(self), self.place)  # what a copy, or another process, makes it from
 
 
 class PlacedInteger(PlacedNumber):

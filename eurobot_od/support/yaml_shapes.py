@@ -26,31 +26,15 @@ import yaml
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.support import texts
+from eurobot_od.support import yaml_places as nodes
 from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
-from eurobot_od.support.yaml_places import (
-    STRING,
-    NodeReader,
-    PlacedInteger,
-    PlacedNumber,
-    PlacedText,
-    Problem,
-    Problems,
-    ReadError,
-    compose,
-    place_of,
-    read_all,
-    refuse,
-    refusing,
-    shown,
-    telling,
-)
+from eurobot_od.support.yaml_places import NodeReader, Place, PlacedInteger, PlacedNumber, PlacedText, Problem, Problems
 
 T = TypeVar("T")
 S = TypeVar("S")
 Schema: TypeAlias = "dict[str, Any]"
-WHOLE = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
-NEGATIVE = re.compile(r"-[1-9][0-9]{0,99}")
-DECIMAL = re.compile(r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?")
+WHOLE = r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}"
+DECIMAL = r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,75 +47,58 @@ class Shape(Generic[T]):
 
 def read_yaml(source: str, shape: Shape[T], file: str | Path) -> T:
     """Read a text of one YAML document; raises YamlError with all its problems. `file` is its name in them."""
-    with telling(file) as problems:
-        return shape.read(compose(source, problems), problems)
+    with nodes.telling(file) as problems:
+        return shape.read(nodes.compose(source, problems), problems)
 
 
 # Single values
 
 
-def _number(node: yaml.Node, problems: Problems) -> PlacedNumber:
-    if not isinstance(node, yaml.ScalarNode) or node.style or not WHOLE.fullmatch(node.value):
-        refuse(node, problems, f"expected a whole number, decimal or 0x hexadecimal, found {shown(node)}")
-    return PlacedNumber(int(node.value, 0), place_of(node.start_mark))
+def _unquoted(pattern: str, what: str, make: Callable[[str, Place], T]) -> NodeReader[T]:
+    """Return the reader of a number, which YAML takes for one without quotes."""
 
+    def read(node: yaml.Node, problems: Problems) -> T:
+        if not isinstance(node, yaml.ScalarNode) or node.style or not re.fullmatch(pattern, node.value):
+            nodes.refuse(node, problems, f"expected {what}, found {nodes.shown(node)}")
+        return make(node.value, nodes.place_of(node.start_mark))
 
-def _integer(node: yaml.Node, problems: Problems) -> PlacedInteger:
-    if isinstance(node, yaml.ScalarNode) and not node.style and NEGATIVE.fullmatch(node.value):
-        return PlacedInteger(int(node.value), place_of(node.start_mark))
-    number = _number(node, problems)
-    return PlacedInteger(number, number.place)
-
-
-def _real(node: yaml.Node, problems: Problems) -> float:
-    if not isinstance(node, yaml.ScalarNode) or node.style or not DECIMAL.fullmatch(node.value):
-        refuse(node, problems, f"expected a decimal number, found {shown(node)}")
-    return float(node.value)
+    return read
 
 
 def _text(node: yaml.Node, problems: Problems) -> PlacedText:
-    if not isinstance(node, yaml.ScalarNode) or node.tag != STRING:
+    if not isinstance(node, yaml.ScalarNode) or node.tag != nodes.STRING:
         hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
-        refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
-    return PlacedText(node.value, place_of(node.start_mark))
-
-
-def _ascii(node: yaml.Node, problems: Problems) -> PlacedText:
-    value = _text(node, problems)
-    if not (value.isascii() and value.isprintable()):
-        refuse(node, problems, f"expected printable ASCII characters, found {shown(node)}")
-    return value
+        nodes.refuse(node, problems, f"expected a text, found {nodes.shown(node)}{hint}")
+    return PlacedText(node.value, nodes.place_of(node.start_mark))
 
 
 def _scalar(node: yaml.Node, problems: Problems) -> PlacedText:
     if not isinstance(node, yaml.ScalarNode):
-        braces = isinstance(node, yaml.MappingNode) and node.flow_style
-        hint = "; a text in { } needs quotes: '{t}'" if braces else ""
-        refuse(node, problems, f"expected a single value, found {shown(node)}{hint}")
-    return PlacedText(node.value, place_of(node.start_mark))
+        hint = "; a text in { } needs quotes: '{t}'" if isinstance(node, yaml.MappingNode) and node.flow_style else ""
+        nodes.refuse(node, problems, f"expected a single value, found {nodes.shown(node)}{hint}")
+    return PlacedText(node.value, nodes.place_of(node.start_mark))
 
+
+A_WHOLE_NUMBER = "a whole number, decimal or 0x hexadecimal"
 
 # Of a number in quotes YAML makes a text: an editor takes 0x10 for one, too.
-NUMBER = Shape(_number, {"type": ["integer", "string"], "pattern": f"^({WHOLE.pattern})$"})
+NUMBER = Shape(
+    _unquoted(WHOLE, A_WHOLE_NUMBER, lambda text, place: PlacedNumber(int(text, 0), place)),
+    {"type": ["integer", "string"], "pattern": f"^({WHOLE})$"},
+)
 """A whole number, decimal without leading zeros or 0x hexadecimal, and not in quotes."""
 
-REAL = Shape(_real, {"type": "number"})
+REAL = Shape(_unquoted(DECIMAL, "a decimal number", lambda text, _: float(text)), {"type": "number"})
 """A decimal number, which may be negative and have a fraction."""
 
 TEXT = Shape(_text, {"type": "string"})
 """A text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
 
-ASCII = Shape(_ascii, TEXT.schema)
-"""A text of printable ASCII characters."""
-
-INTEGER = Shape(_integer, {"anyOf": [{"type": "integer"}, NUMBER.schema]})
-"""A NUMBER, or a negative one in decimal."""
-
-INTEGER_OR_ASCII: Shape[PlacedInteger | PlacedText] = Shape(
-    lambda node, problems: (ASCII if node.tag == STRING else INTEGER).read(node, problems),
-    {"anyOf": [INTEGER.schema, ASCII.schema]},
+INTEGER = Shape(
+    _unquoted(f"{WHOLE}|-[1-9][0-9]{{0,99}}", A_WHOLE_NUMBER, lambda text, place: PlacedInteger(int(text, 0), place)),
+    {"anyOf": [{"type": "integer"}, NUMBER.schema]},
 )
-"""An integer, or else a text of ASCII."""
+"""A NUMBER, or a negative one in decimal."""
 
 SCALAR = Shape(_scalar, {"type": ["string", "number"]})
 """A single value as it is written, whatever YAML takes it for."""
@@ -142,10 +109,26 @@ def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None 
 
     def read(node: yaml.Node, problems: Problems) -> S:
         value = shape.read(node, problems)
-        with refusing(node, problems):
+        with nodes.refusing(node, problems):
             return convert(value)
 
     return Shape(read, shape.schema if schema is None else schema)
+
+
+def _printable(text: PlacedText) -> PlacedText:
+    if not (text.isascii() and text.isprintable()):
+        raise LocalError(f"expected printable ASCII characters, found {str(text)!r}")
+    return text
+
+
+ASCII = converted(TEXT, _printable)
+"""A text of printable ASCII characters."""
+
+INTEGER_OR_ASCII: Shape[PlacedInteger | PlacedText] = Shape(
+    lambda node, problems: (ASCII if node.tag == nodes.STRING else INTEGER).read(node, problems),
+    {"anyOf": [INTEGER.schema, ASCII.schema]},
+)
+"""An integer, or else a text of ASCII."""
 
 
 def matching(pattern: str, what: str) -> Shape[PlacedText]:
@@ -177,10 +160,10 @@ def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
     def read(node: yaml.Node, problems: Problems) -> T:
         try:
             value: Any = shape.read(node, [])
-        except ReadError:
+        except nodes.ReadError:
             value = None
         if value is None or not allowed.low <= value <= allowed.high:
-            refuse(node, problems, f"{name} = {shown(node)} is not allowed; allowed: {words}")
+            nodes.refuse(node, problems, f"{name} = {nodes.shown(node)} is not allowed; allowed: {words}")
         return value  # type: ignore[no-any-return]
 
     return Shape(read, shape.schema | {"minimum": allowed.low, "maximum": allowed.high})
@@ -204,7 +187,7 @@ def listing(item: Shape[T]) -> Shape[tuple[T, ...]]:
     """Make a shape of a list."""
 
     def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
-        return tuple(read_all(((item.read, each) for each in _items(node, problems)), problems))
+        return tuple(nodes.read_all(((item.read, each) for each in _items(node, problems)), problems))
 
     return Shape(read, {"type": "array", "items": item.schema})
 
@@ -215,8 +198,8 @@ def listed(make: Callable[..., T], items: Sequence[Shape[Any]]) -> Shape[T]:
     def read(node: yaml.Node, problems: Problems) -> T:
         found = _items(node, problems)
         if len(found) != len(items):
-            refuse(node, problems, f"expected a list of {len(items)}, found {len(found)}")
-        return make(*read_all(((item.read, each) for item, each in zip(items, found)), problems))
+            nodes.refuse(node, problems, f"expected a list of {len(items)}, found {len(found)}")
+        return make(*nodes.read_all(((item.read, each) for item, each in zip(items, found)), problems))
 
     number = {"minItems": len(items), "maxItems": len(items)}
     return Shape(read, {"type": "array", "items": [each.schema for each in items]} | number)
@@ -224,7 +207,7 @@ def listed(make: Callable[..., T], items: Sequence[Shape[Any]]) -> Shape[T]:
 
 def _items(node: yaml.Node, problems: Problems) -> list[yaml.Node]:
     if not isinstance(node, yaml.SequenceNode):
-        refuse(node, problems, f"expected a list, found {shown(node)}")
+        nodes.refuse(node, problems, f"expected a list, found {nodes.shown(node)}")
     items: list[yaml.Node] = node.value
     return items
 
@@ -253,12 +236,12 @@ def pairs_of(node: yaml.Node, problems: Problems) -> dict[PlacedText, yaml.Node]
 
 def _pairs(node: yaml.Node, problems: Problems, key: Shape[T]) -> dict[T, yaml.Node]:
     if not isinstance(node, yaml.MappingNode):
-        refuse(node, problems, f"expected a mapping, `key: value`, found {shown(node)}")
+        nodes.refuse(node, problems, f"expected a mapping, `key: value`, found {nodes.shown(node)}")
     pairs: dict[T, yaml.Node] = {}
-    keys = read_all(((key.read, each) for each, _ in node.value), problems)
+    keys = nodes.read_all(((key.read, each) for each, _ in node.value), problems)
     for name, (key_node, value_node) in zip(keys, node.value):
         if name in pairs:  # PyYAML would take the second without a word
-            problems.append(Problem(place_of(key_node.start_mark), f"key {shown(key_node)} is given twice"))
+            problems.append(Problem(nodes.place_of(key_node.start_mark), f"key {nodes.shown(key_node)} is given twice"))
         pairs.setdefault(name, value_node)
     return pairs
 
@@ -268,7 +251,7 @@ def mapping(value: Shape[T], key: Shape[S]) -> Shape[dict[S, T]]:
 
     def read(node: yaml.Node, problems: Problems) -> dict[S, T]:
         pairs = _pairs(node, problems, key)
-        return dict(zip(pairs, read_all(((value.read, each) for each in pairs.values()), problems)))
+        return dict(zip(pairs, nodes.read_all(((value.read, each) for each in pairs.values()), problems)))
 
     names = {name: key.schema[name] for name in ("pattern", "enum") if name in key.schema}
     return Shape(read, {"type": "object", "propertyNames": names, "additionalProperties": value.schema})
@@ -298,16 +281,16 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
         pairs = pairs_of(node, problems)
         wrong = [Problem(each.place, str(UnknownName("key", str(each), keys))) for each in pairs if each not in keys]
         wrong += [
-            Problem(place_of(node.start_mark), f"key '{name}' is missing" + (f": {key.help}" if key.help else ""))
+            Problem(nodes.place_of(node.start_mark), f"key '{name}' is missing" + (f": {key.help}" if key.help else ""))
             for name, key in keys.items()
             if key.needed and name not in pairs
         ]
         problems += wrong
         known = {str(name): each for name, each in pairs.items() if name in keys}
-        values = read_all(((keys[name].shape.read, each) for name, each in known.items()), problems)
+        values = nodes.read_all(((keys[name].shape.read, each) for name, each in known.items()), problems)
         if wrong:  # only now: problems with the other keys are reported in the same run
-            raise ReadError
-        with refusing(node, problems):
+            raise nodes.ReadError
+        with nodes.refusing(node, problems):
             return make(**dict(zip(known, values)))
 
     return Shape(read, object_schema(keys))
@@ -315,11 +298,8 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
 
 def object_schema(keys: Keys) -> Schema:
     """Return the schema of a mapping with fixed keys."""
-    schema: Schema = {
-        "type": "object",
-        "properties": {name: key.schema for name, key in keys.items()},
-        "additionalProperties": False,
-    }
+    properties = {name: key.schema for name, key in keys.items()}
+    schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
     needed = [name for name, key in keys.items() if key.needed]
     return schema | {"required": needed} if needed else schema
 
@@ -356,10 +336,8 @@ Of: TypeAlias = Callable[..., Shape[Any]]
 
 def _keys(of: Of, kind: Any) -> dict[str, Key]:
     """Return the keys that the parameters of a class or function stand for."""
-    hints, parameters = get_type_hints(kind, include_extras=True), signature(kind).parameters
-    return {
-        name: Key(of(hints[name], name=name), needed=each.default is each.empty) for name, each in parameters.items()
-    }
+    hints, parameters = get_type_hints(kind, include_extras=True), signature(kind).parameters.items()
+    return {name: Key(of(hints[name], name=name), needed=each.default is each.empty) for name, each in parameters}
 
 
 def _optional(of: Of, name: str, *kinds: Any) -> Shape[Any]:
@@ -395,12 +373,9 @@ def _annotated(of: Of, name: str, kind: Any, *said: Any) -> Shape[Any]:
 
 FORMS: Mapping[Any, Callable[..., Shape[Any]]] = {
     Annotated: _annotated,
-    Union: _optional,
-    UnionType: _optional,
-    dict: _mapping,
-    abc.Mapping: _mapping,
-    tuple: _sequence,
-    abc.Sequence: _sequence,
+    **dict.fromkeys((Union, UnionType), _optional),
+    **dict.fromkeys((dict, abc.Mapping), _mapping),
+    **dict.fromkeys((tuple, abc.Sequence), _sequence),
 }
 """What makes the shape of an annotation by its origin."""
 

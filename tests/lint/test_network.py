@@ -13,7 +13,7 @@ from eurobot_od.cli.lint import read_network
 from eurobot_od.errors import DictionaryError, FileError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.model import load
-from eurobot_od.lint.network import RULES, LintedNetwork, NetworkMember, lint_network, nodes_of, overview
+from eurobot_od.lint.network import RULES, LintedNetwork, NetworkNode, lint_network, nodes_of, overview
 from tests.rows import rows
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,7 +22,7 @@ DIALECTS = sorted(each for each in (ROOT / "eds").iterdir() if each.is_dir())
 
 
 def network_of(texts: dict[str, str]) -> LintedNetwork:
-    devices = [NetworkMember(name, f"{name}.eds", load(text.encode(), f"{name}.eds")) for name, text in texts.items()]
+    devices = [NetworkNode(name, f"{name}.eds", load(text.encode(), f"{name}.eds")) for name, text in texts.items()]
     return LintedNetwork(nodes_of(devices))
 
 

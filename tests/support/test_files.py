@@ -11,7 +11,6 @@ import sys
 import tracemalloc
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 import pytest
 
@@ -88,19 +87,9 @@ def test_what_a_crash_has_left_goes_and_other_files_stay(file: Path) -> None:
 
 def test_what_another_program_is_just_writing_stays(file: Path) -> None:
     beside = file.with_name("settings [1].dcf.0123abcd.new")
-    beside.write_bytes(b"half")  # by one that has waited too long for the lock, and writes without it
+    beside.write_bytes(b"half")
     write_whole(file, b"new")
     assert beside.exists()
-
-
-def test_a_program_that_hangs_with_the_lock_stops_nobody(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "LONGEST_WAIT", 0.02)
-    fcntl: Any = pytest.importorskip("fcntl")
-    folder = os.open(file.parent, os.O_RDONLY)
-    fcntl.flock(folder, fcntl.LOCK_EX)
-    write_whole(file, b"new")
-    os.close(folder)
-    assert file.read_bytes() == b"new"
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(file: Path) -> None:
@@ -131,7 +120,6 @@ class Interrupt:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_ctrl_c_at_any_moment_leaves_one_whole_file_and_no_other(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda _: None)  # hundreds of them take a disk's time
-    monkeypatch.setattr(files, "LONGEST_WAIT", 0.0)  # an interrupt may keep the lock, as long as the program lives
     before, step = sys.gettrace(), 0
     sys._getframe().f_trace_opcodes = True  # Python 3.12 traces opcodes only if a frame wanted that before `settrace`
     interrupt = Interrupt(0)

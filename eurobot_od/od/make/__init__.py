@@ -3,7 +3,7 @@
 The shape of the YAML is that of the dataclasses: their annotations make its readers. The rules between its parts are a
 table of checks. A check yields problems and repairs nothing, so that one run shows everything that has to be changed.
 
-`objects` makes the objects of the table, and `text` the files: it alone touches the disk.
+`text` makes the files of the table: it alone touches the disk.
 """
 
 from __future__ import annotations
@@ -22,16 +22,7 @@ from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS, R
 from eurobot_od.support import texts, yaml_places
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_places import (
-    Place,
-    PlacedInteger,
-    PlacedNumber,
-    PlacedText,
-    Problem,
-    Problems,
-    refuse,
-    telling,
-)
+from eurobot_od.support.yaml_places import Place, PlacedInteger, PlacedNumber, PlacedText, Problem, Problems
 from eurobot_od.support.yaml_shapes import ASCII, INTEGER_OR_ASCII, PLAIN, SCALAR, Plain, filled, matching, shape_of
 
 SERVICES = ("EMCY", "SDO")
@@ -293,11 +284,6 @@ def data_records(table: Table) -> Iterator[Record]:
         yield from node.readings.values()
 
 
-def setting_records(table: Table) -> Iterator[Record]:
-    """Return the settings, those of every node and those of one."""
-    return (each for _, each in named_records(table))
-
-
 def named_records(table: Table) -> Iterator[tuple[PlacedText, Record]]:
     """Return the settings with the names of their objects."""
     for settings in (table.settings, *(node.settings for node in table.nodes.values())):
@@ -306,7 +292,8 @@ def named_records(table: Table) -> Iterator[tuple[PlacedText, Record]]:
 
 def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
     """Check every field by itself. Only a setting is one node's, and so may have that node's ID as default."""
-    for records, names in ((data_records(table), ()), (setting_records(table), (NODE_ID,))):
+    settings = (each for _, each in named_records(table))
+    for records, names in ((data_records(table), ()), (settings, (NODE_ID,))):
         for each in (entry for record in records for entry in record.fields.values()):
             yield from (*number_problems(each), *default_problems(each, [*each.codes, *names]))
 
@@ -381,7 +368,8 @@ def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
     own.value = [pair for pair in own.value if pair[0] is not named[0]]
     file = find(SCALAR.read(named[1], problems))
     if file is None or not file.is_file():
-        refuse(named[1], problems, f"there is no table to build on that is called {yaml_places.shown(named[1])}")
+        what = f"there is no table to build on that is called {yaml_places.shown(named[1])}"
+        yaml_places.refuse(named[1], problems, what)
     base = _composed(read_whole(file).decode(errors="replace"), find, problems)
     return yaml_places.merged(yaml_places.elsewhere(base, str(file)), own)
 
@@ -409,7 +397,7 @@ def read_table(source: str, file: str | Path, find: FindTable = lambda _: None) 
     A table may build on another one, which it `extends`: `find` finds that. What it says itself comes beside it, or in
     its place.
     """
-    with telling(file) as problems:
+    with yaml_places.telling(file) as problems:
         table: Table = shape_of(Table, SINGLE_VALUES).read(_composed(source, find, problems), problems)
         problems += (each for check in CHECKS for each in check(table))
         return table

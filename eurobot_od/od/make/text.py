@@ -11,30 +11,37 @@ CANopenNode, CanFestival, canmatrix and canopen.
 - All of Dummy0001 to Dummy0007, and in [Comments] as many lines as `Lines` says.
 - A DefaultValue in sub-index 0 of every record, too.
 - No Unit, no Factor, no Description of an object and no section of our own: checkers refuse what they do not know.
+- A field has the type of exactly as many bytes as it touches in its frame: canopen reads and writes it through these.
+- Every PDO has all five communication parameters. Every mapping record, even that of a message without data, has the
+  same number of entries, filled up with zeros: a master can write only entries that are there.
+- Data that is received is `rww`, data that is sent `ro`, and all of it has limits.
+
+Each row of a standard's object names its clause (CiA 301 version 4.2.0, CiA 302-2).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import product, zip_longest
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, groupby, product, zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
-from canopen.objectdictionary import ODArray, ODVariable
 
+from eurobot_od.od import values
 from eurobot_od.od.description import ObjectCode
 from eurobot_od.od.document import BIT_RATES, OBJECT_LISTS
-from eurobot_od.od.make import NodeRow, Table
-from eurobot_od.od.make.objects import DictionaryObject, object_dictionary
-from eurobot_od.od.normal import list_of
-from eurobot_od.od.objects import data_type
-from eurobot_od.od.values import COMMUNICATION_RECORDS, DUMMIES, UNSIGNED32, PdoDirection
-from eurobot_od.support.yaml_places import PlacedText
+from eurobot_od.od.formats import list_of
+from eurobot_od.od.make import DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
+from eurobot_od.od.pdos import PADDING as PADDING_NAME
+from eurobot_od.od.values import COMMUNICATION_RECORDS, DataType, MappingEntry, PdoDirection
+from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText
 
 KeyValues = list[tuple[str, object]]
 EdsSection = tuple[str, KeyValues]
+Fields = dict[PlacedText, TableField]
 
 
 def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> str:
@@ -44,10 +51,10 @@ def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> s
     sections: list[EdsSection] = [
         file_info(table, dialect_name, node_name),
         device_info(table, dialect.revision_number, table.nodes[node_name], objects),
-        ("DummyUsage", [(f"Dummy{each:04X}", 0) for each in DUMMIES]),
+        ("DummyUsage", [(f"Dummy{each:04X}", 0) for each in values.DUMMIES]),
         ("Comments", [("Lines", 1), ("Line1", table.file.comment)]),
         *object_lists(objects),
-        *(section for each in objects for section in object_sections(each)),
+        *(section for each in objects for section in each.sections),
     ]
     return "\n".join(f"[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys) for name, keys in sections)
 
@@ -70,7 +77,7 @@ def file_info(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> 
     ]
 
 
-def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[DictionaryObject]) -> EdsSection:
+def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[MadeObject]) -> EdsSection:
     """Return [DeviceInfo]. `RevisionNumber` is the dialect's: nodes compare it to find out whether they agree."""
     indices = {each.index for each in objects}
     return "DeviceInfo", [
@@ -92,7 +99,7 @@ def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[Di
     ]
 
 
-def object_lists(objects: Iterable[DictionaryObject]) -> Iterator[EdsSection]:
+def object_lists(objects: Iterable[MadeObject]) -> Iterator[EdsSection]:
     """Give the three lists of objects (CiA 306-1, 4.6.1)."""
     lists: dict[str, list[int]] = {name: [] for name in OBJECT_LISTS}
     for index in (each.index for each in objects):
@@ -102,34 +109,388 @@ def object_lists(objects: Iterable[DictionaryObject]) -> Iterator[EdsSection]:
         yield name, [("SupportedObjects", len(indices)), *numbered]
 
 
-def object_sections(whole: DictionaryObject) -> list[EdsSection]:
-    """Return the section of an object, and those of its sub-indices."""
-    if isinstance(whole, ODVariable):
-        return [(f"{whole.index:04X}", entry_keys(whole))]
-    code = ObjectCode.ARRAY if isinstance(whole, ODArray) else ObjectCode.RECORD
-    head: KeyValues = [
-        ("ParameterName", whole.name),
-        ("ObjectType", f"0x{code.value:X}"),
-        ("SubNumber", len(whole.subindices)),
-    ]
-    subs = [(f"{whole.index:04X}sub{sub:X}", entry_keys(each)) for sub, each in whole.subindices.items()]
-    return [(f"{whole.index:04X}", head), *subs]
+# Where the bits of an object lie in its PDO: whole fields, or slices of them, in CiA 301's order.
+#
+# CiA 301 fills a frame from the least significant bit of its first byte on, and cannot say anything else (7.5.2.36). A
+# device with another bit order is described in these words all the same: its fields are cut into slices, each a run of
+# bits that are neighbours both in the value and in the frame, and the slices are mapped in the order that gives the
+# device's bytes. What loads such an EDS joins the slices again by their names, `X position (11:4)`.
 
 
-def entry_keys(variable: ODVariable) -> KeyValues:
-    """Return the keys of a VAR or a sub-index; limits and default only where there are any."""
-    type_ = data_type(variable)
-    form = "0x{:08X}" if type_ is UNSIGNED32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
-    values = {"LowLimit": variable.min, "HighLimit": variable.max, "DefaultValue": variable.default}
-    given = ((key, value) for key, value in values.items() if value is not None)
+PADDING = PlacedText(PADDING_NAME, Place(0, 0))
+BYTE = 8
+FIRST_SLICES = 0x3000
+"""The object of the first cut object's slices; the next ones follow."""
+
+
+class Slice(NamedTuple):
+    """The bits `high` down to `low` of a field of the object; bit 0 is the value's least significant one."""
+
+    field: PlacedText
+    high: int
+    low: int
+
+    @property
+    def bits(self) -> int:
+        """How many bits the slice has."""
+        return self.high - self.low + 1
+
+    @property
+    def name(self) -> str:
+        """The slice's ParameterName, `X position (11:4)`; padding has no value whose bits could be named."""
+        return PADDING if self.field == PADDING else f"{self.field} ({self.high}:{self.low})"
+
+
+def whole_fields(fields: Fields) -> tuple[Slice, ...]:
+    """Lay out the fields as CiA 301 does, each one whole, the least significant bit first (7.5.2.36)."""
+    return tuple(Slice(name, each.bits - 1, 0) for name, each in fields.items())
+
+
+def most_significant_first(fields: Fields) -> tuple[Slice, ...]:
+    """Lay out the fields from the first byte's most significant bit on; left-over bits of the last byte are padding."""
+    bits = [(name, bit) for name, each in fields.items() for bit in reversed(range(each.bits))]
+    bits += [(PADDING, bit) for bit in reversed(range(-len(bits) % BYTE))]
+    frame = [bit for start in range(0, len(bits), BYTE) for bit in reversed(bits[start : start + BYTE])]
+    return tuple(runs(frame))
+
+
+def runs(frame: Iterable[tuple[PlacedText, int]]) -> Iterator[Slice]:
+    """Join neighbouring bits of a field, given in CiA 301's order, into the longest slices.
+
+    Within a slice, value and frame advance together: a bit and its place in the frame keep their distance.
+    """
+    for (name, _), run in groupby(enumerate(frame), key=lambda each: (each[1][0], each[1][1] - each[0])):
+        bits = [bit for _, (_, bit) in run]
+        yield Slice(name, bits[-1], bits[0])
+
+
+@dataclass(frozen=True)
+class ObjectLayout:
+    """An object in a dialect: index and fields, its `parts` in PDO order, and the index of those that are slices."""
+
+    index: int
+    fields: Fields
+    parts: tuple[Slice, ...]
+    slices_index: int
+
+    @property
+    def cut(self) -> tuple[Slice, ...]:
+        """The parts that are not a whole field: sub-indices 1, 2, ... of the slices' object."""
+        return tuple(each for each in self.parts if not self.is_whole(each))
+
+    @property
+    def targets(self) -> tuple[int, ...]:
+        """The mapping entries of a PDO: index, sub-index and bits of every part (CiA 301, 7.5.2.36)."""
+        return tuple(self.target(each) for each in self.parts)
+
+    @property
+    def begins(self) -> dict[PlacedText, int]:
+        """The bit, 0 to 7, of its first byte in a frame at which each field begins that is mapped whole."""
+        offsets = accumulate((each.bits for each in self.parts), initial=0)
+        return {part.field: at % BYTE for part, at in zip(self.parts, offsets) if self.is_whole(part)}
+
+    def is_whole(self, part: Slice) -> bool:
+        """Tell whether a part is a whole field."""
+        return part.field in self.fields and part.bits == self.fields[part.field].bits
+
+    def target(self, part: Slice) -> int:
+        """Return the mapping entry of a part."""
+        if self.is_whole(part):
+            index, position = self.index, list(self.fields).index(part.field)
+        else:
+            index, position = self.slices_index, self.cut.index(part)
+        return MappingEntry(index, position + 1, part.bits).number
+
+
+def layouts(table: Table, dialect: DialectRow) -> dict[PlacedText, ObjectLayout]:
+    """Lay out every object of the table in `dialect`."""
+    return {name: layout(dialect, name, each) for name, each in table.objects_in(dialect).items()}
+
+
+def layout(dialect: DialectRow, name: PlacedText, record: Record) -> ObjectLayout:
+    """Lay out the object `name` with the fields that it has in `dialect`."""
+    fields = in_pdo_order(record.fields, dialect.reserved_before(name))
+    if name not in dialect.most_significant_first:
+        return ObjectLayout(record.index, record.fields, whole_fields(fields), 0)
+    slices_index = FIRST_SLICES + dialect.most_significant_first.index(name)
+    return ObjectLayout(record.index, record.fields, most_significant_first(fields), slices_index)
+
+
+def in_pdo_order(fields: Fields, reserved: dict[PlacedText, PlacedText]) -> Fields:
+    """Return the fields with the reserved bits, which are the last sub-indices, before those they belong before."""
+    named = (name for name in fields if name not in reserved.values())
+    order = (each for name in named for each in (reserved.get(name), name) if each is not None)
+    return {name: fields[name] for name in order}
+
+
+# Objects
+
+
+class MadeObject(NamedTuple):
+    """An object: its index, and its section with those of its sub-indices."""
+
+    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
+    sections: list[EdsSection]
+
+
+U8, U16, U32, STRING = values.UNSIGNED8, values.UNSIGNED16, values.UNSIGNED32, values.VISIBLE_STRING
+INTEGERS = {(t.size, t.is_signed): t for t in values.DATA_TYPES.values() if t.bits > 1 and t.is_integer}
+"""The integer type of each number of bytes, without a sign and with one."""
+
+ERROR_HISTORY = 8
+"""Errors that 0x1003 remembers; CiA 301 allows 1 to 254."""
+ON_COMMAND = 0x00000001
+"""0x1010 and 0x1011, read: the device stores or restores when told to, not by itself."""
+SELF_STARTING = 0x00000008
+"""0x1F80: bit 0 clear, no NMT master; bit 2 clear, enters OPERATIONAL by itself; bit 3 set, starts no other node."""
+EVENT_DRIVEN = 254
+"""Transmission type of every PDO (7.5.2.35, 7.5.2.37): sent when the protocol says so."""
+LEAST_ENTRIES = 8
+"""Entries of a mapping record, unless a mapping needs more: the same in every PDO, so that any may be remapped."""
+ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
+"""Access to data by (sent, received) of its node: it alone sets what it sends; only `rw` may be mapped both ways."""
+
+
+def entry(
+    name: str,
+    type_: DataType,
+    access: str,
+    default: int | str | None,
+    low: int | None = None,
+    high: int | None = None,
+    mappable: bool = False,
+) -> KeyValues:
+    """Return the keys of a VAR or a sub-index, limits and default only where there are any.
+
+    A text as default of a number is a formula of the node-ID.
+    """
+    form = "0x{:08X}" if type_ is U32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
+    numbers = {"LowLimit": low, "HighLimit": high, "DefaultValue": default}
+    given = ((key, value) for key, value in numbers.items() if value is not None)
     return [
-        ("ParameterName", variable.name),
+        ("ParameterName", name),
         ("ObjectType", f"0x{ObjectCode.VAR.value:X}"),
         ("DataType", f"0x{type_.code:04X}"),
-        ("AccessType", variable.access_type),
+        ("AccessType", access),
         *((key, value if isinstance(value, str) else form.format(value)) for key, value in given),
-        ("PDOMapping", int(variable.pdo_mappable)),
+        ("PDOMapping", int(mappable)),
     ]
+
+
+def variable(index: int, only: KeyValues) -> MadeObject:
+    """Make a VAR object."""
+    return MadeObject(index, [(f"{index:04X}", only)])
+
+
+def record(index: int, name: str, *entries: KeyValues, code: ObjectCode = ObjectCode.RECORD) -> MadeObject:
+    """Make a RECORD, or an ARRAY; its sub-index 0 says how many entries follow."""
+    return composed(index, name, code, entry("Highest sub-index supported", U8, "const", len(entries)), *entries)
+
+
+def array(index: int, name: str, *entries: KeyValues) -> MadeObject:
+    """Make an ARRAY."""
+    return record(index, name, *entries, code=ObjectCode.ARRAY)
+
+
+def composed(index: int, name: str, code: ObjectCode, *members: KeyValues) -> MadeObject:
+    """Make a record or an array of its members, from sub-index 0 on."""
+    head: KeyValues = [("ParameterName", name), ("ObjectType", f"0x{code.value:X}"), ("SubNumber", len(members))]
+    subs = [(f"{index:04X}sub{sub:X}", each) for sub, each in enumerate(members)]
+    return MadeObject(index, [(f"{index:04X}", head), *subs])
+
+
+# What is the same in every node. Not here: 0x1005 and 0x1012. Their defaults are 0x080 and 0x100, on the robot of 2014
+# identifiers of messages; a node with these objects would take them for SYNC and TIME.
+
+
+def common() -> tuple[MadeObject, ...]:
+    """Return the communication objects that are the same in every node."""
+    return (
+        variable(0x1000, entry("Device type", U32, "ro", 0)),  # 7.5.2.1: 0, no device profile
+        variable(0x1001, entry("Error register", U8, "ro", 0)),  # 7.5.2.2
+        composed(  # 7.5.2.4: sub-index 0 counts the errors, 0 written to it clears them
+            *(0x1003, "Pre-defined error field", ObjectCode.ARRAY),
+            entry("Number of errors", U8, "rw", 0),
+            *(entry(f"Standard error field {n}", U32, "ro", 0) for n in range(1, ERROR_HISTORY + 1)),
+        ),
+        # 7.5.2.13 and 7.5.2.14: all parameters at once; smaller portions are optional
+        array(0x1010, "Store parameters", entry("Save all parameters", U32, "rw", ON_COMMAND)),
+        array(0x1011, "Restore default parameters", entry("Restore all default parameters", U32, "rw", ON_COMMAND)),
+        variable(0x1014, entry("COB-ID EMCY", U32, "ro", f"{values.NODE_ID}+0x{values.EMCY_BASE:X}")),  # 7.5.2.17
+        variable(0x1015, entry("Inhibit time EMCY", U16, "rw", 0)),  # 7.5.2.18
+        # 7.5.2.23: both 0, not configured
+        array(0x1020, "Verify configuration", *(entry(f"Configuration {n}", U32, "rw", 0) for n in ("date", "time"))),
+        variable(0x1021, entry("Store EDS", values.DOMAIN, "ro", None)),  # 7.5.2.24
+        variable(0x1022, entry("Store format", U8, "ro", 0)),  # 7.5.2.25: 0, plain text
+        record(  # 7.5.2.33
+            0x1200,
+            "SDO server parameter",
+            entry("COB-ID client to server (rx)", U32, "ro", f"{values.NODE_ID}+0x{values.SDO_REQUEST_BASE:X}"),
+            entry("COB-ID server to client (tx)", U32, "ro", f"{values.NODE_ID}+0x{values.SDO_RESPONSE_BASE:X}"),
+        ),
+        variable(0x1F80, entry("NMT startup", U32, "rw", SELF_STARTING)),  # CiA 302-2
+    )
+
+
+def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[MadeObject, ...]:
+    """Return the communication objects whose values differ between nodes or come from the table."""
+    return (
+        # 7.5.2.8 to 7.5.2.10
+        variable(0x1008, entry("Manufacturer device name", STRING, "const", node.product_name)),
+        variable(0x1009, entry("Manufacturer hardware version", STRING, "const", table.hardware_version)),
+        variable(0x100A, entry("Manufacturer software version", STRING, "const", table.software_version)),
+        array(0x1016, "Consumer heartbeat time", *watched(table, node)),  # 7.5.2.19
+        # 7.5.2.20
+        variable(0x1017, entry("Producer heartbeat time", U16, "rw", own(node.heartbeat, table.heartbeat))),
+        record(  # 7.5.2.21
+            0x1018,
+            "Identity object",
+            entry("Vendor-ID", U32, "ro", table.vendor.number),
+            entry("Product code", U32, "ro", node.product_number),
+            entry("Revision number", U32, "ro", dialect.revision_number),
+            entry("Serial number", U32, "ro", table.serial_number),
+        ),
+        # 7.5.2.32
+        array(0x1029, "Error behaviour", entry("Communication error", U8, "rw", node.communication_error, 0, 2)),
+    )
+
+
+def watched(table: Table, node: NodeRow) -> list[KeyValues]:
+    """Return an entry for each node to watch, at least one: its node-ID and the time to wait for it, or 0 for none."""
+    nodes = (table.nodes[each] for each in node.watches)
+    times = [each.node_id << 16 | own(each.heartbeat_timeout, table.heartbeat_timeout) for each in nodes]
+    times += [0] * (max(1, len(table.nodes) - 1) - len(times))
+    return [entry(f"Consumer heartbeat time {n}", U32, "rw", time) for n, time in enumerate(times, start=1)]
+
+
+def own(number: int | None, common: int) -> int:
+    """Return a node's own number, or the one that all nodes have."""
+    return common if number is None else number
+
+
+def clients(table: Table, node: NodeRow) -> list[MadeObject]:
+    """Return an SDO client channel to each node that this one asks for its identity (7.5.2.34)."""
+    return [
+        record(
+            0x1280 + n,
+            f"SDO client parameter {each}",
+            entry("COB-ID client to server (tx)", U32, "rw", values.SDO_REQUEST_BASE + table.nodes[each].node_id),
+            entry("COB-ID server to client (rx)", U32, "rw", values.SDO_RESPONSE_BASE + table.nodes[each].node_id),
+            entry("Node-ID of the SDO server", U8, "rw", table.nodes[each].node_id, 1, 127),
+        )
+        for n, each in enumerate(node.asks)
+    ]
+
+
+# PDOs
+
+
+def pdo_records(index: int, name: str, cob_id: int, mapping: Sequence[int], entries: int) -> Iterator[MadeObject]:
+    """Give a PDO's communication record, and its mapping record padded to `entries` (7.5.2.35 to 7.5.2.38)."""
+    yield record(
+        index,
+        name,
+        entry("COB-ID used by PDO", U32, "rw", cob_id),
+        entry("Transmission type", U8, "rw", EVENT_DRIVEN),
+        entry("Inhibit time", U16, "rw", 0),
+        entry("Compatibility entry", U8, "rw", 0),
+        entry("Event timer", U16, "rw", 0),
+    )
+    count = entry("Number of mapped objects in PDO", U8, "rw", len(mapping), 0, entries)
+    targets = enumerate([*mapping, *[0] * (entries - len(mapping))], start=1)
+    mapped = (entry(f"Application object {n}", U32, "rw", target) for n, target in targets)
+    yield composed(index + values.MAPPING_OFFSET, f"{name} mapping", ObjectCode.RECORD, count, *mapped)
+
+
+def sent(table: Table, name: PlacedText) -> dict[PlacedText, MessageRow]:
+    """Return the messages that the node sends, in the order of their COB-IDs."""
+    return {key: each for key, each in table.by_identifier.items() if name in each.senders}
+
+
+def received(table: Table, name: PlacedText) -> dict[PlacedText, MessageRow]:
+    """Return the messages for which the node has an RPDO, in the order of their COB-IDs."""
+    return {key: each for key, each in table.by_identifier.items() if name in (*each.receivers, *each.listeners)}
+
+
+def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
+    """Give the records of all PDOs of the node `name`.
+
+    They are numbered in the order of their COB-IDs. That is not only tidy: CANopenNode takes a COB-ID that equals the
+    default of the very PDO that has it (TPDO1 0x180, RPDO1 0x200, ...) for that default, and adds the node-ID.
+    """
+    entries = max([LEAST_ENTRIES, *(len(each.targets) for each in data.values())])
+    for direction, messages in ((PdoDirection.RPDO, received(table, name)), (PdoDirection.TPDO, sent(table, name))):
+        for index, (key, each) in enumerate(messages.items(), start=direction.value):
+            if direction is PdoDirection.TPDO:
+                control = values.NO_RTR  # nothing is asked for by remote frames
+            else:
+                control = values.NOT_VALID if name in each.listeners else 0  # off until a master wants it
+            targets = data[each.object].targets if each.object else ()
+            yield from pdo_records(index, key, each.identifier | control, targets, entries)
+
+
+# Data and settings
+
+
+def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
+    """Give the data that the PDOs of the node `name` map: objects of fields and, if a dialect cuts them, of slices."""
+    out = {each.object for each in sent(table, name).values()}
+    come = {each.object for each in received(table, name).values()}
+    for key in filter((out | come).__contains__, data):
+        access, layout = ACCESS[key in out, key in come], data[key]
+        begins, fields = layout.begins, layout.fields.items()
+        entries = (field_entry(field, each, access, begins.get(field, 0), mappable=True) for field, each in fields)
+        yield record(layout.index, key, *entries)
+        if layout.cut:
+            slices = (slice_entry(part, layout.fields.get(part.field), access) for part in layout.cut)
+            yield record(layout.slices_index, f"{key} slices", *slices)
+
+
+def slice_entry(part: Slice, whole: TableField | None, access: str) -> KeyValues:
+    """Return the entry of a slice of a field; padding is a slice of no field."""
+    mask = (1 << part.bits) - 1
+    default = default_of(whole) if whole else 0
+    if whole and whole.type is FieldType.REAL32:
+        default = int.from_bytes(values.REAL32.write(default), "little")
+    if whole and whole.is_signed and part.high == whole.bits - 1:  # the slice with the sign is signed, as the field is
+        type_ = integer(part.bits, signed=True)
+        return entry(part.name, type_, access, default >> part.low, ~mask >> 1, mask >> 1, mappable=True)
+    return entry(part.name, integer(part.bits), access, default >> part.low & mask, 0, mask, mappable=True)
+
+
+def field_entry(
+    name: str, whole: TableField, access: str, begin: int = 0, node: NodeRow | None = None, mappable: bool = False
+) -> KeyValues:
+    """Return the entry of a whole field, of a setting or of a reading."""
+    type_ = values.REAL32 if whole.type is FieldType.REAL32 else integer(whole.bits, begin, whole.is_signed)
+    return entry(name, type_, access, default_of(whole, node), whole.low, whole.high, mappable)
+
+
+def default_of(whole: TableField, node: NodeRow | None = None) -> int:
+    """Return a field's default as a number; `node` is the one whose setting it is."""
+    if isinstance(whole.default, PlacedNumber):
+        return whole.default
+    return node.node_id if node and whole.default == values.NODE_ID else whole.codes[whole.default]
+
+
+def integer(bits: int, begin: int = 0, signed: bool = False) -> DataType:
+    """Return the type of exactly as many bytes as the bits touch, the first of which is bit `begin` of a byte."""
+    return INTEGERS[-(-(begin + bits) // 8), signed]
+
+
+# All of it
+
+
+def object_dictionary(table: Table, dialect: DialectRow, name: PlacedText) -> list[MadeObject]:
+    """Return all objects of the node `name`, in the order of their indices."""
+    node, data = table.nodes[name], layouts(table, dialect)
+    objects = [*common(), *own_objects(table, dialect, node), *clients(table, node)]
+    objects += [*pdos(table, name, data), *all_data(table, name, data)]
+    for access, records in (("rw", {**table.settings, **node.settings}), ("ro", node.readings)):
+        for key, each in records.items():
+            fields = (field_entry(name, own, access, node=node) for name, own in each.fields.items())
+            objects.append(record(each.index, key, *fields))
+    return sorted(objects, key=lambda each: each.index)
 
 
 # The files: written into a folder, or compared with what is there
