@@ -6,13 +6,15 @@ peer's; an exception outside this tree is a bug of ours.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+
+T = TypeVar("T")
 
 LONGEST_NAME = 100
 """Most characters of a name that are compared with others: the time for it grows with their square."""
@@ -50,6 +52,13 @@ class UnknownName(LocalError):
         if len(hint) > MOST_SHOWN:
             hint = f"; {len(self.known)} are known, and none is like it{LISTED_BY.get(kind, '')}"
         super().__init__(f"unknown {kind} {name!r}{meant(str(name), self.known) or hint}")
+
+
+def look_up(kind: str, name: str, table: Mapping[str, T]) -> T:
+    """Return what a table has under a name; raises UnknownName."""
+    if name not in table:
+        raise UnknownName(kind, name, table)
+    return table[name]
 
 
 def meant(written: str, known: Sequence[str], alike: float = ALIKE) -> str:
