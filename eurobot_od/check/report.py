@@ -103,13 +103,6 @@ class SuiteResult:
         return self.count(Status.FAILED) > 0
 
 
-class CheckedSeed(NamedTuple):
-    """How all suites ended for one seed of the simulation."""
-
-    seed: int
-    suites: tuple[SuiteResult, ...]
-
-
 AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
 """The name of the step by which each conformance suite ends."""
 

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from eurobot_od.check import report
 from eurobot_od.check.format import SuiteReader
-from eurobot_od.check.report import CheckedSeed, StepResult, SuiteResult
+from eurobot_od.check.report import StepResult, SuiteResult
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.cli.devices import Devices, complain_of_repairs, completeness, left_out
-from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, Output, counted, whole, write
-from eurobot_od.cli.signature import HelpGroup, Option
+from eurobot_od.cli.options import BusOptions, Faults, Json, Output, whole, write
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.od.values import MOST_SUBS
-from eurobot_od.support.files import check_writable, digest_of
+from eurobot_od.support.files import check_writable
 from eurobot_od.support.progress import in_colour
 from eurobot_od.support.texts import one_line
 
@@ -33,12 +33,6 @@ if TYPE_CHECKING:
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.runner import Interrupt
-    from eurobot_od.season.campaign import Workers
-    from eurobot_od.season.results import Results
-
-
-AT_ONCE = "--simulate --repeat"
-"""The options with which many things are done at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +101,6 @@ def check(
     repeat: Annotated[int, Option(metavar="N", read=whole(1, what="a number of times"))] = 1,
     seed: int = 1,
     report: CheckReport,
-    campaign: Annotated[Campaign, HelpGroup(f"many at once, with {AT_ONCE}")],
 ) -> ExitStatus:
     """Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones.
 
@@ -121,8 +114,6 @@ def check(
     $ check --conformance --eds 5=motor.eds --tag emcy --report report.html -i socketcan -c can0
     """
     _refuse_what_does_not_go_together(checks, {"output": output, "report": report.page, "ctt": report.ctt})
-    if not checks.simulate:
-        campaign.refuse(AT_ONCE)
     report.check_files()
     for name in checks.fault:
         checks.devices.robot.find_fault(name)  # complains of a name before the first suite, not in it
@@ -142,14 +133,9 @@ def check(
         checks.bus.check_named()
     from eurobot_od.check.runner import Interrupt  # suites are listed without
 
-    interrupt, seeds = Interrupt(), range(seed, seed + repeat)
+    interrupt = Interrupt()
     with interrupt.by_ctrl_c():
-        if campaign.given:
-            kept = campaign.kept(CheckedSeed, lambda: checks.settings(suites))
-            with campaign.workers(len(seeds)) as workers:
-                results = [*many_results(checks, suites, seeds, interrupt, report.printer, workers, kept)]
-        else:
-            results = [*results_of(checks, suites, seeds, interrupt, report.printer)]
+        results = [*results_of(checks, suites, range(seed, seed + repeat), interrupt, report.printer)]
     report.give(checks, results)
     if interrupt.requested:
         return ExitStatus.INTERRUPTED
@@ -265,7 +251,7 @@ def file_of(device: Dictionary) -> Path:
 
 @dataclass(frozen=True)
 class Checks:
-    """Which suites are run, and how; it can be sent to other processes.
+    """Which suites are run, and how.
 
     files: suite files, or names of the robot's suites (--list)
     simulate: check simulated nodes, in simulated time
@@ -290,7 +276,7 @@ class Checks:
     devices: Devices
     bus: BusOptions
 
-    def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
+    def reader(self, refused: OnRefused) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
         known = self.devices.robot.networks()._replace(refused=refused)
         files = self.devices.files()
@@ -342,7 +328,7 @@ class Checks:
         seed: int,
         interrupt: Interrupt,
         reported: set[Report],
-        show: Callable[[StepResult], None] = lambda _: None,
+        show: Callable[[StepResult], None],
     ) -> SuiteResult:
         """Run a suite, unless it is skipped; `show` gets each step's result as it comes.
 
@@ -360,28 +346,6 @@ class Checks:
         from eurobot_od.check.on_bus import run_live
 
         return run_live(suite, options, self.bus.open)
-
-    def run_seed(self, seed: int) -> CheckedSeed:
-        """Run all suites for one seed, in any process."""
-        from eurobot_od.check.runner import Interrupt
-
-        # Read anew in each process: suites hold functions, which cannot be sent to another one.
-        # PDOs that are left out were reported when the suites were first read, before there were processes.
-        suites, reported = self.suites(self.reader()), set[Report]()
-        return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt(), reported) for suite in suites))
-
-    def settings(self, suites: Sequence[Suite]) -> dict[str, str]:
-        """Return all that the results of a seed depend on: the options, and the content of the files."""
-        devices, dialect = self.devices, self.devices.dialect
-        named = [Path(file) for each in devices.files() for file in (each.file, *each.patch)]
-        dialects = devices.robot.dialects
-        folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
-        found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
-        # Beside the options the files' content: an edited suite must not be continued with results of the old one.
-        files = digest_of([*(each.file for each in suites), *named, *found])
-        own = {name: getattr(self, name) for name in ("fault", "tag", "step", "keep_going")}
-        given = {name: str(value) for name, value in {**vars(devices), **vars(self.made), **own}.items()}
-        return {"campaign": "checks", **given, "files": files}
 
 
 def is_chosen(texts: Sequence[str], name: str) -> bool:
@@ -457,27 +421,3 @@ def results_of(
                 return
             if checks.made.is_wanted and result.ended:
                 gone.add(suite.nodes)
-
-
-def many_results(
-    checks: Checks,
-    suites: Sequence[Suite],
-    seeds: Sequence[int],
-    interrupt: Interrupt,
-    printer: Printer,
-    workers: Workers,
-    kept: Results[CheckedSeed] | None,
-) -> Iterator[SuiteResult]:
-    """Run the suites for all seeds by several workers, and print what `results_of` prints, seed by seed."""
-    from eurobot_od.season.campaign import run as in_blocks
-
-    done = in_blocks(checks.run_seed, seeds, workers, kept)
-    for seed, results in counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
-        for suite, result in zip(suites, results):
-            printer.heading(suite, result.skipped or checks.how(seed))
-            for step in result.steps:
-                printer.step(step)
-            printer.end(result)
-            yield result
-        if interrupt.requested:
-            return

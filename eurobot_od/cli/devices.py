@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -43,8 +43,6 @@ Dialect: TypeAlias = Annotated[
 class Devices:
     """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's.
 
-    `alone`: only a robot that is named counts, as for devices that are.
-
     eds: EDS, DCF, XDD or XDC of a device, with a node-ID if the file has none; repeatable
     network: network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files
     module: modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable
@@ -59,7 +57,6 @@ class Devices:
     patch: Annotated[Sequence[str], Option(metavar="[NODE=]FILE", is_file=True)] = ()
     dialect: Dialect = None
     robot_name: RobotName = None
-    alone: bool = field(init=False, default_factory=is_alone)  # the program's, also in processes of other names
 
     @property
     def robot(self) -> Plugin:
@@ -68,7 +65,7 @@ class Devices:
         Raises as `plugin.find`.
         """
         found = plugin.named(self.robot_name, self._file)
-        return found or (plugin.NO_ROBOT if self.alone or self.files() else plugin.the_installed())
+        return found or (plugin.NO_ROBOT if is_alone() or self.files() else plugin.the_installed())
 
     @property
     def _file(self) -> str:
