@@ -222,16 +222,16 @@ class Made:
 
     def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
         """Make the suites of each device, by what reports call their file; raises LocalError."""
-        from eurobot_od.check.conformance import drive, module  # files of suites run without
+        from eurobot_od.check.conformance import profiles  # files of suites run without
         from eurobot_od.check.conformance import suite as chapters
 
         if self.conformance:
             make = partial(chapters.text, tier=self.tier, restore=self.restore)
         elif self.profile == 401:
-            make = partial(module.text, reversible=self.reversible, outputs=self.outputs)
+            make = partial(profiles.module_text, reversible=self.reversible, outputs=self.outputs)
         else:
-            motion = drive.MotionBounds(*self.motion) if self.motion else None
-            make = partial(drive.text, reversible=self.reversible, motion=motion)
+            motion = profiles.MotionBounds(*self.motion) if self.motion else None
+            make = partial(profiles.drive_text, reversible=self.reversible, motion=motion)
         return {file_of(each): make(each) for each in dictionaries}
 
     def device_runs(
