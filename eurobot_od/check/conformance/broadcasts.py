@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, Need, settable
-from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, hexadecimal, title
+from eurobot_od.check.conformance.pdo import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
+from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Data, Steps, codes, hexadecimal, title
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
 from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
-from eurobot_od.check.conformance.transmission import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
 from eurobot_od.device.broadcasts import COUNTERS
 from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
@@ -27,7 +27,7 @@ from eurobot_od.od.standard import (
     TIME,
     ErrorCode,
 )
-from eurobot_od.od.values import RESTRICTED, TRANSMISSION_TYPE, Address, PdoDirection
+from eurobot_od.od.values import TRANSMISSION_TYPE, Address, PdoDirection
 from eurobot_od.sdo.wire import AbortCode
 
 # Emergencies
@@ -124,6 +124,8 @@ def _remembered(subject: Subject, code: ErrorCode) -> Steps:
 SYNC_CHAPTER: Chapter[Subject] = Chapter("sync", "SYNC", fresh=True, change=(SYNC, SYNC_COUNTER, SYNC_PERIOD))
 """The order in which they are put back: a device that sends SYNC, or has a period of it, takes no other counter."""
 PRODUCER = "7.5.2.6", "SYNC producer", Tier.DESTRUCTIVE
+CONSUMER = "7.5.2.6", "SYNC consumer", Tier.DESTRUCTIVE
+OWN_SYNC = "7.2.2.2", "SYNC producer", Tier.DESTRUCTIVE
 COUNTER = "7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE
 STORED = "7.5.2.13", "SYNC", Tier.DESTRUCTIVE
 
@@ -154,19 +156,12 @@ def _identifier(subject: Subject) -> Steps:
     return [step.read(f"{title(found)} is the default", SYNC, data=content)]
 
 
-RESTRICTED_ONES = tuple(each.high for each in RESTRICTED if each.high)
-"""An identifier of each range that nothing but its own service may have (CiA 301, 7.3.5)."""
-
-
 @SYNC_CHAPTER.clause("7.3.5", "Identifiers", Tier.DESTRUCTIVE, "8.10", name="SYNC, TIME, EMCY")
 def _restricted(subject: Subject) -> Steps:
     found = filter(None, map(subject.settable, (SYNC, TIME, EMCY)))
     for each in need([*found], "the file has none of 0x1005, 0x1012 and 0x1014 that can be written"):
-        tried = (
-            step.write(f"0x{cob_id:03X}", address_of(each), value=cob_id, abort="any") for cob_id in RESTRICTED_ONES
-        )
-        name = f"{title(each)} takes no restricted identifier"
-        yield step.group(name, step.save(each), *tried, step.put_back(each))
+        tried = (step.write(f"0x{one:03X}", address_of(each), value=one, abort="any") for one in RESTRICTED_ONES)
+        yield step.keeping(f"{title(each)} takes no restricted identifier", each, *tried)
 
 
 # Producer
@@ -238,14 +233,7 @@ def _typed(subject: Subject, pdo: Pdo, type_: int, *steps: Data) -> Steps:
     yield from (*steps, *step.undoing(step.nmt("pre-operational")), step.put_back(found))
 
 
-@SYNC_CHAPTER.clause(
-    "7.2.2.2",
-    "SYNC producer",
-    Tier.DESTRUCTIVE,
-    "6.3",
-    group="a TPDO with every second SYNC of its own",
-    needs=[_producer()],
-)
+@SYNC_CHAPTER.clause(*OWN_SYNC, "6.3", group="a TPDO with every second SYNC of its own", needs=[_producer()])
 def _every_second(subject: Subject) -> Steps:
     """Have a TPDO follow the device's own SYNC: with every second one of them."""
     tpdo = _following(subject, 2)
@@ -254,17 +242,11 @@ def _every_second(subject: Subject) -> Steps:
     yield from _typed(subject, tpdo, 2, *looks)
 
 
-@SYNC_CHAPTER.clause(
-    "7.5.2.6",
-    "SYNC consumer",
-    Tier.DESTRUCTIVE,
-    "6.4",
-    group="a TPDO with each SYNC though the period is 0",
-    needs=[
-        need_uncounted_sync,
-        settable(SYNC_PERIOD, 0, lack="the file has no period of SYNC (0x1006) that can be 0"),
-    ],
-)
+NO_NEED_OF_PERIOD = settable(SYNC_PERIOD, 0, lack="the file has no period of SYNC (0x1006) that can be 0")
+WITHOUT = [need_uncounted_sync, NO_NEED_OF_PERIOD]
+
+
+@SYNC_CHAPTER.clause(*CONSUMER, "6.4", group="a TPDO with each SYNC though the period is 0", needs=WITHOUT)
 def _without_period(subject: Subject) -> Steps:
     """Send SYNC to a device that has no period of it: it is a consumer all the same."""
     tpdo = _following(subject, 1)

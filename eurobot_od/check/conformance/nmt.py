@@ -68,7 +68,7 @@ def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     # A node says its state only in its heartbeat (CiA 301, 7.2.8.3.2); many devices have none by default, or one a
     # second.
     faster = step.write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=_allowed(time, BEAT))
-    return step.group(name, step.save(time), faster, *steps, step.put_back(time))
+    return step.keeping(name, time, faster, *steps)
 
 
 def _heartbeat_time(subject: Subject) -> ODVariable:
@@ -113,21 +113,21 @@ def _boot_ups(_: Subject) -> Steps:
 @CHAPTER.clause("7.5.2.20", "Heartbeat time", name="it can be changed")
 def _heartbeat_times(subject: Subject) -> Steps:
     time = _heartbeat_time(subject)
-    beat, kept, back = _allowed(time, BEAT), step.save(time), step.put_back(time)
+    beat = _allowed(time, BEAT)
     slower = step.write(f"{SLOW} ms", HEARTBEAT_TIME, value=_allowed(time, SLOW))
     faster = step.write(f"{beat} ms", HEARTBEAT_TIME, value=beat)
     # From a long time to a short one: a device that first lets the old time run out takes up to 5 s.
     first = {**step.heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
-    change = step.group("a change counts at once", kept, slower, step.wait("20 ms"), faster, first, back)
+    change = step.keeping("a change counts at once", time, slower, step.wait("20 ms"), faster, first)
     yield step.asking("7.101", change)
-    beats = step.group("heartbeats come at their time", kept, faster, step.every(ANY, beat, 5), back)
+    beats = step.keeping("heartbeats come at their time", time, faster, step.every(ANY, beat, 5))
     unguarded = subject.find(GUARD_TIME) is not None and not subject.number(GUARD_TIME)
     yield step.asking("7.102, 7.204" if unguarded else "7.102", beats)
     # 0 means no heartbeat (CiA 301, 7.5.2.20), but a maker may forbid it by LowLimit: then there is nothing to look at.
     if in_limits(time, 0):
         none = step.write("0: no heartbeat", HEARTBEAT_TIME, value=0)
         silent = step.never("silent", ANY, QUIET)
-        yield step.asking("7.103", step.group("0 ends it", kept, faster, none, step.wait("20 ms"), silent, back))
+        yield step.asking("7.103", step.keeping("0 ends it", time, faster, none, step.wait("20 ms"), silent))
 
 
 @CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, group="as the file says")

@@ -196,9 +196,8 @@ def _own_values(subject: Subject) -> Steps:
         if not each.readable:
             yield step.skip(title(each), "write-only: what is there is not known, so nothing is written")
         elif subject.dictionary.flags(address_of(each)):
-            yield step.skip(
-                title(each), "its ObjFlags say that a configuration does not write it, or a scan not read it"
-            )
+            flags = "its ObjFlags say that a configuration does not write it, or a scan not read it"
+            yield step.skip(title(each), flags)
         elif data_type(each) is values.DOMAIN:
             yield step.skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
@@ -241,8 +240,9 @@ def _of_length(each: ODVariable, size: int, what: str, asked: str) -> Data:
 def _refused(each: ODVariable, refused: Sequence[Data]) -> Data:
     """Have some values of an object refused; a device may say no and write all the same."""
     # Put back at once: what a device takes that it should refuse may make all that follows red.
-    steps = [step.save(each), *refused, step.unchanged(each), step.put_back(each)] if each.readable else refused
-    return step.group(title(each), *steps)
+    if not each.readable:
+        return step.group(title(each), *refused)
+    return step.keeping(title(each), each, *refused, step.unchanged(each))
 
 
 @CHAPTER.clause("7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, only=MAKERS)
@@ -287,4 +287,4 @@ def _other_values(subject: Subject) -> Steps:
         if data_type(each).is_integer and other is not None:
             written = step.write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))
             seen = step.read("and read again", address_of(each), expect=other)
-            yield step.group(f"{title(each)}: another value", step.save(each), written, seen, step.put_back(each))
+            yield step.keeping(f"{title(each)}: another value", each, written, seen)

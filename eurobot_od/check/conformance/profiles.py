@@ -15,7 +15,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from typing import NamedTuple, TypeAlias
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Need
@@ -27,6 +30,7 @@ from eurobot_od.od import cia401, cia402
 from eurobot_od.od.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.od.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import address_of
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE
 from eurobot_od.od.values import ERROR_CONTROL_BASE, Address, label
 from eurobot_od.sdo.wire import ClientCommand, initiate
@@ -220,7 +224,6 @@ def _has(mode: Mode, *indices: int) -> Need[TestedDrive]:
 HOME_IS_HERE = 37
 """The homing method that does not move."""
 
-
 HOMES = [_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION)]
 
 
@@ -305,18 +308,16 @@ Kind: TypeAlias = "DigitalInputs | DigitalOutputs | AnalogueInputs | AnalogueOut
 class TestedModule(Subject):
     """A module under test."""
 
-    def blocks(self, kinds: Sequence[Kind]) -> Iterator[tuple[Kind, Address]]:
+    def blocks(self, kinds: Sequence[Kind]) -> Iterator[tuple[Kind, ODVariable]]:
         """Give the blocks and channels of some kinds that the file has."""
-        present = self.dictionary.members
-        return (
-            (kind, (kind.value, sub)) for kind in kinds for sub in present.get(kind.value, ()) if sub and sub < 0xFF
-        )
+        subs = ((kind, (kind.value, sub)) for kind in kinds for sub in self.dictionary.members.get(kind.value, ()))
+        return ((kind, found) for kind, at in subs if 0 < at[1] < 0xFF and (found := self.find(at)))
 
-    def settings(self, *indices: int) -> list[Address]:
-        """Return the addresses of settings that the file has, and that can be written and put back."""
+    def settings(self, *indices: int) -> list[ODVariable]:
+        """Return the settings that the file has, and that can be written and put back."""
         members = self.dictionary.members
-        subs = ((index, sub) for index in indices for sub in members.get(index, ()))
-        return [each for each in subs if (each[1] or len(members[each[0]]) == 1) and self.settable(each)]
+        subs = ((index, sub) for index in indices for sub in members.get(index, ()) if sub or len(members[index]) == 1)
+        return [*filter(None, map(self.settable, subs))]
 
 
 _INPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
@@ -331,26 +332,15 @@ def _every(bits: int, byte: int = 0xFF) -> int:
     return int.from_bytes(bytes([byte]) * (bits // 8), "little")
 
 
-def _name(module: TestedModule, address: Address) -> str:
-    variable = module.find(address)
-    return title(variable) if variable else label(address)
-
-
 def _set(address: Address, value: int) -> Data:
     name = f"{label(address)} = {value:#x}" if value > 9 else f"{label(address)} = {value}"
     return step.write(name, address, value=value)
 
 
-def _kept(module: TestedModule, address: Address, *steps: Data, name: str = "") -> Data:
-    """Do something with an object and give it back its value."""
-    variable = module.find(address)
-    assert variable is not None
-    return step.group(name or title(variable), step.save(variable), *steps, step.put_back(variable))
-
-
-def _written_and_read(module: TestedModule, address: Address, values: Sequence[int]) -> Data:
-    pairs = ((_set(address, each), step.read(f"it is {each:#x}", address, expect=each)) for each in values)
-    return _kept(module, address, *(each for pair in pairs for each in pair))
+def _written_and_read(variable: ODVariable, values: Sequence[int]) -> Data:
+    at = address_of(variable)
+    pairs = ((_set(at, each), step.read(f"it is {each:#x}", at, expect=each)) for each in values)
+    return step.keeping(title(variable), variable, *chain.from_iterable(pairs))
 
 
 def _without(name: str, index: int) -> Data:
@@ -371,7 +361,7 @@ def _device_type(module: TestedModule) -> Steps:
     says = module.number(DEVICE_TYPE)
     yield step.read("an I/O module", DEVICE_TYPE, expect=says)
     for bit, (kinds, usual) in FUNCTIONS.items():
-        words, found = cia401.FUNCTION_BITS[bit], [address for _, address in module.blocks(kinds)]
+        words, found = cia401.FUNCTION_BITS[bit], [address_of(each) for _, each in module.blocks(kinds)]
         if says >> bit & 1:  # what is usual is asked for where the file has none: it is not there, and the step is red
             yield step.read(words, found[0] if found else (usual, 1), data="any")
         else:
@@ -380,33 +370,31 @@ def _device_type(module: TestedModule) -> Steps:
 
 @MODULE.clause("0x6000", "Inputs")
 def _inputs(module: TestedModule) -> Steps:
-    return [step.read(_name(module, address), address, data="any") for _, address in module.blocks(_INPUTS)]
+    return [step.read(title(each), address_of(each), data="any") for _, each in module.blocks(_INPUTS)]
 
 
 @MODULE.clause("0x6002", "Polarity of inputs", Tier.REVERSIBLE)
 def _input_polarity(module: TestedModule) -> Steps:
     """Invert one bit after the other; the inputs have to be at rest."""
-    for kind, address in module.blocks(cia401.DIGITAL_INPUTS):
+    for kind, each in module.blocks(cia401.DIGITAL_INPUTS):
         assert isinstance(kind, DigitalInputs)
-        polarity, variable = (kind.polarity, address[1]), module.find(address)
-        if variable is None or not module.may_be(polarity, _every(kind.bits)):
-            yield _without(_name(module, address), kind.polarity)
+        at, polarity = address_of(each), (kind.polarity, each.subindex)
+        inverted = module.settable(polarity) if module.may_be(polarity, _every(kind.bits)) else None
+        if inverted is None:
+            yield _without(title(each), kind.polarity)
             continue
-        steps = [step.save(variable, "input")]
+        steps = [step.save(each, "input")]
         for bit in range(kind.bits):
             steps.append(_set(polarity, 1 << bit))
             # It differs, and by the value of this bit: so it is this one, and no other.
-            steps.append(step.read(f"bit {bit} is inverted", address, expect="not {input}"))
-            steps.append(step.read(f"no other than bit {bit}", address, expect=f"{{input}} +- {1 << bit}"))
-        yield _kept(module, polarity, *steps, name=_name(module, address))
+            steps.append(step.read(f"bit {bit} is inverted", at, expect="not {input}"))
+            steps.append(step.read(f"no other than bit {bit}", at, expect=f"{{input}} +- {1 << bit}"))
+        yield step.keeping(title(each), inverted, *steps)
 
 
 SETTINGS: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
     "Filter of inputs": ((0x6003, 0x6103, 0x6123), (0x55, 0xAA)),
-    "Interrupts of inputs": (
-        (0x6006, 0x6007, 0x6008, 0x6106, 0x6107, 0x6108, 0x6126, 0x6127, 0x6128),
-        (0x55, 0xAA),
-    ),
+    "Interrupts of inputs": ((*range(0x6006, 0x6009), *range(0x6106, 0x6109), *range(0x6126, 0x6129)), (0x55, 0xAA)),
     "Global interrupt": ((cia401.INTERRUPT_ENABLE, cia401.ANALOGUE_INTERRUPT_ENABLE), (0, 1)),
     "Analogue interrupts": (tuple(range(cia401.ANALOGUE_UPPER, cia401.ANALOGUE_RISE + 1)), (0, 100)),
     "Scaling of inputs": ((0x6431, 0x6432), (1, 2)),
@@ -418,36 +406,35 @@ SETTINGS: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
 """Settings that only count with an event or an error: their objects, and values that are written and read back."""
 
 
-def _settings_clause(topic: str, indices: tuple[int, ...], values: tuple[int, ...]) -> None:
-    @MODULE.clause(hexadecimal(indices[0]), topic, Tier.REVERSIBLE)
-    def _steps(module: TestedModule) -> Steps:
-        found = [each for each in module.settings(*indices) if module.may_be(each, *values)]
-        yield from (_written_and_read(module, each, values) for each in found)
-        if not found:
-            yield _without("written and read back", indices[0])
+def _settings(module: TestedModule, indices: tuple[int, ...], values: tuple[int, ...]) -> Steps:
+    found = [each for each in module.settings(*indices) if module.may_be(address_of(each), *values)]
+    return [_written_and_read(each, values) for each in found] or [_without("written and read back", indices[0])]
 
 
-for _topic, _row in SETTINGS.items():
-    _settings_clause(_topic, *_row)
+for _topic, (_indices, _values) in SETTINGS.items():
+    _made = partial(_settings, indices=_indices, values=_values)
+    MODULE.clause(hexadecimal(_indices[0]), _topic, Tier.REVERSIBLE)(_made)
+
+
+SWITCHED = 0x55, 0xAA, 0xFF, 0x00
+"""Each bit both ways, next to bits that differ from it and to bits that do not; off at the end."""
 
 
 @MODULE.clause("0x6200", "Outputs", Tier.OUTPUTS)
 def _outputs(module: TestedModule) -> Steps:
-    for kind, address in module.blocks(_OUTPUTS):
-        # Each bit both ways, next to bits that differ from it and to bits that do not; off at the end.
-        values = [0x55, 0xAA, 0xFF, 0x00] if isinstance(kind, DigitalOutputs) else [1, 100, 0]
-        wide = [_every(kind.bits, each) for each in values] if isinstance(kind, DigitalOutputs) else values
-        usable = [each for each in wide if module.may_be(address, each)]
-        yield _written_and_read(module, address, usable) if usable else _without(_name(module, address), address[0])
+    for kind, each in module.blocks(_OUTPUTS):
+        values = [_every(kind.bits, byte) for byte in SWITCHED] if isinstance(kind, DigitalOutputs) else [1, 100, 0]
+        usable = [value for value in values if module.may_be(address_of(each), value)]
+        yield _written_and_read(each, usable) if usable else _without(title(each), each.index)
 
 
 def module_text(dictionary: Dictionary, reversible: bool = False, outputs: bool = False) -> str:
     """Return the suite of a module; `reversible` writes settings, `outputs` switches."""
     module = TestedModule(dictionary, Tier.OUTPUTS if outputs else Tier.REVERSIBLE if reversible else Tier.READING)
-    settable = [address for _, address in module.blocks(_OUTPUTS) if module.settable(address)] if outputs else []
+    settable = [each for _, each in module.blocks(_OUTPUTS) if module.settable(address_of(each))] if outputs else []
     off = [
-        step.write(f"0x6200 Outputs: {label(each)} as after power-on [outputs]", each, value=module.number(each))
-        for each in settable
+        step.write(f"0x6200 Outputs: {label(at)} as after power-on [outputs]", at, value=module.number(at))
+        for at in map(address_of, settable)
     ]
     stop = {**step.nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [outputs]"}
     return documents([MODULE.suite(module, "profile", [awake(module, ANSWERS)], [*off, stop] if outputs else [])])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -68,8 +69,7 @@ def _power_on_values(subject: Subject) -> Steps:
     # Both load the communication profile's values of power-on; only the first also those of the maker's and the
     # profile's objects (CiA 301, 7.3.2.2.3).
     for command in ("reset", "reset communication"):
-        back = step.put_back(each)
-        done = step.group(f"{title(each)} after {command}", step.save(each), other, *fresh(command), gone, back)
+        done = step.keeping(f"{title(each)} after {command}", each, other, *fresh(command), gone)
         yield step.asking("9.1" if command == "reset" else "", done)
 
 
@@ -97,25 +97,20 @@ def _stays(subject: Subject) -> None:
     need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
 
 
-def _signatures(index: int) -> Callable[[Subject], Steps]:
-    """Make the steps that try other signatures: nothing is stored or restored."""
-
-    def steps(subject: Subject) -> Steps:
-        commands = need(_commands(subject, index), f"the file has no 0x{index:04X} that can be written")
-        # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
-        for each, wrong in product(commands.values(), (bytes(4), standard.SIGNATURES[index][::-1])):
-            name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
-            refused = step.write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
-            yield step.asking(WRONG_SIGNATURE.get(address_of(each), ""), refused)
-
-    return steps
+def _signatures(subject: Subject, index: int) -> Steps:
+    """Try other signatures: nothing is stored or restored."""
+    commands = need(_commands(subject, index), f"the file has no 0x{index:04X} that can be written")
+    # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
+    for each, wrong in product(commands.values(), (bytes(4), standard.SIGNATURES[index][::-1])):
+        name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
+        refused = step.write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
+        yield step.asking(WRONG_SIGNATURE.get(address_of(each), ""), refused)
 
 
-for _index, _head in (
-    (standard.STORE, ("7.5.2.13", "Store", Tier.DESTRUCTIVE)),
-    (standard.RESTORE, ("7.5.2.14", "Restore", Tier.DESTRUCTIVE)),
-):
-    CHAPTER.clause(*_head, name="the signature")(_signatures(_index))
+CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, name="the signature")(partial(_signatures, index=standard.STORE))
+CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the signature")(
+    partial(_signatures, index=standard.RESTORE)
+)
 
 
 @CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, name="store and restore")
@@ -131,20 +126,17 @@ def _stored_by(subject: Subject, sub: int, lack: str) -> Steps:
     _stays(subject)
     signed = (_commands(subject, index).get(sub) for index in (standard.STORE, standard.RESTORE))
     each, store, restore = (need(found, lack) for found in (_shown_by(subject), *signed))
-    yield step.group(
-        f"{title(each)} stored and restored by sub-index {sub}",
-        step.save(each),
-        step.write("another value", address_of(each), value=_other(each)),
-        step.group(
-            "over a reset",
-            _signed(store, "stored"),
-            *fresh("reset"),
-            step.read("it is kept", address_of(each), expect=_other(each)),
-            *step.undoing(_signed(restore, "restored"), *fresh("reset")),
-            step.read("the default is back", address_of(each), expect=subject.number(address_of(each))),
-        ),
-        step.put_back(each),
+    at = address_of(each)
+    over_a_reset = step.group(
+        "over a reset",
+        _signed(store, "stored"),
+        *fresh("reset"),
+        step.read("it is kept", at, expect=_other(each)),
+        *step.undoing(_signed(restore, "restored"), *fresh("reset")),
+        step.read("the default is back", at, expect=subject.number(at)),
     )
+    other = step.write("another value", at, value=_other(each))
+    yield step.keeping(f"{title(each)} stored and restored by sub-index {sub}", each, other, over_a_reset)
 
 
 # What is kept over a reset
