@@ -12,9 +12,18 @@ from typing import Any, NamedTuple
 import yaml
 
 from eurobot_od.check import suite
-from eurobot_od.check.shapes import FrameShapes, ServiceShapes
+from eurobot_od.check.shapes import (
+    DURATION,
+    NAME,
+    SOME_TIME,
+    FrameShapes,
+    Networks,
+    ServiceShapes,
+    Vocabulary,
+    saved_names,
+    texts_at,
+)
 from eurobot_od.check.suite import Pattern, Suite
-from eurobot_od.check.vocabulary import DURATION, NAME, SOME_TIME, Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import FileError, UnknownName, YamlError
 from eurobot_od.frame import HIGHEST_IDENTIFIER
 from eurobot_od.od.dictionary import Dictionary
@@ -238,45 +247,43 @@ class SuiteReader:
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
         """Read all suites of some files; raises YamlError with the problems of all of them."""
-        sources: dict[Path, str | yaml_places.Problem] = {}
-        for file in files:
-            try:
-                sources[file] = read_whole(file).decode()
-            except FileError as error:
-                sources[file] = yaml_places.Problem(yaml_places.START, error.what)
-            except UnicodeDecodeError as error:
-                byte = f"byte 0x{error.object[error.start]:02X} at {error.start}"
-                sources[file] = yaml_places.Problem(yaml_places.START, f"not UTF-8: {byte}")
-        return self.read_texts(sources)
+        return self.read_texts(dict.fromkeys(files))
 
-    def read_texts(self, texts: Mapping[Path, str | yaml_places.Problem]) -> list[Suite]:
-        """Read the suites of texts, by the files that errors and reports call them; raises YamlError.
+    def read_texts(self, texts: Mapping[Path, str | None]) -> list[Suite]:
+        """Read the suites of texts, by the files that errors and reports call them, None for what stands in the file.
 
-        In place of a text stands why there is none.
+        Raises YamlError.
         """
         suites: list[Suite] = []
         wrong: list[str] = []
         for file, text in texts.items():
-            problems = [text] if isinstance(text, yaml_places.Problem) else []
-            if isinstance(text, str):
-                suites += self.read(file, text, problems)
+            problems: Problems = []
+            try:
+                source = read_whole(file).decode() if text is None else text
+            except FileError as error:
+                problems.append(Problem(yaml_places.START, error.what))
+            except UnicodeDecodeError as error:
+                byte = f"byte 0x{error.object[error.start]:02X} at {error.start}"
+                problems.append(Problem(yaml_places.START, f"not UTF-8: {byte}"))
+            else:
+                suites += self.read(file, source, problems)
             wrong += yaml_places.placed_lines(file, problems)
         if wrong:
             raise YamlError(wrong[0].partition(":")[0], wrong)
         return suites
 
-    def read(self, file: Path, source: str, problems: yaml_places.Problems) -> list[Suite]:
+    def read(self, file: Path, source: str, problems: Problems) -> list[Suite]:
         """Read the suites of a text; problems are noted, and the suites that have some are left out."""
         suites = []
         try:
             documents = yaml_places.compose_all(source, problems)
-        except yaml_places.ReadError:
+        except ReadError:
             return []
         for document in documents:
             try:
                 yaml_places.refuse_aliases(document, problems)  # first: an alias that refers to itself has no end
                 suites.append(self._format(document).read(file, document, problems))
-            except yaml_places.ReadError:
+            except ReadError:
                 continue
         return suites
 

@@ -26,6 +26,10 @@ class Status(Enum):
     BUS_FAILED = "bus failed"
 
 
+RED = Status.FAILED, Status.BUS_FAILED
+"""How a step ends that is told again in the end."""
+
+
 class SuitePart(Enum):
     """The part of a suite that a step belongs to."""
 
@@ -165,7 +169,7 @@ def failures(results: Iterable[SuiteResult]) -> Iterator[str]:
     """Yield what is to be read again at the end: each step that is red, with its place in the file and its reason."""
     for result in results:
         for step in result.steps:
-            if step.status in (Status.FAILED, Status.BUS_FAILED):
+            if step.status in RED:
                 yield one_line(f"{result.file}:{step.place.line}: {step.name} ({result.how})")
                 yield from reason_lines(step.reason) if step.reason else ()
 
@@ -194,7 +198,7 @@ def github(results: Iterable[SuiteResult]) -> Iterator[str]:
     """Yield a line for GitHub Actions for each step that failed: it becomes a note at that step of its suite."""
     for result in results:
         for step in result.steps:
-            if step.status in (Status.FAILED, Status.BUS_FAILED) and step.reason is not None:
+            if step.status in RED and step.reason is not None:
                 said = (line.strip() for line in reason_lines(step.reason))
                 yield annotation(Level.ERROR, str(result.file), *step.place, f"{result.name}: {step.name}", said)
 
@@ -230,12 +234,7 @@ def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:
     return {name: str(count) for name, count in counts.items()} | {"time": f"{sum(r.seconds for r in results):.6f}"}
 
 
-JUNIT = {
-    Status.FAILED: "failure",
-    Status.SKIPPED: "skipped",
-    Status.BUS_FAILED: "error",
-    Status.INTERRUPTED: "error",
-}
+JUNIT = {Status.FAILED: "failure", Status.SKIPPED: "skipped", Status.BUS_FAILED: "error", Status.INTERRUPTED: "error"}
 """JUnit's elements for steps that did not pass."""
 
 
@@ -281,19 +280,14 @@ def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
 
 
 def _reason_data(reason: StepReason) -> dict[str, Any]:
-    return {
-        "what": reason.what,
-        "expected": reason.expected,
-        "came": reason.came,
-        "cause": reason.cause,
-        "differences": [each._asdict() for each in reason.mismatches],
-        "frames": [
-            {
-                "time": round(line.time, 6),
-                "direction": "sent" if line.own else "received",
-                "frame": str(line.frame),
-                "meaning": line.meaning,
-            }
-            for line in reason.frames
-        ],
-    }
+    frames = [
+        {
+            "time": round(line.time, 6),
+            "direction": "sent" if line.own else "received",
+            "frame": str(line.frame),
+            "meaning": line.meaning,
+        }
+        for line in reason.frames
+    ]
+    said = {key: getattr(reason, key) for key in ("what", "expected", "came", "cause")}
+    return {**said, "differences": [each._asdict() for each in reason.mismatches], "frames": frames}

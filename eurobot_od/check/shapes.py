@@ -1,6 +1,8 @@
 """What a step sends, asks and expects: frames, named by their message or raw, and the services of CANopen.
 
-Fields may be named as in the EDS or short: `X position` or `x`. A service (heartbeat, emergency, NMT command, SDO
+All words that a suite may use, messages and objects of its EDS files and its variables, are collected before the suite
+itself is read (`Vocabulary`), so that each of them can be checked where it stands. Fields may be named as in the EDS or
+short: `X position` or `x`. A service (heartbeat, emergency, NMT command, SDO
 transfer) without a node is that of the node under test, if there is one only.
 """
 
@@ -9,40 +11,120 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import yaml
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import suite
-from eurobot_od.check.values import FieldValues, ObjectValues, Operand, Scale, ValueProblem, expectation
-from eurobot_od.check.vocabulary import NAME, Vocabulary
+from eurobot_od.check.values import FieldValues, ObjectValues, Operand, Scale, ValueProblem, Values, expectation
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame, RemoteFrame
-from eurobot_od.od import objects
+from eurobot_od.od import network, objects
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.od.standard import COMMANDS, EMCY, ERRORS
-from eurobot_od.od.values import (
-    ALL_NODES,
-    BASE_IDENTIFIER,
-    DOMAIN,
-    ERROR_CONTROL_BASE,
-    NOT_SCANNED,
-    NOT_VALID,
-    parse_number,
-)
+from eurobot_od.od.values import ALL_NODES, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, base_identifier, parse_number
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.kinds import KeyedForm, Kind, field_name, plain_name
+from eurobot_od.pdo.kinds import NOTHING, Catalogue, KeyedForm, Kind, field_name, plain_name
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.support import texts
 from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, read_all, refuse, refusing, taken
 from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, converted, pairs_of
+from eurobot_od.traffic.meaning import Decoder
 
-# Services
+# Words
 
 T = TypeVar("T")
+
+LONGEST_TIME = 86_400.0
+"""The longest time in s that a step may take for anything it does once."""
+
+
+def _at_most_a_day(seconds: float) -> float:
+    if seconds > LONGEST_TIME:
+        raise LocalError(f"{seconds:g} s is too long: at most {texts.text(LONGEST_TIME)}, a day")
+    return seconds
+
+
+DURATION = converted(shapes.DURATION, _at_most_a_day)
+SOME_TIME = converted(DURATION, shapes.longer_than_0)
+NAME = shapes.matching(r"[A-Za-z_][A-Za-z0-9_]*", "a name of letters, digits and _")
+
+
+class Networks(NamedTuple):
+    """The networks that suites may be for, and the catalogue of their message types.
+
+    `find` returns the path for what a suite has as its `dialect`, or that of the default network for None; it raises
+    UnknownName. `load` returns the devices of such a path; `refused` gets their PDOs that do not hold.
+    """
+
+    find: Callable[[str | None], Path]
+    catalogue: Catalogue = NOTHING
+    load: Callable[[Path], tuple[Dictionary, ...]] = lambda path: network.load(network.read_network(path).nodes)
+    refused: OnRefused = fatal
+
+
+class Vocabulary(NamedTuple):
+    """What the EDS files of a network have, and the names of variables: `constants` with values, `saved` by a step.
+
+    `nodes` are those under test; `networks` has the others that a suite could be for.
+    """
+
+    networks: Networks
+    decoder: Decoder
+    dictionaries: Mapping[str, Dictionary]
+    constants: Mapping[str, str]
+    saved: frozenset[str]
+    nodes: tuple[str, ...]
+
+    @property
+    def protocol(self) -> Protocol:
+        """All messages of the EDS files."""
+        return self.decoder.protocol
+
+    def scale(self, values: Values) -> Scale:
+        """Return what values are read by."""
+        return Scale(values, self.constants, self.saved)
+
+
+def texts_at(root: yaml.Node, key: str) -> dict[str, str]:
+    """Return the names and plain values below a key of the whole document: `{name: value}`, a list, or one value."""
+    node = next((value for name, value in _pairs(root) if name == key), None)
+    if isinstance(node, yaml.ScalarNode):
+        return {node.value: node.value}
+    if isinstance(node, yaml.SequenceNode):
+        return {each.value: each.value for each in node.value if isinstance(each, yaml.ScalarNode)}
+    return {name: value.value for name, value in _pairs(node) if isinstance(value, yaml.ScalarNode)}
+
+
+def saved_names(node: yaml.Node) -> Iterator[str]:
+    """Yield the names of all variables that a step below a node saves."""
+    if isinstance(node, yaml.SequenceNode):
+        for each in node.value:
+            yield from saved_names(each)
+    for name, value in _pairs(node):
+        if name != "save":
+            yield from saved_names(value)
+        elif isinstance(value, yaml.ScalarNode):  # `sdo: {read: ..., save: t}`
+            yield value.value
+        else:  # `save: {t: Goto State Response.time}`, the action
+            yield from (each for each, _ in _pairs(value))
+
+
+def _pairs(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
+    # What has the wrong shape is passed over in silence: the format, which reads all of it again, reports it.
+    if not isinstance(node, yaml.MappingNode):
+        return []
+    return [(key.value, value) for key, value in node.value if isinstance(key, yaml.ScalarNode)]
+
+
+# Services
 
 NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
 STATES = {name: state for state, name in STATE_NAMES.items()} | {suite.ANY: None}
@@ -136,11 +218,10 @@ class ServiceShapes:
 
     def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> suite.Pattern:
         node = self._dictionary(given)
-        entry = node.default(EMCY)
-        # Bit 31 set: the EMCY does not exist (CiA 301, 7.5.2.17), so a step that waits for one could only be red.
-        if not isinstance(entry, int) or entry & NOT_VALID:
+        cob_id = base_identifier(node.default(EMCY))
+        if cob_id is None:  # a step that waits for one could only be red
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
-        return suite.EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code, save)
+        return suite.EmergencyPattern(node.name, cob_id, code, save)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> suite.Action:
         # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from eurobot_od.check import report
 from eurobot_od.check.format import SuiteReader
@@ -66,9 +66,30 @@ class CheckReport:
                 check_writable(file)
 
     @property
-    def printer(self) -> Printer:
-        """What prints the suites as they run."""
-        return Printer(silent=self.as_json or self.ctt or self.quiet, verbose=self.verbose)
+    def silent(self) -> bool:
+        """Whether nothing is printed before the end, where standard output is one document."""
+        return self.as_json or self.ctt or self.quiet
+
+    def heading(self, suite: Suite, how: str) -> None:
+        """Print the line above a suite."""
+        if not self.silent:
+            print(report.heading(suite, how), flush=True)
+
+    def step(self, step: StepResult) -> None:
+        """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
+        if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
+            return
+        # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
+        print(report.step_line(step, in_colour(sys.stdout)))
+        if step.reason is not None and self.verbose:
+            print("\n".join(report.reason_lines(step.reason)))
+        sys.stdout.flush()
+
+    def end(self, result: SuiteResult) -> None:
+        """Print how many of a suite's steps have not been shown."""
+        unseen = report.folded(result)
+        if unseen and not (self.silent or self.verbose):
+            print(f"  {unseen}", flush=True)
 
     def give(self, checks: Checks, results: Sequence[SuiteResult]) -> None:
         """Print the failures again and the summary, or the whole report in another form; write the files."""
@@ -135,7 +156,7 @@ def check(
 
     interrupt = Interrupt()
     with interrupt.by_ctrl_c():
-        results = [*results_of(checks, suites, range(seed, seed + repeat), interrupt, report.printer)]
+        results = [*results_of(checks, suites, range(seed, seed + repeat), interrupt, report)]
     report.give(checks, results)
     if interrupt.requested:
         return ExitStatus.INTERRUPTED
@@ -365,34 +386,6 @@ def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -
     return found if steps else tagged
 
 
-class Printer(NamedTuple):
-    """Prints suites as they run; `silent` if standard output is one document, `verbose` for every step and reason."""
-
-    silent: bool
-    verbose: bool
-
-    def heading(self, suite: Suite, how: str) -> None:
-        """Print the line above a suite."""
-        if not self.silent:
-            print(report.heading(suite, how), flush=True)
-
-    def step(self, step: StepResult) -> None:
-        """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
-        if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
-            return
-        # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
-        print(report.step_line(step, in_colour(sys.stdout)))
-        if step.reason is not None and self.verbose:
-            print("\n".join(report.reason_lines(step.reason)))
-        sys.stdout.flush()
-
-    def end(self, result: SuiteResult) -> None:
-        """Print how many of a suite's steps have not been shown."""
-        unseen = report.folded(result)
-        if unseen and not (self.silent or self.verbose):
-            print(f"  {unseen}", flush=True)
-
-
 def listed(suites: Iterable[Suite]) -> Iterator[str]:
     """Yield a line for each suite."""
     for suite in suites:
@@ -402,7 +395,7 @@ def listed(suites: Iterable[Suite]) -> Iterator[str]:
 
 
 def results_of(
-    checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, printer: Printer
+    checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, told: CheckReport
 ) -> Iterator[SuiteResult]:
     """Run the suites for all seeds, until an interrupt or until the bus fails."""
     gone: set[tuple[str, ...]] = set()  # a device that does not come back from a reset is reported once
@@ -413,9 +406,9 @@ def results_of(
                 return
             if suite.nodes in gone:
                 continue
-            printer.heading(suite, checks.skips(suite) or checks.how(seed))
-            result = checks.run(suite, seed, interrupt, reported, printer.step)
-            printer.end(result)
+            told.heading(suite, checks.skips(suite) or checks.how(seed))
+            result = checks.run(suite, seed, interrupt, reported, told.step)
+            told.end(result)
             yield result
             if result.error:  # the bus is gone, for all suites that follow
                 return
