@@ -1,4 +1,4 @@
-"""Results as text: for the console, as annotations, as JUnit XML, and as JSON."""
+"""Results as text: for the console, as JUnit XML, and as JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 from eurobot_od.check.suite import Mismatch, Suite
 from eurobot_od.frame import Frame
-from eurobot_od.support.texts import Level, amount, annotation, one_line
+from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.yaml_places import Place
 
 
@@ -24,10 +24,6 @@ class Status(Enum):
     SKIPPED = "skipped"
     INTERRUPTED = "interrupted"
     BUS_FAILED = "bus failed"
-
-
-RED = Status.FAILED, Status.BUS_FAILED
-"""How a step ends that is told again in the end."""
 
 
 class SuitePart(Enum):
@@ -169,7 +165,7 @@ def failures(results: Iterable[SuiteResult]) -> Iterator[str]:
     """Yield what is to be read again at the end: each step that is red, with its place in the file and its reason."""
     for result in results:
         for step in result.steps:
-            if step.status in RED:
+            if step.status in (Status.FAILED, Status.BUS_FAILED):
                 yield one_line(f"{result.file}:{step.place.line}: {step.name} ({result.how})")
                 yield from reason_lines(step.reason) if step.reason else ()
 
@@ -189,18 +185,6 @@ def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
                 off = step.reason.mismatches
                 objects = "; ".join(f"{each.what} was {each.expected}, is {each.came}" for each in off)
                 yield one_line(f"{result.file.stem}: LEFT CHANGED by {result.name}: {objects}. {HOW_TO_RESTORE}")
-
-
-# Annotations
-
-
-def github(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield a line for GitHub Actions for each step that failed: it becomes a note at that step of its suite."""
-    for result in results:
-        for step in result.steps:
-            if step.status in RED and step.reason is not None:
-                said = (line.strip() for line in reason_lines(step.reason))
-                yield annotation(Level.ERROR, str(result.file), *step.place, f"{result.name}: {step.name}", said)
 
 
 # JUnit

@@ -42,7 +42,6 @@ class CheckReport:
     page: conformance: write a page for the maker, as .html, .md or .json
     junit: write a JUnit XML report
     ctt: conformance: print by the numbers of CiA's test tool
-    format: also print annotations for GitHub Actions
     verbose: print every step, green and skipped ones too
     quiet: print only the red steps and the last line
     """
@@ -51,7 +50,6 @@ class CheckReport:
     junit: Annotated[Path | None, Option(metavar="FILE")] = None
     as_json: Annotated[Json, Option(either="form")] = False
     ctt: Annotated[bool, Option(either="form")] = False
-    format: Annotated[Literal["github"] | None, Option(either="form")] = None
     verbose: Annotated[bool, Option("-v", either="form")] = False
     quiet: Annotated[bool, Option("-q", either="form")] = False
 
@@ -103,7 +101,6 @@ class CheckReport:
         else:
             sys.stdout.writelines(f"{line}\n" for line in (*report.changed(results), *report.failures(results)))
             print(report.summary(results))
-            sys.stdout.writelines(f"{line}\n" for line in report.github(results) if self.format)
         if self.junit is not None:
             write(self.junit, report.junit(results))
         if self.page is not None:

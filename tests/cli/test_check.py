@@ -172,8 +172,6 @@ def test_writes_a_junit_report(folder: Path, capsys: pytest.CaptureFixture[str])
 def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -> None:
     data = json.loads(run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--json").out)
     assert [step["status"] for suite in data for step in suite["steps"]] == ["ok", "ok", "failed", "skipped"]
-    github = run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--format", "github").out.splitlines()
-    assert [each.partition(",")[0] for each in github if each.startswith("::")] == ["::error file=red.yaml"]
 
 
 def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None:
