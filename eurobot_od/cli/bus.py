@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, TypeAlias
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.cli.devices import Access, Devices, Target
+from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, Target
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
@@ -129,9 +129,6 @@ def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: 
 
 NMT_COMMANDS = {name.replace(" ", "-"): NmtCommand(command) for command, name in COMMAND_NAMES.items()}
 """The NMT commands by their words on the command line."""
-
-HEARTBEAT_WAIT = 1.2
-"""Seconds to wait for the heartbeat after the command; our nodes send one a second."""
 
 
 def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMANDS)]) -> ExitStatus:

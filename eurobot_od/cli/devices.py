@@ -290,6 +290,10 @@ def object_names(robot: Plugin) -> Iterable[str]:
             yield each.qualname
 
 
+HEARTBEAT_WAIT = 1.2
+"""Seconds in which a node's heartbeat shows its state; our nodes send one a second."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Access:
     """How to talk to nodes; `timeout` is in s, `largest` in bytes.
