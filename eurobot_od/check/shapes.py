@@ -35,7 +35,7 @@ from eurobot_od.support import texts
 from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, read_all, refuse, refusing, taken
-from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, converted, pairs_of
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, converted, pairs_of
 from eurobot_od.traffic.meaning import Decoder
 
 # Words
@@ -132,11 +132,8 @@ STATES = {name: state for state, name in STATE_NAMES.items()} | {suite.ANY: None
 
 def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
     """Make a shape that also takes the word `any`, read as `instead`."""
-    return Shape(
-        # the value of a list's node is a list, which equals no word
-        lambda node, problems: instead if node.value == suite.ANY else shape.read(node, problems),
-        {"anyOf": [{"const": suite.ANY}, shape.schema]},
-    )
+    # the value of a list's node is a list, which equals no word
+    return Shape(lambda node, problems: instead if node.value == suite.ANY else shape.read(node, problems))
 
 
 TRANSFERS = {each.value: each for each in (suite.Blocks.PLAIN, suite.Blocks.WITHOUT_CRC)}
@@ -150,44 +147,29 @@ class ServiceShapes:
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
         self._node = shapes.named(words.dictionaries, "node")
-        state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
         number: Shape[Any] = shapes.within(NUMBER, Within(0, 0xFFFF), "error code")  # of 16 bits (CiA 301, 7.2.7)
+        state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
-        self.heartbeat: Shape[suite.Pattern] = self._service("state", state, self._heartbeat)
-        register = {"save": Key(NAME, "variable that gets the error register in it")}
-        self.emcy: Shape[suite.Pattern] = self._service("code", code, self._emergency, register)
-        self.nmt: Shape[suite.Action] = self._service("command", command, self._nmt)
-        when = Key(
-            shapes.named({"before": False, "equal": True}, "dump"),
-            "`before`: keep them; `equal`: compare with what was kept",
-            needed=True,
-        )
-        self.dump: Shape[suite.Action] = self._service("when", when, self._dump)
+        when = Key(shapes.named({"before": False, "equal": True}, "dump"), "before or equal", needed=True)
         none = Key(shapes.named({"none": True}, "errors"), "none are there", needed=True)
-        self.errors: Shape[suite.Action] = self._service(
-            "wanted", none, lambda _, given: suite.SelfReported(suite.NodeServices.of(self._dictionary(given)))
-        )
         awaited = Key(shapes.named({"awaited": True}, "boot-up"), "the boot-up is waited for", needed=True)
-        self.boot_up: Shape[suite.BootUp] = self._service(
-            "when", awaited, lambda _, given: suite.BootUp(suite.NodeServices.of(self._dictionary(given)))
-        )
+        self.heartbeat: Shape[suite.Pattern] = self._service("state", state, self._heartbeat)
+        self.emcy: Shape[suite.Pattern] = self._service("code", code, self._emergency, {"save": Key(NAME)})
+        self.nmt: Shape[suite.Action] = self._service("command", command, self._nmt)
+        self.dump: Shape[suite.Action] = self._service("when", when, self._dump)
+        self.errors = self._service("wanted", none, lambda _, given: suite.SelfReported(self._services(given)))
+        self.boot_up = self._service("when", awaited, lambda _, given: suite.BootUp(self._services(given)))
         sdo = {
-            "restore": Key(SCALAR, "object that gets back what `saved` has, unless it has it"),
-            "saved": Key(NAME, "variable that `save` gave a value"),
-            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name in any letter case"),
-            "write": Key(SCALAR, "object to write"),
-            "value": Key(SCALAR, "value to write"),
-            "data": Key(TEXT, "bytes to write or to expect, in hexadecimal, instead of a value"),
-            "expect": Key(SCALAR, "the value to be read"),
-            "abort": Key(ABORTS, "the abort code, or one of several, or any, with which the node has to refuse"),
-            "optional": Key(ABORTS, "abort codes that mean that the node lacks this: the step is skipped"),
-            "transfer": Key(shapes.named(TRANSFERS, "transfer"), "transferred in blocks, with a CRC or without"),
-            "save": Key(NAME, "variable that gets the value"),
-            "node": Key(self._node, "whose object; default: the node under test"),
+            **dict.fromkeys(("restore", "read", "write", "value", "expect"), Key(SCALAR)),
+            **dict.fromkeys(("saved", "save"), Key(NAME)),
+            **dict.fromkeys(("abort", "optional"), Key(ABORTS)),
+            "data": Key(TEXT),
+            "transfer": Key(shapes.named(TRANSFERS, "transfer")),
+            "node": Key(self._node),
         }
         self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, sdo)
-        self.sdo: Shape[suite.Action] = Shape(self._read_sdo, self._sdo_parts.schema)
+        self.sdo: Shape[suite.Action] = Shape(self._read_sdo)
 
     def _dictionary(self, given: Dictionary | None) -> Dictionary:
         """Return the EDS of the node that is meant; raises LocalError."""
@@ -197,11 +179,14 @@ class ServiceShapes:
             raise LocalError("which node? Write it next to this, `node: drive`, or give the suite one node")
         return self._words.dictionaries[self._words.nodes[0]]
 
+    def _services(self, given: Dictionary | None) -> suite.NodeServices:
+        return suite.NodeServices.of(self._dictionary(given))
+
     def _service(
         self, name: str, key: Key, make: Callable[..., T], more: Mapping[str, Key] = MappingProxyType({})
     ) -> Shape[T]:
         """Make the shape of a service: its one value, or a mapping that also says which node, and more."""
-        keys = {name: key, "node": Key(self._node, "which node; default: the node under test"), **more}
+        keys = {name: key, "node": Key(self._node), **more}
         long: Shape[dict[str, Any]] = shapes.record(dict, keys)
 
         def read(node: yaml.Node, problems: Problems) -> T:
@@ -210,7 +195,7 @@ class ServiceShapes:
             with refusing(node, problems):
                 return make(parts[name], parts.get("node"), **{each: parts[each] for each in more if each in parts})
 
-        return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
+        return Shape(read)
 
     def _heartbeat(self, state: Any, given: Dictionary | None) -> suite.Pattern:
         node = self._dictionary(given)
@@ -320,15 +305,15 @@ class FrameShapes:
     def __init__(self, words: Vocabulary, services: ServiceShapes) -> None:
         self._words = words
         self._others: dict[str, Shape[suite.Pattern]] = {
-            "raw": Shape(_read_raw_pattern, _pattern_schema(RAW_PATTERN)),
+            "raw": Shape(_read_raw_pattern),
             "heartbeat": services.heartbeat,
             "emcy": services.emcy,
         }
-        self.sent: Shape[suite.Sent] = Shape(self._read_sent, {"$ref": "#/$defs/sent"})
-        self.answers: Shape[dict[int, suite.Sent | None]] = Shape(self._read_answers, {"$ref": "#/$defs/answers"})
-        self.pattern: Shape[suite.Pattern] = Shape(self._read_pattern, {"$ref": "#/$defs/pattern"})
-        self.patterns: Shape[suite.Patterns] = Shape(self._read_patterns, {"$ref": "#/$defs/patterns"})
-        self.field: Shape[suite.FieldOf] = converted(SCALAR, self._field_of, {"type": "string"})
+        self.sent: Shape[suite.Sent] = Shape(self._read_sent)
+        self.answers: Shape[dict[int, suite.Sent | None]] = Shape(self._read_answers)
+        self.pattern: Shape[suite.Pattern] = Shape(self._read_pattern)
+        self.patterns: Shape[suite.Patterns] = Shape(self._read_patterns)
+        self.field: Shape[suite.FieldOf] = converted(SCALAR, self._field_of)
 
     # What is sent
 
@@ -410,25 +395,6 @@ class FrameShapes:
         binding = self._words.protocol.binding(message or str(text))
         return suite.FieldOf(binding, _field(binding, field))
 
-    # Schema
-
-    def definitions(self) -> dict[str, Schema]:
-        """Return the schemas that others refer to."""
-        names = {each.name: each.kinds for each in self._words.protocol.bindings}
-        others = {name: shape.schema for name, shape in self._others.items()}
-        several = shapes.listing(self.pattern).schema
-        orders = [{"type": "object", "properties": {name: several}, "required": [name]} for name in ORDERS]
-        return {
-            "answers": {
-                "type": "object",
-                "propertyNames": {"enum": list(names)},
-                "additionalProperties": {"anyOf": [self.sent.schema, {"enum": [NO_ANSWER]}]},
-            },
-            "sent": _message_schema(names, {"raw": _pattern_schema(RAW)}, needs_fields=True),
-            "pattern": _message_schema(names, others, needs_fields=False),
-            "patterns": {"anyOf": [self.pattern.schema, several, *orders]},
-        }
-
 
 def _named(node: yaml.Node, problems: Problems) -> tuple[PlacedText, yaml.Node | None]:
     """Return the name of a message, and what comes after it."""
@@ -486,44 +452,6 @@ def _read_value(node: yaml.Node, kind: Kind, scale: Scale, problems: Problems, r
         return read(text, scale)
 
 
-# Small schemas
-
-
-def _pattern_schema(form: re.Pattern[str]) -> Schema:
-    # JSON Schema has the regular expressions of ECMA-262, which do not know Python's `(?P<name>`.
-    return {"type": "string", "pattern": f"^{re.sub(r'[?]P<[a-z]+>', '', form.pattern)}$"}
-
-
-def _message_schema(
-    names: Mapping[str, Mapping[str, Kind]], others: Mapping[str, Schema], needs_fields: bool
-) -> Schema:
-    """Return the schema of a message: its name alone, or a mapping with its fields."""
-    properties = {name: _fields_schema(fields) for name, fields in names.items()} | dict(others)
-    alone = [name for name, fields in names.items() if not (needs_fields and fields)]
-    # One key, as in `_named`: the message's name.
-    one = {"type": "object", "properties": properties, "minProperties": 1, "maxProperties": 1}
-    return {"anyOf": [{"enum": alone}, one | {"additionalProperties": False}]}
-
-
-def _fields_schema(fields: Mapping[str, Kind]) -> Schema:
-    """Return the schema of a message's fields: their names as people write them, and all other ways to write them."""
-    value = SCALAR.schema
-    forms = {field: kind.keyed_form for field, kind in fields.items()}
-    values = {name: {"anyOf": [value, _keyed(form).schema]} if form else value for name, form in forms.items()}
-    return {
-        "type": ["object", "null"],  # `Goto XY:` with nothing behind the colon is null in YAML
-        "properties": {field.replace("_", " "): value for field, value in values.items()},
-        "patternProperties": {_spellings(field): value for field, value in values.items()},
-        "additionalProperties": False,
-    }
-
-
-def _spellings(field: str) -> str:
-    """Return the pattern of a field's names: `enemy_1_diameter`, `Enemy 1 diameter`, `x`, `X position`."""
-    words = [f"[{word[0].upper()}{word[0]}]{word[1:]}" for word in field.split("_")]
-    return f"^{'[ _]'.join(words)}( position)?$"
-
-
 def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
     """Return the shape of a mapping from keys, in any of their spellings, to words."""
     keys = {plain_name(key): key for key in form.keys}
@@ -534,4 +462,4 @@ def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
         return keys[plain_name(text)]
 
     words = shapes.named({word: word for word in form.words}, form.word)
-    return shapes.mapping(words, converted(SCALAR, known, {"enum": list(form.keys)}))
+    return shapes.mapping(words, converted(SCALAR, known))

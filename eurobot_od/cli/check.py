@@ -114,7 +114,6 @@ def check(
     checks: Checks,
     *,
     list: bool = False,
-    schema: bool = False,
     output: Output = None,
     repeat: Annotated[int, Option(metavar="N", read=whole(1, what="a number of times"))] = 1,
     seed: int = 1,
@@ -123,7 +122,6 @@ def check(
     """Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones.
 
     list: list the robot's suites, or the given ones, and exit
-    schema: print the JSON Schema of suites, for editors, and exit
     output: conformance, profile: write the suites, and exit
     repeat: run everything N times, seed by seed
     seed: seed of everything random in the simulation (default: 1)
@@ -137,9 +135,6 @@ def check(
         checks.devices.robot.find_fault(name)  # complains of a name before the first suite, not in it
     with left_out() as refused:
         reader = checks.reader(refused)
-        if schema:
-            print(json.dumps(reader.schema(), indent=1))
-            return ExitStatus.FINE
         if output is not None:
             write(output, "".join(checks.made.texts(checks.devices.load()).values()))
             return ExitStatus.FINE

@@ -14,7 +14,7 @@ from junitparser import JUnitXml
 
 from eurobot_od import cli
 from eurobot_od.robot.plugin import ROBOT
-from tests.check.suites import HEAD, document, reader
+from tests.check.suites import HEAD, document
 from tests.cli.console import run
 from tests.client.servo import DOCS
 from tests.device import io_module
@@ -172,12 +172,6 @@ def test_writes_a_junit_report(folder: Path, capsys: pytest.CaptureFixture[str])
 def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -> None:
     data = json.loads(run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--json").out)
     assert [step["status"] for suite in data for step in suite["steps"]] == ["ok", "ok", "failed", "skipped"]
-
-
-def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "check", "--schema")
-    assert (said.status, said.err) == (0, "")
-    assert json.loads(said.out) == json.loads(json.dumps(reader(None).schema()))
 
 
 @pytest.mark.usefixtures("folder")
