@@ -11,24 +11,13 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from eurobot_od.check import suite
-from eurobot_od.check.shapes import (
-    DURATION,
-    NAME,
-    SOME_TIME,
-    FrameShapes,
-    Networks,
-    ServiceShapes,
-    Vocabulary,
-    saved_names,
-    texts_at,
-)
+from eurobot_od.check import shapes, suite
+from eurobot_od.check.shapes import DURATION, NAME, SOME_TIME, FrameShapes, ServiceShapes, Vocabulary
 from eurobot_od.check.suite import Pattern, Suite
 from eurobot_od.errors import FileError, UnknownName, YamlError
 from eurobot_od.frame import HIGHEST_IDENTIFIER
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.support import yaml_places
-from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support import yaml_places, yaml_shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, read_all, refuse
@@ -41,7 +30,7 @@ VERSION = 1
 MAX_COUNT = 100_000
 """Most repetitions of a step, including those of the steps inside it; most periods measured."""
 
-COUNT = shapes.within(shapes.shape_of(int), Within(1, MAX_COUNT), "count")
+COUNT = yaml_shapes.within(yaml_shapes.shape_of(int), Within(1, MAX_COUNT), "count")
 
 
 class ActionRow(NamedTuple):
@@ -61,24 +50,25 @@ class Format:
         self._frames = FrameShapes(words, self._services)
         self._step: Shape[suite.Step] = Shape(self._read_step)
         self._actions = self._action_table()
-        answer = shapes.named({"yes": True, "no": False}, "answer")
+        answer = yaml_shapes.named({"yes": True, "no": False}, "answer")
         self._common = {"name": Key(TEXT), "repeat": Key(COUNT), "needed": Key(answer), "undo": Key(answer)}
-        self._suite: Shape[dict[str, Any]] = shapes.record(dict, self._suite_table())
+        self._suite: Shape[dict[str, Any]] = yaml_shapes.record(dict, self._suite_table())
 
     # Tables
 
     def _suite_table(self) -> dict[str, Key]:
-        steps = shapes.listing(self._step)
-        version = shapes.named({str(VERSION): VERSION}, "version")
+        steps = yaml_shapes.listing(self._step)
+        version = yaml_shapes.named({str(VERSION): VERSION}, "version")
+        node = yaml_shapes.named({name: name for name in self._words.dictionaries}, "node")
         return {
             "spec": Key(version, f"version of the format, `spec: {VERSION}`", needed=True),
             "name": Key(TEXT, "what the suite is for", needed=True),
-            "node": Key(shapes.one_or_more(shapes.named({name: name for name in self._words.dictionaries}, "node"))),
-            "dialect": Key(shapes.converted(TEXT, self._dialect)),
+            "node": Key(yaml_shapes.one_or_more(node)),
+            "dialect": Key(yaml_shapes.converted(TEXT, self._dialect)),
             "timeout": Key(DURATION),
-            "variables": Key(shapes.mapping(SCALAR, NAME)),
-            "world": Key(shapes.named({"shared": True, "any": False}, "world")),
-            "tags": Key(shapes.one_or_more(TEXT)),
+            "variables": Key(yaml_shapes.mapping(SCALAR, NAME)),
+            "world": Key(yaml_shapes.named({"shared": True, "any": False}, "world")),
+            "tags": Key(yaml_shapes.one_or_more(TEXT)),
             "setup": Key(steps),
             "steps": Key(steps, "the steps", needed=True),
             "teardown": Key(steps),
@@ -86,12 +76,12 @@ class Format:
 
     def _action_table(self) -> dict[str, ActionRow]:
         frames, services = self._frames, self._services
-        identifier = shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier")
+        identifier = yaml_shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier")
         within = {"within": Key(DURATION)}
         until = {"until": Key(frames.pattern, needed=True)} | within
         every = {"every": Key(SOME_TIME, "time from one to the next", needed=True)}
         question = {"send": Key(frames.sent, "what is sent", needed=True)} | every
-        polled = shapes.record(lambda send, every: (send, every), question)
+        polled = yaml_shapes.record(lambda send, every: (send, every), question)
         measured = {
             "message": Key(frames.pattern, "which frame", needed=True),
             **every,
@@ -105,7 +95,7 @@ class Format:
             "await": ActionRow(frames.pattern, suite.Await, within),
             "never": ActionRow(frames.pattern, _never, {"for": Key(DURATION, needed=True)}),
             "poll": ActionRow(polled, lambda parts, **keys: suite.Poll(*parts, **keys), until),
-            "period": ActionRow(shapes.record(suite.Period, measured), _same),
+            "period": ActionRow(yaml_shapes.record(suite.Period, measured), _same),
             "sdo": ActionRow(services.sdo, _same, within),
             "dump": ActionRow(services.dump, _same),
             "boot-up": ActionRow(services.boot_up, _same, within),
@@ -114,10 +104,10 @@ class Format:
             "nmt": ActionRow(services.nmt, _same),
             "heartbeat": ActionRow(services.heartbeat, _expect_one, within),
             "emcy": ActionRow(services.emcy, _expect_one, within),
-            "save": ActionRow(shapes.mapping(frames.field, NAME), suite.Save),
+            "save": ActionRow(yaml_shapes.mapping(frames.field, NAME), suite.Save),
             "wait": ActionRow(DURATION, suite.Wait),
             "skip": ActionRow(TEXT, lambda text: suite.Skip(str(text))),
-            "steps": ActionRow(shapes.listing(self._step), suite.Group),
+            "steps": ActionRow(yaml_shapes.listing(self._step), suite.Group),
         }
 
     # Reading
@@ -207,7 +197,7 @@ class SuiteReader:
     Reading raises UnknownName for an unknown network.
     """
 
-    def __init__(self, networks: Networks, dialect: str | None = None) -> None:
+    def __init__(self, networks: shapes.Networks, dialect: str | None = None) -> None:
         self._networks, self._dialect = networks, dialect
         self._loaded: dict[Path, tuple[Decoder, dict[str, Dictionary]]] = {}
 
@@ -254,11 +244,11 @@ class SuiteReader:
         return suites
 
     def _format(self, document: yaml.Node) -> Format:
-        decoder, dictionaries = self._load(next(iter(texts_at(document, "dialect")), self._dialect))
-        named, names = texts_at(document, "node"), tuple(dictionaries)
+        decoder, dictionaries = self._load(next(iter(shapes.texts_at(document, "dialect")), self._dialect))
+        named, names = shapes.texts_at(document, "node"), tuple(dictionaries)
         # If all names are wrong, any one node will do: "which node?" at each step would only hide the wrong name.
         nodes = tuple(name for name in names if name in named or not named) or names[:1]
-        constants, saved = texts_at(document, "variables"), frozenset(saved_names(document))
+        constants, saved = shapes.texts_at(document, "variables"), frozenset(shapes.saved_names(document))
         return Format(Vocabulary(self._networks, decoder, dictionaries, constants, saved, nodes))
 
     def _load(self, dialect: str | None) -> tuple[Decoder, dict[str, Dictionary]]:

@@ -536,7 +536,8 @@ class Doer:
         while self._trace.now < deadline:
             # Any answer will do, an abort as well: what it says is not the question here.
             with suppress(NoAnswer):
-                await self._probe(action.node)
+                with suppress(sdo.Aborted, sdo.OddAnswer):
+                    await self._run(sdo.upload(ERROR_REGISTER, POLLED), action.node)  # which every device has
                 break
         else:
             raise Gone(f"{self._no_boot_up(action)}, and no answer to an SDO request as long again")
@@ -563,11 +564,6 @@ class Doer:
         instead = f" (node {', '.join(map(str, others))} booted instead)" if others else ""
         within = texts.text(self._longest(action.within))
         return f"no boot-up {ERROR_CONTROL_BASE + action.node.node_id:03X}#00 in {within} after a reset{instead}"
-
-    async def _probe(self, node: suite.NodeServices) -> None:
-        """Ask for the error register, which every device has; raises NoAnswer."""
-        with suppress(sdo.Aborted, sdo.OddAnswer):
-            await self._run(sdo.upload(ERROR_REGISTER, POLLED), node)
 
     @_do.register
     async def _dump(self, action: suite.Dump) -> None:

@@ -74,15 +74,12 @@ def found_as_data(found: Found) -> dict[str, Any]:
 
 def found_rows(found: Sequence[Found], names: Mapping[int, str] = MappingProxyType({})) -> Iterator[tuple[str, ...]]:
     """Yield the table of the nodes, with a column for the `names` that a network has for them, if there are any."""
-
-    def name(text: str) -> tuple[str, ...]:
-        return (text,) if names else ()
-
-    yield "node", *name("in network"), "name", "state", "vendor", "product", "revision", "serial"
+    yield "node", *["in network"] * bool(names), "name", "state", "vendor", "product", "revision", "serial"
     for each in found:
         state = "-" if each.state is None else STATE_NAMES[each.state]
         numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
-        yield f"{each.node_id:>4}", *name(names.get(each.node_id, "-")), each.name or "-", state, *numbers
+        there = [names.get(each.node_id, "-")] * bool(names)
+        yield f"{each.node_id:>4}", *there, each.name or "-", state, *numbers
 
 
 # Boot

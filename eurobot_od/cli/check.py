@@ -24,7 +24,6 @@ from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.pdos import OnRefused
-from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.support.files import check_writable
 from eurobot_od.support.progress import in_colour
 from eurobot_od.support.texts import one_line
@@ -129,7 +128,8 @@ def check(
     $ check --conformance --eds 5=motor.eds --simulate --tag nmt
     $ check --conformance --eds 5=motor.eds --tag emcy --report report.html -i socketcan -c can0
     """
-    _refuse_what_does_not_go_together(checks, {"output": output, "report": report.page, "ctt": report.ctt})
+    of_made = {"output": output, "report": report.page, "ctt": report.ctt}
+    _refuse_what_does_not_go_together(checks, {name: given for name, given in of_made.items() if given})
     report.check_files()
     for name in checks.fault:
         checks.devices.robot.find_fault(name)  # complains of a name before the first suite, not in it
@@ -161,21 +161,21 @@ def check(
 
 def _refuse_what_does_not_go_together(checks: Checks, of_made: Mapping[str, object]) -> None:
     """Raise LocalError; `of_made` are options that say something of suites that are made."""
-    made = checks.made
-    if checks.fault and not checks.simulate:
-        raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
-    if made.conformance and checks.files:
-        raise LocalError(f"--conformance makes its suites from the EDS files: leave out {checks.files[0]}")
-    if made.profile and (made.conformance or checks.files):
-        raise LocalError("--profile makes its suites from the EDS files: leave out --conformance, and files")
-    made.check()
-    for option, value in of_made.items():
-        if value and not (made.conformance or (made.profile and option == "output")):
-            raise LocalError(f"--{option} needs --conformance")
-
-
-FIRST_OWN = 4
-"""The first sub-index of 0x1011 that is the maker's (CiA 301, 7.5.2.14)."""
+    made, from_files = checks.made, "makes its suites from the EDS files: leave out"
+    about = [*of_made] if made.conformance else ["output"] if made.profile else []
+    refused = (
+        (checks.fault and not checks.simulate, "--fault needs --simulate: it is a fault of a simulated node"),
+        (made.conformance and checks.files, f"--conformance {from_files} {''.join(checks.files[:1])}"),
+        (made.profile and (made.conformance or checks.files), f"--profile {from_files} --conformance, and files"),
+        (made.motion and made.profile != 402, "--motion needs --profile 402"),
+        (made.outputs and made.profile != 401, "--outputs needs --profile 401"),
+        (made.reversible and not made.is_wanted, "--reversible needs --conformance"),
+        (made.destructive and not made.conformance, "--destructive needs --conformance"),
+        *((option not in about, f"--{option} needs --conformance") for option in of_made),
+    )
+    for is_wrong, why in refused:
+        if is_wrong:
+            raise LocalError(why)
 
 
 def _motion(text: str) -> tuple[int, int]:
@@ -196,7 +196,6 @@ class Made:
     outputs: profile 401: also switch the outputs
     reversible: conformance: also reset, write PDOs and own values; profile: also the state machine, settings
     destructive: conformance: also write other values, and store
-    restore: conformance, destructive: also restore what the maker has behind this sub-index of 0x1011
     """
 
     conformance: bool = False
@@ -205,21 +204,6 @@ class Made:
     outputs: bool = False
     reversible: Annotated[bool, Option(either="tier")] = False
     destructive: Annotated[bool, Option(either="tier")] = False
-    restore: Annotated[
-        Sequence[int], Option(metavar="SUB", read=whole(FIRST_OWN, MOST_SUBS, what="a sub-index of the maker's"))
-    ] = ()
-
-    def check(self) -> None:
-        """Raise LocalError for options that do not go together."""
-        for option, profile in (("motion", 402), ("outputs", 401)):
-            if getattr(self, option) and self.profile != profile:
-                raise LocalError(f"--{option} needs --profile {profile}")
-        if self.restore and not self.destructive:
-            raise LocalError("--restore needs --destructive")
-        if self.reversible and not self.is_wanted:
-            raise LocalError("--reversible needs --conformance")
-        if self.destructive and not self.conformance:
-            raise LocalError("--destructive needs --conformance")
 
     @property
     def is_wanted(self) -> bool:
@@ -239,7 +223,7 @@ class Made:
         from eurobot_od.check.conformance import suite as chapters
 
         if self.conformance:
-            make = partial(chapters.text, tier=self.tier, restore=self.restore)
+            make = partial(chapters.text, tier=self.tier)
         elif self.profile == 401:
             make = partial(profiles.module_text, reversible=self.reversible, outputs=self.outputs)
         else:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeAlias
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BitRate, BusOptions, DbcFiles, EmcyFiles, Json, Seconds, assigned, positive, whole
 from eurobot_od.cli.signature import HelpGroup, Option
@@ -125,9 +125,6 @@ class Watched(io.RawIOBase):
         return len(data)
 
 
-BIT_RATE = 500_000
-
-
 @dataclass(frozen=True, kw_only=True)
 class Filters:
     """The entries that are wanted: names of messages and nodes, conditions on fields.
@@ -164,7 +161,7 @@ def decode(
     until: Seconds = inf,
     relative: bool = False,
     statistics: bool = False,
-    bitrate: BitRate = BIT_RATE,
+    bitrate: BitRate = options.BIT_RATE,
     strict: bool = False,
     devices: Devices,
     emcy: EmcyFiles = (),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
-from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
+from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
@@ -166,15 +166,6 @@ class Devices:
             return network_set(decoder.dictionaries, names, rows, file)
         except (FileError, LocalError):  # a bus can be watched without knowing how often a message is to come
             return NOTHING
-
-
-def robot_meant(parser: Parser) -> Plugin:
-    """Return the robot that a command line will mean once it is read, for options that only the robot has.
-
-    Raises as `plugin.find`.
-    """
-    devices: Devices = ahead(parser, Devices)
-    return devices.robot
 
 
 def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:

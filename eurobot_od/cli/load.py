@@ -9,7 +9,7 @@ from typing import Annotated
 
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, Dialect, left_out
-from eurobot_od.cli.options import BitRate, Json, whole, write
+from eurobot_od.cli.options import BIT_RATE, BitRate, Json, whole, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
@@ -19,9 +19,6 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 from eurobot_od.support import texts
 from eurobot_od.traffic.load import ErrorRate, MessageSet, as_data, chart, load_report, network_set, table, too_slow
-
-BIT_RATE = 500_000
-"""bit/s where neither the option nor the file says it."""
 
 
 def _errors(text: str) -> ErrorRate:

@@ -81,6 +81,9 @@ def check_node_id(number: int) -> int:
 
 # Options
 
+BIT_RATE = 500_000
+"""bit/s where nothing says another one."""
+
 Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=span)]
 BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in 1000..1000000 bit/s"))]
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import os
 import re
+import typing
 from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, HelpFormatter, Namespace, _ActionsContainer
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
@@ -25,20 +26,7 @@ from functools import partial
 from inspect import Parameter, signature
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    Literal,
-    NamedTuple,
-    NoReturn,
-    TypeAlias,
-    Union,
-    cast,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn, TypeAlias, Union, cast
 
 from eurobot_od.errors import LocalError, UnknownName, meant
 
@@ -112,7 +100,7 @@ class Hint(NamedTuple):
     @classmethod
     def of(cls, annotation: Any, parser: Parser) -> Hint:
         """Take apart an annotation; what stands further out counts."""
-        origin, inside = get_origin(annotation), get_args(annotation)
+        origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
         if origin in (Union, UnionType):
             (only,) = (each for each in inside if each is not NoneType)
             return cls.of(only, parser)
@@ -263,7 +251,7 @@ def ahead(parser: Parser, function: Callable[..., Any]) -> Any:
 def _describe(parser: Parser, container: _ActionsContainer, function: Callable[..., Any]) -> Call:
     """Describe the parameters of a function, or the fields of a dataclass; return what calls it."""
     values, apart = dict[str, Call](), dict[str, _ActionsContainer]()
-    hints, texts = get_type_hints(function, include_extras=True), told(function)
+    hints, texts = typing.get_type_hints(function, include_extras=True), told(function)
     for name, parameter in signature(function).parameters.items():
         hint = Hint.of(hints[name], parser)
         hint, either = hint._replace(text=texts.get(name, hint.text)), hint.option.either

@@ -75,12 +75,6 @@ REFUSALS = {
     "destructive suite": ("green.yaml --destructive --simulate", 2, "eurobot-od: --destructive needs --conformance"),
     "report of a suite": ("green.yaml --report x.html", 2, "eurobot-od: --report needs --conformance"),
     "odd form of a report": ("--conformance --report x.txt", 2, "eurobot-od: unknown form of a report '.txt'"),
-    "restored in reading": ("--conformance --restore 4", 2, "eurobot-od: --restore needs --destructive"),
-    "restored by the standard": (
-        "--conformance --restore 1",
-        2,
-        "eurobot-od check: error: argument --restore: 1 is not a sub-index of",
-    ),
     "written suite": ("green.yaml -o copy.yaml", 2, "eurobot-od: --output needs --conformance"),
     "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is not a duration"),
     "no file": ("nothing.yaml --simulate", 2, "nothing.yaml:1:1: No such file or directory"),

@@ -13,20 +13,10 @@ from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Da
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
 from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.device.broadcasts import COUNTERS
+from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import (
-    EMCY,
-    ERROR_FIELD,
-    ERROR_REGISTER,
-    ERRORS,
-    SYNC,
-    SYNC_COUNTER,
-    SYNC_PERIOD,
-    SYNC_PRODUCER,
-    TIME,
-    ErrorCode,
-)
+from eurobot_od.od.standard import ERRORS, SYNC, SYNC_COUNTER, SYNC_PERIOD, ErrorCode
 from eurobot_od.od.values import TRANSMISSION_TYPE, Address, PdoDirection
 from eurobot_od.sdo.wire import AbortCode
 
@@ -34,7 +24,7 @@ from eurobot_od.sdo.wire import AbortCode
 
 EMCY_CHAPTER: Chapter[Subject] = Chapter("emcy", "emergencies")
 
-NEWEST: Address = (ERROR_FIELD, 1)
+NEWEST: Address = (standard.ERROR_FIELD, 1)
 
 NO_EMCY_FOR, REPORTED_ONCE = "500 ms", "100 ms"
 NO_HISTORY = "the file has no error history (0x1003)"
@@ -43,10 +33,10 @@ NO_HISTORY = "the file has no error history (0x1003)"
 @EMCY_CHAPTER.clause("7.5.2.17", "EMCY", Tier.REVERSIBLE, "5.1", name="its COB-ID")
 def _identifier_of_emcy(subject: Subject) -> Steps:
     """Read where EMCY is: the file's own value, and not a guess of what is usual."""
-    found = need(subject.readable(EMCY), "the file has no 0x1014 that can be read")
-    content = data_type(found).write(subject.number(EMCY))
+    found = need(subject.readable(standard.EMCY), "the file has no 0x1014 that can be read")
+    content = data_type(found).write(subject.number(standard.EMCY))
     name = f"its COB-ID is {content[::-1].hex().upper()}"
-    return [step.read(name, EMCY, data=content.hex(" ").upper())]
+    return [step.read(name, standard.EMCY, data=content.hex(" ").upper())]
 
 
 @EMCY_CHAPTER.clause("7.2.7", "EMCY", group="none without an error", needs=[Subject.need_emcy])
@@ -87,7 +77,7 @@ def _too_short(subject: Subject) -> Steps:
     subject.need_emcy()
     named = hexadecimal(code)
     emergency = {"name": f"EMCY {named}", "emcy": {"code": named, "save": "register"}, "within": "2 s"}
-    said = step.read("the error register says the same", ERROR_REGISTER, expect="{register}")
+    said = step.read("the error register says the same", standard.ERROR_REGISTER, expect="{register}")
     yield step.group(
         f"RPDO {rpdo.number}, one byte too short",
         step.nmt("start"),
@@ -98,7 +88,7 @@ def _too_short(subject: Subject) -> Steps:
         step.asking("5.4", emergency),
         step.never("it is reported once", {"emcy": f"0x{code:04X}"}, REPORTED_ONCE),
         # What the EMCY said of it: whether the device counts this as an error that lasts, is the maker's.
-        *([step.asking("5.5", said)] if subject.readable(ERROR_REGISTER) is not None else []),
+        *([step.asking("5.5", said)] if subject.readable(standard.ERROR_REGISTER) is not None else []),
         *_remembered(subject, code),
         *step.undoing(*fresh()),
     )
@@ -158,7 +148,7 @@ def _identifier(subject: Subject) -> Steps:
 
 @SYNC_CHAPTER.clause("7.3.5", "Identifiers", Tier.DESTRUCTIVE, "8.10", name="SYNC, TIME, EMCY")
 def _restricted(subject: Subject) -> Steps:
-    found = filter(None, map(subject.settable, (SYNC, TIME, EMCY)))
+    found = filter(None, map(subject.settable, (SYNC, standard.TIME, standard.EMCY)))
     for each in need([*found], "the file has none of 0x1005, 0x1012 and 0x1014 that can be written"):
         tried = (step.write(f"0x{one:03X}", address_of(each), value=one, abort="any") for one in RESTRICTED_ONES)
         yield step.keeping(f"{title(each)} takes no restricted identifier", each, *tried)
@@ -169,7 +159,7 @@ def _restricted(subject: Subject) -> Steps:
 
 def _sending(subject: Subject) -> int:
     """Return the value of 0x1005 that makes the device send SYNC."""
-    return subject.number(SYNC) | SYNC_PRODUCER
+    return subject.number(SYNC) | standard.SYNC_PRODUCER
 
 
 def _producer(overflow: int = 0) -> Need[Subject]:

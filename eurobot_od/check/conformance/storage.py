@@ -74,18 +74,15 @@ def _power_on_values(subject: Subject) -> Steps:
 
 
 def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
-    """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, or were named, and take a signature."""
-    # Never by default: behind 0x1011:4 and up may be a maker's calibration, which nothing brings back.
-    own = subject.restore if index == standard.RESTORE else ()
-    found = (each for each in subject.objects if each.index == index and each.subindex in (*STANDARD_GROUPS, *own))
+    """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, and take a signature."""
+    found = (each for each in subject.objects if each.index == index and each.subindex in STANDARD_GROUPS)
     return {each.subindex: each for each in found if each.writable and data_type(each) is UNSIGNED32}
 
 
-def _of_all(subject: Subject) -> tuple[ODVariable | None, ODVariable | None]:
-    """Return what stores all parameters, and what restores them; raises Lacks if the device would be another node."""
+def _store_and_restore(subject: Subject, sub: int) -> tuple[ODVariable | None, ODVariable | None]:
+    """Return what stores some parameters and restores them; raises Lacks if the device would be another node."""
     _stays(subject)
-    store, restore = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
-    return store.get(standard.ALL_PARAMETERS), restore.get(standard.ALL_PARAMETERS)
+    return _commands(subject, standard.STORE).get(sub), _commands(subject, standard.RESTORE).get(sub)
 
 
 def _stays(subject: Subject) -> None:
@@ -123,8 +120,7 @@ def _stored(subject: Subject) -> Steps:
 
 
 def _stored_by(subject: Subject, sub: int, lack: str) -> Steps:
-    _stays(subject)
-    signed = (_commands(subject, index).get(sub) for index in (standard.STORE, standard.RESTORE))
+    signed = _store_and_restore(subject, sub)
     each, store, restore = (need(found, lack) for found in (_shown_by(subject), *signed))
     at = address_of(each)
     over_a_reset = step.group(
@@ -162,7 +158,7 @@ def kept_over_reset(
 
     Of a device whose restoring does nothing they are put back one by one, as are those that `looks` change.
     """
-    store, restore = _of_all(subject)
+    store, restore = _store_and_restore(subject, standard.ALL_PARAMETERS)
     lacking = [label(each.address) for each in values if not subject.may_be(each.address, each.value)]
     if store is None or restore is None or lacking:
         lack = lacking[0] if lacking else "0x1010:1 or 0x1011:1"
@@ -216,15 +212,6 @@ def _verified(subject: Subject) -> Steps:
         looks = [changed, *(step.read(f"{label(each)} is 0 again", each, data="00 00 00 00") for each in (date, time))]
     values = [Kept(date, 9000), Kept(time, 36_000_000)]
     return [kept_over_reset(subject, "date and time of the configuration", values, *looks, change=changes)]
-
-
-@CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the maker's own sub-indices")
-def _makers_own(subject: Subject) -> Steps:
-    """Restore what the maker has behind the sub-indices that were named."""
-    _stays(subject)
-    commands, named = _commands(subject, standard.RESTORE), need(subject.restore, "none was named (--restore 4)")
-    for each in (commands[sub] for sub in named if sub in commands):
-        yield step.group(f"{title(each)} restored", _signed(each, "restored"), *fresh("reset"))
 
 
 def _signed(each: ODVariable, name: str) -> Data:

@@ -91,15 +91,11 @@ def or_skipped(name: str, steps: Callable[..., Steps], *arguments: object) -> li
 
 @dataclass(frozen=True)
 class Subject:
-    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one.
-
-    `restore` are the sub-indices of 0x1011 behind which there is something of the maker's, and which may be written.
-    """
+    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one."""
 
     dictionary: Dictionary
     tier: Tier = Tier.READING
     only: range = EVERY_INDEX
-    restore: tuple[int, ...] = ()
 
     @property
     def node_id(self) -> int:
