@@ -34,9 +34,6 @@ STEM = "pdo"
 """Begins the identifiers in what goes to standard output."""
 
 Name: TypeAlias = Annotated[str | None, f"prefix of all identifiers (default: the output's name, or {STEM})"]
-Network: TypeAlias = Annotated[
-    str | None, Option(metavar="PATH", is_file=True), "network file or folder, whose nodes are all written to a folder"
-]
 
 
 def _stem(name: str | None, output: Path | None) -> str:
@@ -113,21 +110,7 @@ def mcap(
     print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
 
 
-def named(file: str | None, path: str | None) -> str:
-    """Return the file or the network that a form is made of; raises LocalError unless it is just one."""
-    if (file is None) is (path is None):
-        raise LocalError("name a FILE, or a network by --network")
-    if path is not None:
-        read_network(path)  # which says what is wrong with it: any other file would be taken for a device's
-    return file or path or ""
-
-
-def xdd(
-    file: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
-    *,
-    network: Network = None,
-    output: Output = None,
-) -> None:
+def xdd(file: Annotated[str, Option(metavar="FILE", is_file=True)], *, output: Output = None) -> None:
     """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it.
 
     Of a network the descriptions of all nodes are written, into a folder.
@@ -139,15 +122,15 @@ def xdd(
     """
     from eurobot_od.export.xdd import load, xdd_text
 
-    if not is_network(source := named(file, network)):
-        dictionary = load(source)
+    if not is_network(file):
+        dictionary = load(file)
         complain_of_repairs([dictionary])
         write(output, xdd_text(dictionary))
         return
     if output is None:
         raise LocalError("of a network -o names the folder that the files are written to")
     texts: dict[str, str] = {}
-    for each in read_network(source).nodes:
+    for each in read_network(file).nodes:
         # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
         dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
         complain_of_repairs([dictionary])
@@ -158,9 +141,8 @@ def xdd(
 
 
 def cdcf(
-    file: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
+    file: Annotated[str, Option(metavar="FILE", is_file=True)],
     *,
-    network: Network = None,
     output: Output = None,
     eds: Annotated[str | None, Option(metavar="[NODE-ID=]FILE", is_file=True)] = None,
     node_id: Annotated[int | None, Option(metavar="N")] = None,
@@ -178,9 +160,8 @@ def cdcf(
     $ export cdcf 5=motor.eds -o motor.bin
     """
     # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
-    source = named(file, network)
-    if is_network(source):
-        nodes = read_network(source).nodes
+    if is_network(file):
+        nodes = read_network(file).nodes
         if node_id is not None:
             raise LocalError("--node-id is for one file; a network says the node-IDs itself")
         made = {each.name or Path(each.file).stem: concise(each) for each in nodes}
@@ -190,11 +171,11 @@ def cdcf(
             if output is None:
                 print(f"{name}:")
             write_concise(*each, output / f"{name}.cdcf" if output else None)
-    elif Path(source).suffix.lower() in SUFFIXES:
-        node = node_file(source)
+    elif Path(file).suffix.lower() in SUFFIXES:
+        node = node_file(file)
         write_concise(*concise(node if node_id is None else node._replace(node_id=node_id)), output)
     else:
-        read_concise(source, output, eds, node_id)
+        read_concise(file, output, eds, node_id)
 
 
 def concise(node: NodeFile) -> tuple[list[Write], Dictionary]:
