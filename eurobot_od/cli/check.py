@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 class CheckReport:
     """What is said of a check: on standard output in one form, and in files.
 
-    page: conformance: write a page for the maker, as .html, .md or .json
+    page: conformance: write a page for the maker, as .html or .md
     junit: write a JUnit XML report
     ctt: conformance: print by the numbers of CiA's test tool
     verbose: print every step, green and skipped ones too
@@ -55,9 +55,9 @@ class CheckReport:
     def check_files(self) -> None:
         """Raise LocalError, OSError for a file that could not be written: before the check, not after it."""
         if self.page is not None:
-            from eurobot_od.check.conformance.page import check_form
+            from eurobot_od.export.forms import form_of
 
-            check_form(self.page)
+            form_of(self.page)
         for file in (self.junit, self.page):
             if file is not None:
                 check_writable(file)

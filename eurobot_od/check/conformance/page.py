@@ -1,27 +1,25 @@
 """What a run says of a device: a page to hand to its maker, and what became of each test of CiA's own tool (CTT).
 
 `DeviceRun` has all that the page says: what was asked, the score by chapter, and each red step with its frames; the
-forms (Markdown, HTML, JSON) only write it. The tests of CiA's conformance test tool have its numbers, and our words.
+forms (Markdown, HTML) only write it. The tests of CiA's conformance test tool have its numbers, and our words.
 One that a device cannot be asked is skipped with the reason; it counts as executed only if a step of ours has passed or
 failed.
 """
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from eurobot_od.check import report
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.report import Status, StepReason, StepResult, SuiteResult
-from eurobot_od.errors import UnknownName
 from eurobot_od.export import forms
-from eurobot_od.export.forms import SUFFIXES, DocBlock, DocHeading, DocTable, Paragraph, Preformatted
+from eurobot_od.export.forms import DocBlock, DocHeading, DocTable, Paragraph, Preformatted
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
@@ -220,8 +218,6 @@ def lines(tests: Sequence[CttResult]) -> Iterator[str]:
 
 # The page
 
-JSON = ".json"
-
 
 class DeviceRun(NamedTuple):
     """A run: the device, up to which tier it was asked, its results, and by what and when they were `made`."""
@@ -257,30 +253,10 @@ class DeviceRun(NamedTuple):
         found = lint(self.dictionary.content, self.dictionary.file.name)
         return results_of(self.results, [str(each) for each in found if each.severity is Severity.ERROR])
 
-    def as_data(self) -> dict[str, Any]:
-        """Return all of it as plain data."""
-        return {
-            "device": self.dictionary.name,
-            **{what.lower().replace(" ", "_"): value for what, value in self.facts},
-            "chapters": report.as_data(self.results),
-            "ctt": [
-                {**each._asdict(), "verdict": each.verdict.value.lower(), "asks": each.asks} for each in self.tests
-            ],
-        }
-
-
-def check_form(file: Path) -> None:
-    """Raise UnknownName unless a file's suffix is that of a form."""
-    if file.suffix.lower() not in (*SUFFIXES, JSON):
-        raise UnknownName("form of a report", file.suffix or file.name, [*SUFFIXES, JSON])
-
 
 def text(file: Path, reports: Sequence[DeviceRun]) -> str:
     """Return the page of some devices in the form of a file's suffix; raises UnknownName."""
-    check_form(file)
-    if file.suffix.lower() == JSON:
-        return json.dumps([each.as_data() for each in reports], indent=1) + "\n"
-    return forms.FORMS[SUFFIXES[file.suffix.lower()]]([block for each in reports for block in blocks(each)])
+    return forms.FORMS[forms.form_of(file)]([block for each in reports for block in blocks(each)])
 
 
 # What it says
