@@ -31,7 +31,7 @@ from eurobot_od.traffic.formats import FORMATS
 from eurobot_od.traffic.meaning import Decoder
 
 if TYPE_CHECKING:
-    from eurobot_od.traffic.meaning import DamageCounts, Meaning
+    pass
 
 
 STANDARD_INPUT = "-"
@@ -66,21 +66,6 @@ def entries(
         with opened(log, is_watched) as file:
             for entry in formats.entries(file, reading.format, reading.largest):
                 yield log, entry
-
-
-def meanings(
-    logs: Iterable[str], reading: Reading, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
-) -> Iterator[tuple[float, Meaning]]:
-    """Give the times in s and meanings of the entries of logs; count in `damage` what is wrong. Errors as `entries`."""
-    from eurobot_od.traffic.decoding import Following  # frames are sent and written without
-
-    before, following = "", Following(decoder)
-    for log, (line, time, channel, raw) in entries(logs, reading, is_watched):
-        if log != before:  # a transfer ends with its log
-            before, following = log, Following(decoder)
-        meaning = following(time, channel, raw)
-        damage.add(log, line, meaning.defects)
-        yield time, meaning
 
 
 @contextmanager

@@ -30,9 +30,8 @@ def _print_sarif(findings: Sequence[Finding]) -> None:
     import json
 
     from eurobot_od.lint.findings import sarif
-    from eurobot_od.lint.network import RULES
 
-    json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
+    json.dump(sarif(findings, tuple(_rules().values())), sys.stdout, indent=1)
     print()
 
 
