@@ -30,7 +30,6 @@ from eurobot_od.od.standard import COMMANDS, EMCY, ERRORS
 from eurobot_od.od.values import ALL_NODES, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, base_identifier, parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, KeyedForm, Kind, field_name, plain_name
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support import texts
 from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
@@ -82,11 +81,6 @@ class Vocabulary(NamedTuple):
     constants: Mapping[str, str]
     saved: frozenset[str]
     nodes: tuple[str, ...]
-
-    @property
-    def protocol(self) -> Protocol:
-        """All messages of the EDS files."""
-        return self.decoder.protocol
 
     def scale(self, values: Values) -> Scale:
         """Return what values are read by."""
@@ -303,7 +297,7 @@ class FrameShapes:
     """The shapes of frames, with the words of one document."""
 
     def __init__(self, words: Vocabulary, services: ServiceShapes) -> None:
-        self._words = words
+        self._words, self._protocol = words, words.decoder.protocol
         self._others: dict[str, Shape[suite.Pattern]] = {
             "raw": Shape(_read_raw_pattern),
             "heartbeat": services.heartbeat,
@@ -325,12 +319,12 @@ class FrameShapes:
             # `R4` asks for 4 bytes: a remote frame has a length, and no data.
             frame = RemoteFrame(cob_id, bytes(int(remote[1:] or 0))) if remote else Frame(cob_id, bytes.fromhex(data))
             return suite.SentFrame(frame)
-        binding = taken(name, problems, self._words.protocol.binding)
+        binding = taken(name, problems, self._protocol.binding)
         fields = self._fields(binding, value, problems, partial(_operand, binding))
         missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
         if missing:
             refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
-        sent = suite.SentMessage(self._words.protocol, binding, fields)
+        sent = suite.SentMessage(self._protocol, binding, fields)
         # Some values are wrong only together (half of an unknown position), which encoding once shows. What a step is
         # to save has no value yet.
         if all(operand.variable is None for operand in fields.values()):
@@ -346,7 +340,7 @@ class FrameShapes:
             (self._read_sent if value.value != NO_ANSWER else lambda *_: None, value) for value in pairs.values()
         )
         answers = read_all(parts, problems)
-        bindings = [taken(name, problems, self._words.protocol.binding) for name in pairs]
+        bindings = [taken(name, problems, self._protocol.binding) for name in pairs]
         return {binding.cob_id: answer for binding, answer in zip(bindings, answers)}
 
     # What is expected
@@ -356,8 +350,8 @@ class FrameShapes:
         # Without a value it can still be a message: a network may have a PDO called `heartbeat`.
         if value is not None and name in self._others:
             return self._others[name].read(value, problems)
-        binding = taken(name, problems, self._words.protocol.binding)
-        return suite.MessagePattern(self._words.protocol, binding, self._fields(binding, value, problems, expectation))
+        binding = taken(name, problems, self._protocol.binding)
+        return suite.MessagePattern(self._protocol, binding, self._fields(binding, value, problems, expectation))
 
     def _read_patterns(self, node: yaml.Node, problems: Problems) -> suite.Patterns:
         several = shapes.listing(self.pattern).read
@@ -392,7 +386,7 @@ class FrameShapes:
         # From the right, as a message's name may have a dot itself: `my motor.TPDO1.Speed`.
         message, _, field = text.rpartition(".")
         # Without any dot the whole is looked up, so that the error names what stands there, not an empty name.
-        binding = self._words.protocol.binding(message or str(text))
+        binding = self._protocol.binding(message or str(text))
         return suite.FieldOf(binding, _field(binding, field))
 
 

@@ -60,7 +60,7 @@ def _patient(subject: Subject) -> None:
 
 
 def _own(subject: Subject) -> int:
-    return ERROR_CONTROL_BASE + subject.node_id
+    return ERROR_CONTROL_BASE + subject.dictionary.node_id
 
 
 def _answer(subject: Subject, digits: str = "??") -> Data:

@@ -42,15 +42,11 @@ NO_HEARTBEAT = (
 
 ANY: Data = {"heartbeat": "any"}
 
-WALK = (
-    ("start", "operational"),
-    ("stop", "stopped"),
-    ("pre-operational", "pre-operational"),
-    ("stop", "stopped"),
-    ("start", "operational"),
-    ("pre-operational", "pre-operational"),
-)
-"""Commands one after the other, from PRE-OPERATIONAL on, and the state after each: every way from state to state."""
+WALK = "start", "stop", "pre-operational", "stop", "start", "pre-operational"
+"""Commands one after the other, from PRE-OPERATIONAL on: every way from state to state."""
+
+LEADS_TO = {"start": "operational", "stop": "stopped", "pre-operational": "pre-operational"}
+"""The state after a command."""
 
 ASKED_BY = {"pre-operational": "10.2", "start": "10.3", "stop": "10.4"}
 """Numbers of CiA's tool by command."""
@@ -153,7 +149,8 @@ def _first_state(subject: Subject) -> Steps:
 @CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.REVERSIBLE)
 def _walk(subject: Subject) -> Steps:
     before = "pre-operational"
-    for command, state in WALK:
+    for command in WALK:
+        state = LEADS_TO[command]
         commands = [*map(step.nmt, WAY_TO[before]), step.nmt(command), step.heartbeat(state, SOON)]
         # An SDO server is silent in STOPPED (CiA 301, 7.3.2.2.4): the heartbeat time could be neither set nor put back.
         back = [] if state == "pre-operational" else step.undoing(step.nmt("pre-operational"))
@@ -167,7 +164,7 @@ def _other_commands(subject: Subject) -> Steps:
     stays = step.never("stays", {"heartbeat": "operational"}, QUIET)
     for name, data in (
         ("another node's command does not matter", bytes([1, subject.another])),
-        ("an unknown command does not matter", bytes([0x77, subject.node_id])),
+        ("an unknown command does not matter", bytes([0x77, subject.dictionary.node_id])),
         # An NMT frame has two bytes; with one of them a device would have to guess whom it is for.
         ("half a command does not matter", bytes([1])),
     ):

@@ -243,12 +243,13 @@ def _servers(subject: Subject) -> Steps:
     for index in subject.dictionary.members:
         for found in filter(None, (subject.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
             # 0x600 and 0x580 plus the node-ID: a master that knows nothing else of a device must be able to ask it.
-            usual = SDO_BASES[address_of(found)] + subject.node_id if address_of(found) in SDO_BASES else None
+            base = SDO_BASES.get(address_of(found))
+            usual = None if base is None else base + subject.dictionary.node_id
             if usual is not None and subject.number(address_of(found)) != usual:
                 yield step.skip(title(found), f"the file itself has another one than 0x{usual:X}")
             elif found.readable:
                 data = "any" if usual is None else data_type(found).write(usual).hex(" ").upper()
-                asked = "2.12" if address_of(found) in SDO_BASES else "2.28"
+                asked = "2.28" if base is None else "2.12"
                 yield step.asking(asked, step.read(title(found), address_of(found), data=data))
     second = SDO_SERVERS[1]
     if second not in subject.dictionary.members:

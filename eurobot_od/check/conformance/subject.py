@@ -97,11 +97,6 @@ class Subject:
     tier: Tier = Tier.READING
     only: range = EVERY_INDEX
 
-    @property
-    def node_id(self) -> int:
-        """The node-ID."""
-        return self.dictionary.node_id
-
     @cached_property
     def model(self) -> Device:
         """A device that is its file: what it has after power-on is what the suites expect."""
@@ -184,7 +179,7 @@ class Subject:
         # One that the device watches would be reported as lost when the tester stops playing it.
         watched = {heartbeat_entry(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
         # From above: makers and teams count their devices from 1, so that a high number is most likely nobody's.
-        return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
+        return next(each for each in reversed(NODE_IDS) if each != self.dictionary.node_id and each not in watched)
 
     def may_be(self, address: Address, *values: int) -> bool:
         """Whether an object can be written, given its default again, and may have some values meanwhile."""
