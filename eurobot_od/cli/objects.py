@@ -415,7 +415,7 @@ LOOK = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class MotionOptions:
     """How a drive is to move, in its own units; what is None is as it is set.
 
     velocity: move: profile velocity (default: as it is set)
@@ -440,7 +440,7 @@ class Motion:
                 raise LocalError(f"--{'for' if name == 'span' else name} is for `drive {owner}`")
 
 
-def _jog(drive: Drive402, velocity: int, asked: Motion) -> None:
+def _jog(drive: Drive402, velocity: int, asked: MotionOptions) -> None:
     """Turn until Ctrl-C, or the end of its time, and halt; print where it is meanwhile."""
     end = None if asked.span is None else time.monotonic() + asked.span
     try:
@@ -452,11 +452,11 @@ def _jog(drive: Drive402, velocity: int, asked: Motion) -> None:
         drive.halt()
 
 
-def _move(drive: Drive402, position: int, asked: Motion) -> None:
+def _move(drive: Drive402, position: int, asked: MotionOptions) -> None:
     drive.move_to(position, asked.velocity, relative=asked.relative, within=asked.within)
 
 
-ACTIONS: Mapping[str, Callable[[Drive402, int, Motion], object]] = {
+ACTIONS: Mapping[str, Callable[[Drive402, int, MotionOptions], object]] = {
     "status": lambda *_: None,
     "enable": lambda drive, *_: drive.enable(),
     "disable": lambda drive, *_: drive.disable(),
@@ -477,7 +477,7 @@ def drive(
     action: Annotated[str, Option(choices=ACTIONS.keys())],
     value: int | None = None,
     *,
-    motion: Motion,
+    motion: MotionOptions,
     axis: Annotated[int, Option(metavar="N", read=whole(1, 8, what="an axis"))] = 1,
     as_json: Json = False,
 ) -> None:

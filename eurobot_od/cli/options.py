@@ -201,13 +201,9 @@ class Campaign:
 
     def refuse(self, option: str) -> None:
         """Refuse the options without the one that they go with; raises LocalError."""
-        for name in self.given:
-            raise LocalError(f"--{name} goes with {option} only")
-
-    @property
-    def given(self) -> list[str]:
-        """The names of the options that are given."""
-        return [name for name, value in vars(self).items() if value]
+        for name, value in vars(self).items():
+            if value:
+                raise LocalError(f"--{name} goes with {option} only")
 
     @contextmanager
     def workers(self, things: int) -> Iterator[Workers]:
