@@ -2,8 +2,8 @@
 
 All words that a suite may use, messages and objects of its EDS files and its variables, are collected before the suite
 itself is read (`Vocabulary`), so that each of them can be checked where it stands. Fields may be named as in the EDS or
-short: `X position` or `x`. A service (heartbeat, emergency, NMT command, SDO
-transfer) without a node is that of the node under test, if there is one only.
+short: `X position` or `x`. A service (heartbeat, emergency, NMT command, SDO transfer) without a node is that of the
+node under test, if there is one only.
 """
 
 from __future__ import annotations
