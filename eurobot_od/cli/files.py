@@ -13,7 +13,7 @@ from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
-from eurobot_od.cli.options import EmcyFiles, Output, write, write_dcf
+from eurobot_od.cli.options import EmcyFiles, Output, write
 from eurobot_od.cli.signature import Forms, Option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od.dictionary import Dictionary
@@ -145,26 +145,21 @@ def cdcf(
     *,
     output: Output = None,
     eds: Annotated[str | None, Option(metavar="[NODE-ID=]FILE", is_file=True)] = None,
-    node_id: Annotated[int | None, Option(metavar="N")] = None,
 ) -> None:
-    """Write the concise DCF of a DCF, or show what a concise DCF writes, or turn it into a DCF again.
+    """Write the concise DCF of a DCF, or show what a concise DCF writes.
 
-    The suffix of the file says which way; of a network the DCF files of all nodes are written, into a folder. The
-    writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
+    The suffix of the file says which; of a network the DCF files of all nodes are written, into a folder. The writes
+    are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
 
     file: [NODE-ID=]DCF, a network, or a concise DCF
     output: default: print the writes; of a network a folder
-    eds: EDS of the device that a concise DCF is for
-    node_id: node-ID (default: the file's)
+    eds: EDS of the device that a concise DCF is for, to name its objects
 
     $ export cdcf 5=motor.eds -o motor.bin
     """
     # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
     if is_network(file):
-        nodes = read_network(file).nodes
-        if node_id is not None:
-            raise LocalError("--node-id is for one file; a network says the node-IDs itself")
-        made = {each.name or Path(each.file).stem: concise(each) for each in nodes}
+        made = {each.name or Path(each.file).stem: concise(each) for each in read_network(file).nodes}
         if output is not None:
             output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
         for name, each in made.items():
@@ -172,10 +167,11 @@ def cdcf(
                 print(f"{name}:")
             write_concise(*each, output / f"{name}.cdcf" if output else None)
     elif Path(file).suffix.lower() in SUFFIXES:
-        node = node_file(file)
-        write_concise(*concise(node if node_id is None else node._replace(node_id=node_id)), output)
+        write_concise(*concise(node_file(file)), output)
+    elif output is not None:
+        raise LocalError(f"{file} is not a DCF: what a concise DCF writes is printed, without -o")
     else:
-        read_concise(file, output, eds, node_id)
+        show_concise(file, eds)
 
 
 def concise(node: NodeFile) -> tuple[list[Write], Dictionary]:
@@ -213,11 +209,10 @@ def write_concise(writes: Sequence[Write], dictionary: Dictionary, output: Path 
         print(f"{output}: {len(writes)} writes for node {dictionary.node_id}")
 
 
-def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
-    """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
-    from eurobot_od.bus.live import BITRATE
+def show_concise(file: str, eds: str | None) -> None:
+    """Print a concise DCF; raises DictionaryError, LocalError."""
     from eurobot_od.cli.objects import print_readings
-    from eurobot_od.client.configure import dcf_of_writes, decoded
+    from eurobot_od.client.configure import decoded
     from eurobot_od.client.description import from_file
     from eurobot_od.od.dcf import Truncated, unpack
 
@@ -225,15 +220,8 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
         writes = unpack(Path(file).read_bytes())
     except Truncated as error:
         raise DictionaryError(file, None, f"not a concise DCF: {error}") from error
-    named = node_file(eds) if eds else None
-    description = from_file(named.file, named.node_id if node_id is None else node_id) if named else None
-    if output is None:
-        print_readings(decoded(writes, description.dictionary if description else None), as_json=False)
-    elif description is None:
-        raise LocalError("a DCF is made from an EDS and a concise DCF: name the EDS by --eds")
-    else:
-        write_dcf(output, dcf_of_writes(description.dictionary, writes, BITRATE // 1000, output.stem))
-        print(f"{output}: for node {description.dictionary.node_id}")
+    known = from_file(*node_file(eds)[:2]).dictionary if eds else None
+    print_readings(decoded(writes, known), as_json=False)
 
 
 def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output: Output = None) -> None:

@@ -666,13 +666,6 @@ def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | No
         yield ObjectReading(thing, decode(thing, data))
 
 
-def dcf_of_writes(
-    dictionary: Dictionary, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int, stem: str
-) -> Dcf:
-    """Return a DCF with the values after all writes; raises UnknownName for an object that the EDS does not have."""
-    return with_contents(dictionary, dict(writes), dictionary.node_id, dictionary.name, baudrate_kbit, stem)
-
-
 def dcf_of_node(
     node: RemoteNode,
     dictionary: Dictionary,
