@@ -259,9 +259,7 @@ class Checks:
     keep_going: go on with the next step after a failed one
     """
 
-    files: Annotated[
-        Sequence[str], Option(metavar="FILE", is_file=True, suggest=lambda robot: robot.shipped_suites())
-    ] = ()
+    files: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = ()
     _: KW_ONLY
     simulate: bool = False
     fault: Faults = ()

@@ -46,7 +46,7 @@ class Option(NamedTuple):
     `flag` is a short form, `-o`, or a long one in place of the parameter's name, `--for`. `read` makes a value of a
     word, or raises LocalError. `choices` are the words that are allowed; of a mapping the function gets what stands for
     the word. `bare` is the value of an option that is given without one; `nargs` is argparse's. Of the options with the
-    same `either` one may be given. A shell offers what `suggest` gives for a robot, and files if `is_file`.
+    same `either` one may be given. A shell offers what `suggest` gives for a robot, or files if `is_file`.
     """
 
     flag: str = ""
