@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from eurobot_od.check.on_bus import NodeUnderTest
     from eurobot_od.check.report import SuiteResult
     from eurobot_od.check.runner import RunOptions
+    from eurobot_od.check.shapes import Networks
     from eurobot_od.check.suite import Suite
-    from eurobot_od.check.vocabulary import Networks
     from eurobot_od.device.faults import Fault
     from eurobot_od.device.node import Node
     from eurobot_od.export.description import Drawings
@@ -249,7 +249,7 @@ class Plugin(NamedTuple):
 
     def networks(self) -> Networks:
         """Return the networks that suites may be for: the dialects, and any folder of EDS files."""
-        from eurobot_od.check.vocabulary import Networks
+        from eurobot_od.check.shapes import Networks
 
         return Networks(self.dialects.folder, self.catalogue())
 

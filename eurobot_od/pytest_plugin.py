@@ -84,11 +84,7 @@ class SuiteTests(pytest.Collector):
         from eurobot_od.check.report import SuitePart
 
         suite = self.suite
-        parts = (
-            ("setup ", SuitePart.SETUP, suite.setup),
-            ("", SuitePart.STEPS, suite.steps),
-            ("teardown ", SuitePart.TEARDOWN, suite.teardown),
-        )
+        parts = zip(("setup ", "", "teardown "), SuitePart, (suite.setup, suite.steps, suite.teardown))
         for title, part, steps in parts:
             for number, step in enumerate(steps, 1):
                 yield StepTest.from_parent(self, name=f"{title}{number}: {step.name}", part=part, step=step)

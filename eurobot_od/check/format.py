@@ -1,6 +1,6 @@
-"""The format of suites: tables of keys, from which come reading, checking and the JSON Schema.
+"""The format of suites: tables of keys, by which suites are read and checked.
 
-Each key stands in one table, with its shape, what it is for, and whether it is needed.
+Each key stands in one table, with its shape and whether it is needed; docs/checks.md says what it is for.
 """
 
 from __future__ import annotations
@@ -11,19 +11,17 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from eurobot_od.check import suite
-from eurobot_od.check.shapes import FrameShapes, ServiceShapes
+from eurobot_od.check import shapes, suite
+from eurobot_od.check.shapes import DURATION, NAME, SOME_TIME, FrameShapes, ServiceShapes, Vocabulary
 from eurobot_od.check.suite import Pattern, Suite
-from eurobot_od.check.vocabulary import DURATION, NAME, SOME_TIME, Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import FileError, UnknownName, YamlError
 from eurobot_od.frame import HIGHEST_IDENTIFIER
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.support import yaml_places
-from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support import yaml_places, yaml_shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, read_all, refuse
-from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, pairs_of
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, pairs_of
 from eurobot_od.traffic.meaning import Decoder
 
 VERSION = 1
@@ -32,7 +30,7 @@ VERSION = 1
 MAX_COUNT = 100_000
 """Most repetitions of a step, including those of the steps inside it; most periods measured."""
 
-COUNT = shapes.within(shapes.shape_of(int), Within(1, MAX_COUNT), "count")
+COUNT = yaml_shapes.within(yaml_shapes.shape_of(int), Within(1, MAX_COUNT), "count")
 
 
 class ActionRow(NamedTuple):
@@ -40,7 +38,6 @@ class ActionRow(NamedTuple):
 
     shape: Shape[Any]
     make: Callable[..., suite.Action]
-    help: str
     extra: Mapping[str, Key] = {}
 
 
@@ -51,88 +48,67 @@ class Format:
         self._words = words
         self._services = ServiceShapes(words)
         self._frames = FrameShapes(words, self._services)
-        # A step may hold steps, so its schema can only be a reference; it is made before the table that it reads by.
-        self._step: Shape[suite.Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
+        self._step: Shape[suite.Step] = Shape(self._read_step)
         self._actions = self._action_table()
-        answer = shapes.named({"yes": True, "no": False}, "answer")
-        self._common = {
-            "name": Key(TEXT, "what the step is for; default: what it does"),
-            "repeat": Key(COUNT, "how many times the step is done"),
-            "needed": Key(answer, "yes: the suite ends if the step fails; no: it goes on, in the setup as well"),
-            "undo": Key(answer, "yes: done whatever becomes of the group's other steps, also after Ctrl-C"),
-        }
-        self._suite: Shape[dict[str, Any]] = shapes.record(dict, self._suite_table())
+        answer = yaml_shapes.named({"yes": True, "no": False}, "answer")
+        self._common = {"name": Key(TEXT), "repeat": Key(COUNT), "needed": Key(answer), "undo": Key(answer)}
+        self._suite: Shape[dict[str, Any]] = yaml_shapes.record(dict, self._suite_table())
 
     # Tables
 
     def _suite_table(self) -> dict[str, Key]:
-        nodes = shapes.one_or_more(shapes.named({name: name for name in self._words.dictionaries}, "node"))
-        steps = shapes.listing(self._step)
-        # An editor sees a number in `spec: 1`, so the schema has one; our reader takes the text as it stands.
-        version = Shape(shapes.named({str(VERSION): VERSION}, "version").read, {"const": VERSION})
+        steps = yaml_shapes.listing(self._step)
+        version = yaml_shapes.named({str(VERSION): VERSION}, "version")
+        node = yaml_shapes.named({name: name for name in self._words.dictionaries}, "node")
         return {
             "spec": Key(version, f"version of the format, `spec: {VERSION}`", needed=True),
             "name": Key(TEXT, "what the suite is for", needed=True),
-            "node": Key(nodes, "node or nodes under test; default: all"),
-            "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; default: any"),
-            "timeout": Key(DURATION, f"time for an answer if a step gives none; default: {suite.TIMEOUT:g} s"),
-            "variables": Key(shapes.mapping(SCALAR, NAME), 'names and values, used as "{name}"'),
-            "world": Key(
-                shapes.named({"shared": True, "any": False}, "world"),
-                "shared: what one node does, another has to see; with separate nodes on a bus the suite is skipped",
-            ),
-            "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
-            "setup": Key(steps, "steps to run first; if one fails, `steps` are not run"),
+            "node": Key(yaml_shapes.one_or_more(node)),
+            "dialect": Key(yaml_shapes.converted(TEXT, self._dialect)),
+            "timeout": Key(DURATION),
+            "variables": Key(yaml_shapes.mapping(SCALAR, NAME)),
+            "world": Key(yaml_shapes.named({"shared": True, "any": False}, "world")),
+            "tags": Key(yaml_shapes.one_or_more(TEXT)),
+            "setup": Key(steps),
             "steps": Key(steps, "the steps", needed=True),
-            "teardown": Key(steps, "steps to run last, in any case"),
+            "teardown": Key(steps),
         }
 
     def _action_table(self) -> dict[str, ActionRow]:
         frames, services = self._frames, self._services
-        identifier = shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier")
-        within = {"within": Key(DURATION, "longest time; default: the suite's timeout")}
-        span = {"for": Key(DURATION, "how long to watch", needed=True)}
-        until = {"until": Key(frames.pattern, "the frame that ends the polling", needed=True)} | within
+        identifier = yaml_shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier")
+        within = {"within": Key(DURATION)}
+        until = {"until": Key(frames.pattern, needed=True)} | within
         every = {"every": Key(SOME_TIME, "time from one to the next", needed=True)}
         question = {"send": Key(frames.sent, "what is sent", needed=True)} | every
-        polled = shapes.record(lambda send, every: (send, every), question)
-        return {
-            "send": ActionRow(frames.sent, suite.Send, "send a message or a raw frame"),
-            "answer": ActionRow(frames.answers, suite.Answer, "from now on answer messages, as a node would"),
-            "expect": ActionRow(frames.patterns, suite.Expect, "wait for a frame, or several", within),
-            "await": ActionRow(frames.pattern, suite.Await, "take the next frames until one is as wanted", within),
-            "never": ActionRow(
-                frames.pattern,
-                lambda pattern, **keys: suite.Never(pattern, keys["for"]),  # a word of Python's: no name of a parameter
-                "check that no such frame comes",
-                span,
-            ),
-            "poll": ActionRow(polled, lambda parts, **keys: suite.Poll(*parts, **keys), "send again and again", until),
-            "period": ActionRow(self._period(every), _same, "measure how often a frame comes"),
-            "sdo": ActionRow(services.sdo, lambda sdo, **keys: sdo._replace(**keys), "read or write an object", within),
-            "dump": ActionRow(
-                services.dump, _same, "keep the values of all settings, or check that they are unchanged"
-            ),
-            "boot-up": ActionRow(services.boot_up, lambda it, **keys: it._replace(**keys), "see a reset end", within),
-            "unheard": ActionRow(identifier, suite.Unheard, "check that nobody else has sent this since the beginning"),
-            "errors": ActionRow(services.errors, _same, "check that the node reports no error itself"),
-            "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
-            "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
-            "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),
-            "save": ActionRow(shapes.mapping(frames.field, NAME), suite.Save, "keep fields of messages received last"),
-            "wait": ActionRow(DURATION, suite.Wait, "let time pass"),
-            "skip": ActionRow(TEXT, lambda text: suite.Skip(str(text)), "do nothing, for this reason"),
-            "steps": ActionRow(shapes.listing(self._step), suite.Group, "steps that belong together"),
-        }
-
-    def _period(self, every: Mapping[str, Key]) -> Shape[suite.Period]:
-        keys = {
-            "message": Key(self._frames.pattern, "which frame", needed=True),
+        polled = yaml_shapes.record(lambda send, every: (send, every), question)
+        measured = {
+            "message": Key(frames.pattern, "which frame", needed=True),
             **every,
             "tolerance": Key(DURATION, "by how much it may be off", needed=True),
             "count": Key(COUNT, "how many periods are measured", needed=True),
         }
-        return shapes.record(suite.Period, keys)
+        return {
+            "send": ActionRow(frames.sent, suite.Send),
+            "answer": ActionRow(frames.answers, suite.Answer),
+            "expect": ActionRow(frames.patterns, suite.Expect, within),
+            "await": ActionRow(frames.pattern, suite.Await, within),
+            "never": ActionRow(frames.pattern, _never, {"for": Key(DURATION, needed=True)}),
+            "poll": ActionRow(polled, lambda parts, **keys: suite.Poll(*parts, **keys), until),
+            "period": ActionRow(yaml_shapes.record(suite.Period, measured), _same),
+            "sdo": ActionRow(services.sdo, _same, within),
+            "dump": ActionRow(services.dump, _same),
+            "boot-up": ActionRow(services.boot_up, _same, within),
+            "unheard": ActionRow(identifier, suite.Unheard),
+            "errors": ActionRow(services.errors, _same),
+            "nmt": ActionRow(services.nmt, _same),
+            "heartbeat": ActionRow(services.heartbeat, _expect_one, within),
+            "emcy": ActionRow(services.emcy, _expect_one, within),
+            "save": ActionRow(yaml_shapes.mapping(frames.field, NAME), suite.Save),
+            "wait": ActionRow(DURATION, suite.Wait),
+            "skip": ActionRow(TEXT, lambda text: suite.Skip(str(text))),
+            "steps": ActionRow(yaml_shapes.listing(self._step), suite.Group),
+        }
 
     # Reading
 
@@ -154,7 +130,7 @@ class Format:
         row = self._actions[key]
         wrong = list(self._key_problems(node, key, pairs))
         problems += wrong
-        known = {key: Key(row.shape, row.help)} | dict(row.extra) | self._common
+        known = {key: Key(row.shape), **row.extra, **self._common}
         names = [name for name in pairs if name in known]
         given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
         if wrong:  # only now, so that problems in the values of the known keys are reported as well
@@ -194,27 +170,16 @@ class Format:
             if each.needed and name not in list(pairs):
                 yield Problem(place_of(node.start_mark), f"{action} needs the key '{name}'")
 
-    # Schema
-
-    def schema(self) -> Schema:
-        """Return the JSON Schema of a document."""
-        steps = [
-            shapes.object_schema({name: Key(row.shape, row.help, needed=True), **row.extra, **self._common})
-            for name, row in self._actions.items()
-        ]
-        return {
-            "$schema": "http://json-schema.org/draft-07/schema#",
-            "title": "Check suite of eurobot-od",
-            **self._suite.schema,
-            "$defs": {"step": {"oneOf": steps}} | self._frames.definitions(),
-        }
-
 
 # What actions are made by
 
 
-def _same(action: suite.Action) -> suite.Action:
-    return action
+def _same(action: Any, **keys: Any) -> suite.Action:
+    return action._replace(**keys) if keys else action  # type: ignore[no-any-return]
+
+
+def _never(pattern: Pattern, **keys: float) -> suite.Action:
+    return suite.Never(pattern, keys["for"])  # a word of Python's: no name of a parameter
 
 
 def _expect_one(pattern: Pattern, within: float | None = None) -> suite.Action:
@@ -232,60 +197,58 @@ class SuiteReader:
     Reading raises UnknownName for an unknown network.
     """
 
-    def __init__(self, networks: Networks, dialect: str | None = None) -> None:
+    def __init__(self, networks: shapes.Networks, dialect: str | None = None) -> None:
         self._networks, self._dialect = networks, dialect
         self._loaded: dict[Path, tuple[Decoder, dict[str, Dictionary]]] = {}
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
         """Read all suites of some files; raises YamlError with the problems of all of them."""
-        sources: dict[Path, str | yaml_places.Problem] = {}
-        for file in files:
-            try:
-                sources[file] = read_whole(file).decode()
-            except FileError as error:
-                sources[file] = yaml_places.Problem(yaml_places.START, error.what)
-            except UnicodeDecodeError as error:
-                byte = f"byte 0x{error.object[error.start]:02X} at {error.start}"
-                sources[file] = yaml_places.Problem(yaml_places.START, f"not UTF-8: {byte}")
-        return self.read_texts(sources)
+        return self.read_texts(dict.fromkeys(files))
 
-    def read_texts(self, texts: Mapping[Path, str | yaml_places.Problem]) -> list[Suite]:
-        """Read the suites of texts, by the files that errors and reports call them; raises YamlError.
+    def read_texts(self, texts: Mapping[Path, str | None]) -> list[Suite]:
+        """Read the suites of texts, by the files that errors and reports call them, None for what stands in the file.
 
-        In place of a text stands why there is none.
+        Raises YamlError.
         """
         suites: list[Suite] = []
         wrong: list[str] = []
         for file, text in texts.items():
-            problems = [text] if isinstance(text, yaml_places.Problem) else []
-            if isinstance(text, str):
-                suites += self.read(file, text, problems)
+            problems: Problems = []
+            try:
+                source = read_whole(file).decode() if text is None else text
+            except FileError as error:
+                problems.append(Problem(yaml_places.START, error.what))
+            except UnicodeDecodeError as error:
+                byte = f"byte 0x{error.object[error.start]:02X} at {error.start}"
+                problems.append(Problem(yaml_places.START, f"not UTF-8: {byte}"))
+            else:
+                suites += self.read(file, source, problems)
             wrong += yaml_places.placed_lines(file, problems)
         if wrong:
             raise YamlError(wrong[0].partition(":")[0], wrong)
         return suites
 
-    def read(self, file: Path, source: str, problems: yaml_places.Problems) -> list[Suite]:
+    def read(self, file: Path, source: str, problems: Problems) -> list[Suite]:
         """Read the suites of a text; problems are noted, and the suites that have some are left out."""
         suites = []
         try:
             documents = yaml_places.compose_all(source, problems)
-        except yaml_places.ReadError:
+        except ReadError:
             return []
         for document in documents:
             try:
                 yaml_places.refuse_aliases(document, problems)  # first: an alias that refers to itself has no end
                 suites.append(self._format(document).read(file, document, problems))
-            except yaml_places.ReadError:
+            except ReadError:
                 continue
         return suites
 
     def _format(self, document: yaml.Node) -> Format:
-        decoder, dictionaries = self._load(next(iter(texts_at(document, "dialect")), self._dialect))
-        named, names = texts_at(document, "node"), tuple(dictionaries)
+        decoder, dictionaries = self._load(next(iter(shapes.texts_at(document, "dialect")), self._dialect))
+        named, names = shapes.texts_at(document, "node"), tuple(dictionaries)
         # If all names are wrong, any one node will do: "which node?" at each step would only hide the wrong name.
         nodes = tuple(name for name in names if name in named or not named) or names[:1]
-        constants, saved = texts_at(document, "variables"), frozenset(saved_names(document))
+        constants, saved = shapes.texts_at(document, "variables"), frozenset(shapes.saved_names(document))
         return Format(Vocabulary(self._networks, decoder, dictionaries, constants, saved, nodes))
 
     def _load(self, dialect: str | None) -> tuple[Decoder, dict[str, Dictionary]]:
@@ -303,8 +266,3 @@ class SuiteReader:
             decoder = Decoder(found, self._networks.catalogue, self._networks.refused)
             self._loaded[folder] = decoder, {each.name: each for each in found}
         return self._loaded[folder]
-
-    def schema(self) -> Schema:
-        """Return the JSON Schema of a suite, with the messages and nodes of the reader's network."""
-        decoder, dictionaries = self._load(self._dialect)
-        return Format(Vocabulary(self._networks, decoder, dictionaries, {}, frozenset(), tuple(dictionaries))).schema()

@@ -20,9 +20,9 @@ import can
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time
-from eurobot_od.check.bench import SeenFrame, Trace
 from eurobot_od.check.report import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
+from eurobot_od.check.steps import SeenFrame, Trace
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.device.node import Node
@@ -183,7 +183,7 @@ RECOVERY = 12.0
 
 
 class LiveBench:
-    """The bench of a python-can bus, opened by `open_bus`; use it as a context manager. Opening raises BusError.
+    """The bench of a python-can bus, opened by `open_bus` while its `reader` is entered. Opening raises BusError.
 
     `seen` and `failed` may be called from any thread.
     """
@@ -192,7 +192,7 @@ class LiveBench:
         loop = self._loop = asyncio.get_running_loop()
         self._works = asyncio.Event()
         self._works.set()
-        self._watch = runtime.FrameReader(
+        self.reader = runtime.FrameReader(
             open_bus(),
             self.seen,
             time.monotonic,  # the clock of asyncio's loop too, so frames and deadlines have one time
@@ -201,18 +201,6 @@ class LiveBench:
             back=lambda _gap: loop.call_soon_threadsafe(self._works.set),
         )
         self.trace = Trace()
-
-    def __enter__(self) -> LiveBench:
-        self._watch.__enter__()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._watch.__exit__()
-
-    @property
-    def name(self) -> str:
-        """What the driver calls the bus."""
-        return str(self._watch.bus.channel_info)
 
     async def begin(self) -> None:
         """Return at once: nobody knows when the nodes on a real bus are up."""
@@ -237,9 +225,9 @@ class LiveBench:
     async def send(self, frame: Frame) -> float:
         """Hand a frame to the driver; raises BusError if it does not take it."""
         begun = now = self._loop.time()
-        while not self._watch.send(frame):
+        while not self.reader.send(frame):
             if now > begun + SEND_WAIT:
-                raise BusError(f"the bus {self.name} did not take {frame}")
+                raise BusError(f"the bus {self.reader.name} did not take {frame}")
             await asyncio.sleep(RETRY)
             # Taken before the try that succeeds: an answer can never seem to have come before its question.
             now = self._loop.time()
@@ -250,7 +238,8 @@ def run_live(suite: Suite, options: RunOptions, open_bus: Callable[[], can.BusAB
     """Run a suite against the nodes on a bus; raises BusError if it cannot be opened."""
 
     async def main() -> SuiteResult:
-        with LiveBench(open_bus) as bench:
-            return await Runner(suite, bench, options).run(f"on {bench.name}")
+        bench = LiveBench(open_bus)
+        with bench.reader:
+            return await Runner(suite, bench, options).run(f"on {bench.reader.name}")
 
     return asyncio.run(main())

@@ -1,4 +1,4 @@
-"""Results as text: for the console, as annotations, as JUnit XML, and as JSON."""
+"""Results as text: for the console, as JUnit XML, and as JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 from eurobot_od.check.suite import Mismatch, Suite
 from eurobot_od.frame import Frame
-from eurobot_od.support.texts import Level, amount, annotation, one_line
+from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.yaml_places import Place
 
 
@@ -103,13 +103,6 @@ class SuiteResult:
         return self.count(Status.FAILED) > 0
 
 
-class CheckedSeed(NamedTuple):
-    """How all suites ended for one seed of the simulation."""
-
-    seed: int
-    suites: tuple[SuiteResult, ...]
-
-
 AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
 """The name of the step by which each conformance suite ends."""
 
@@ -194,18 +187,6 @@ def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
                 yield one_line(f"{result.file.stem}: LEFT CHANGED by {result.name}: {objects}. {HOW_TO_RESTORE}")
 
 
-# Annotations
-
-
-def github(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield a line for GitHub Actions for each step that failed: it becomes a note at that step of its suite."""
-    for result in results:
-        for step in result.steps:
-            if step.status in (Status.FAILED, Status.BUS_FAILED) and step.reason is not None:
-                said = (line.strip() for line in reason_lines(step.reason))
-                yield annotation(Level.ERROR, str(result.file), *step.place, f"{result.name}: {step.name}", said)
-
-
 # JUnit
 
 
@@ -237,12 +218,7 @@ def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:
     return {name: str(count) for name, count in counts.items()} | {"time": f"{sum(r.seconds for r in results):.6f}"}
 
 
-JUNIT = {
-    Status.FAILED: "failure",
-    Status.SKIPPED: "skipped",
-    Status.BUS_FAILED: "error",
-    Status.INTERRUPTED: "error",
-}
+JUNIT = {Status.FAILED: "failure", Status.SKIPPED: "skipped", Status.BUS_FAILED: "error", Status.INTERRUPTED: "error"}
 """JUnit's elements for steps that did not pass."""
 
 
@@ -288,19 +264,14 @@ def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
 
 
 def _reason_data(reason: StepReason) -> dict[str, Any]:
-    return {
-        "what": reason.what,
-        "expected": reason.expected,
-        "came": reason.came,
-        "cause": reason.cause,
-        "differences": [each._asdict() for each in reason.mismatches],
-        "frames": [
-            {
-                "time": round(line.time, 6),
-                "direction": "sent" if line.own else "received",
-                "frame": str(line.frame),
-                "meaning": line.meaning,
-            }
-            for line in reason.frames
-        ],
-    }
+    frames = [
+        {
+            "time": round(line.time, 6),
+            "direction": "sent" if line.own else "received",
+            "frame": str(line.frame),
+            "meaning": line.meaning,
+        }
+        for line in reason.frames
+    ]
+    said = {key: getattr(reason, key) for key in ("what", "expected", "came", "cause")}
+    return {**said, "differences": [each._asdict() for each in reason.mismatches], "frames": frames}

@@ -13,9 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from eurobot_od.check.bench import Bench
 from eurobot_od.check.report import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
-from eurobot_od.check.steps import Doer, Failed, Gone, Skipped
+from eurobot_od.check.steps import Bench, Doer, Failed, Gone, Skipped
 from eurobot_od.check.suite import Group, Never, Report, SdoRead, SdoWrite, Step, Suite
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import BusError, LocalError, RemoteError

@@ -1,7 +1,9 @@
 """What a step sends, asks and expects: frames, named by their message or raw, and the services of CANopen.
 
-Fields may be named as in the EDS or short: `X position` or `x`. A service (heartbeat, emergency, NMT command, SDO
-transfer) without a node is that of the node under test, if there is one only.
+All words that a suite may use, messages and objects of its EDS files and its variables, are collected before the suite
+itself is read (`Vocabulary`), so that each of them can be checked where it stands. Fields may be named as in the EDS or
+short: `X position` or `x`. A service (heartbeat, emergency, NMT command, SDO transfer) without a node is that of the
+node under test, if there is one only.
 """
 
 from __future__ import annotations
@@ -9,40 +11,114 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import yaml
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import suite
-from eurobot_od.check.values import FieldValues, ObjectValues, Operand, Scale, ValueProblem, expectation
-from eurobot_od.check.vocabulary import NAME, Vocabulary
+from eurobot_od.check.values import FieldValues, ObjectValues, Operand, Scale, ValueProblem, Values, expectation
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame, RemoteFrame
-from eurobot_od.od import objects
+from eurobot_od.od import network, objects
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.od.standard import COMMANDS, EMCY, ERRORS
-from eurobot_od.od.values import (
-    ALL_NODES,
-    BASE_IDENTIFIER,
-    DOMAIN,
-    ERROR_CONTROL_BASE,
-    NOT_SCANNED,
-    NOT_VALID,
-    parse_number,
-)
+from eurobot_od.od.values import ALL_NODES, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, base_identifier, parse_number
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.kinds import KeyedForm, Kind, field_name, plain_name
+from eurobot_od.pdo.kinds import NOTHING, Catalogue, KeyedForm, Kind, field_name, plain_name
+from eurobot_od.support import texts
 from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, read_all, refuse, refusing, taken
-from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, converted, pairs_of
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, converted, pairs_of
+from eurobot_od.traffic.meaning import Decoder
 
-# Services
+# Words
 
 T = TypeVar("T")
+
+LONGEST_TIME = 86_400.0
+"""The longest time in s that a step may take for anything it does once."""
+
+
+def _at_most_a_day(seconds: float) -> float:
+    if seconds > LONGEST_TIME:
+        raise LocalError(f"{seconds:g} s is too long: at most {texts.text(LONGEST_TIME)}, a day")
+    return seconds
+
+
+DURATION = converted(shapes.DURATION, _at_most_a_day)
+SOME_TIME = converted(DURATION, shapes.longer_than_0)
+NAME = shapes.matching(r"[A-Za-z_][A-Za-z0-9_]*", "a name of letters, digits and _")
+
+
+class Networks(NamedTuple):
+    """The networks that suites may be for, and the catalogue of their message types.
+
+    `find` returns the path for what a suite has as its `dialect`, or that of the default network for None; it raises
+    UnknownName. `load` returns the devices of such a path; `refused` gets their PDOs that do not hold.
+    """
+
+    find: Callable[[str | None], Path]
+    catalogue: Catalogue = NOTHING
+    load: Callable[[Path], tuple[Dictionary, ...]] = lambda path: network.load(network.read_network(path).nodes)
+    refused: OnRefused = fatal
+
+
+class Vocabulary(NamedTuple):
+    """What the EDS files of a network have, and the names of variables: `constants` with values, `saved` by a step.
+
+    `nodes` are those under test; `networks` has the others that a suite could be for.
+    """
+
+    networks: Networks
+    decoder: Decoder
+    dictionaries: Mapping[str, Dictionary]
+    constants: Mapping[str, str]
+    saved: frozenset[str]
+    nodes: tuple[str, ...]
+
+    def scale(self, values: Values) -> Scale:
+        """Return what values are read by."""
+        return Scale(values, self.constants, self.saved)
+
+
+def texts_at(root: yaml.Node, key: str) -> dict[str, str]:
+    """Return the names and plain values below a key of the whole document: `{name: value}`, a list, or one value."""
+    node = next((value for name, value in _pairs(root) if name == key), None)
+    if isinstance(node, yaml.ScalarNode):
+        return {node.value: node.value}
+    if isinstance(node, yaml.SequenceNode):
+        return {each.value: each.value for each in node.value if isinstance(each, yaml.ScalarNode)}
+    return {name: value.value for name, value in _pairs(node) if isinstance(value, yaml.ScalarNode)}
+
+
+def saved_names(node: yaml.Node) -> Iterator[str]:
+    """Yield the names of all variables that a step below a node saves."""
+    if isinstance(node, yaml.SequenceNode):
+        for each in node.value:
+            yield from saved_names(each)
+    for name, value in _pairs(node):
+        if name != "save":
+            yield from saved_names(value)
+        elif isinstance(value, yaml.ScalarNode):  # `sdo: {read: ..., save: t}`
+            yield value.value
+        else:  # `save: {t: Goto State Response.time}`, the action
+            yield from (each for each, _ in _pairs(value))
+
+
+def _pairs(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
+    # What has the wrong shape is passed over in silence: the format, which reads all of it again, reports it.
+    if not isinstance(node, yaml.MappingNode):
+        return []
+    return [(key.value, value) for key, value in node.value if isinstance(key, yaml.ScalarNode)]
+
+
+# Services
 
 NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
 STATES = {name: state for state, name in STATE_NAMES.items()} | {suite.ANY: None}
@@ -50,11 +126,8 @@ STATES = {name: state for state, name in STATE_NAMES.items()} | {suite.ANY: None
 
 def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
     """Make a shape that also takes the word `any`, read as `instead`."""
-    return Shape(
-        # the value of a list's node is a list, which equals no word
-        lambda node, problems: instead if node.value == suite.ANY else shape.read(node, problems),
-        {"anyOf": [{"const": suite.ANY}, shape.schema]},
-    )
+    # the value of a list's node is a list, which equals no word
+    return Shape(lambda node, problems: instead if node.value == suite.ANY else shape.read(node, problems))
 
 
 TRANSFERS = {each.value: each for each in (suite.Blocks.PLAIN, suite.Blocks.WITHOUT_CRC)}
@@ -68,44 +141,29 @@ class ServiceShapes:
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
         self._node = shapes.named(words.dictionaries, "node")
-        state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
         number: Shape[Any] = shapes.within(NUMBER, Within(0, 0xFFFF), "error code")  # of 16 bits (CiA 301, 7.2.7)
+        state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
-        self.heartbeat: Shape[suite.Pattern] = self._service("state", state, self._heartbeat)
-        register = {"save": Key(NAME, "variable that gets the error register in it")}
-        self.emcy: Shape[suite.Pattern] = self._service("code", code, self._emergency, register)
-        self.nmt: Shape[suite.Action] = self._service("command", command, self._nmt)
-        when = Key(
-            shapes.named({"before": False, "equal": True}, "dump"),
-            "`before`: keep them; `equal`: compare with what was kept",
-            needed=True,
-        )
-        self.dump: Shape[suite.Action] = self._service("when", when, self._dump)
+        when = Key(shapes.named({"before": False, "equal": True}, "dump"), "before or equal", needed=True)
         none = Key(shapes.named({"none": True}, "errors"), "none are there", needed=True)
-        self.errors: Shape[suite.Action] = self._service(
-            "wanted", none, lambda _, given: suite.SelfReported(suite.NodeServices.of(self._dictionary(given)))
-        )
         awaited = Key(shapes.named({"awaited": True}, "boot-up"), "the boot-up is waited for", needed=True)
-        self.boot_up: Shape[suite.BootUp] = self._service(
-            "when", awaited, lambda _, given: suite.BootUp(suite.NodeServices.of(self._dictionary(given)))
-        )
+        self.heartbeat: Shape[suite.Pattern] = self._service("state", state, self._heartbeat)
+        self.emcy: Shape[suite.Pattern] = self._service("code", code, self._emergency, {"save": Key(NAME)})
+        self.nmt: Shape[suite.Action] = self._service("command", command, self._nmt)
+        self.dump: Shape[suite.Action] = self._service("when", when, self._dump)
+        self.errors = self._service("wanted", none, lambda _, given: suite.SelfReported(self._services(given)))
+        self.boot_up = self._service("when", awaited, lambda _, given: suite.BootUp(self._services(given)))
         sdo = {
-            "restore": Key(SCALAR, "object that gets back what `saved` has, unless it has it"),
-            "saved": Key(NAME, "variable that `save` gave a value"),
-            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name in any letter case"),
-            "write": Key(SCALAR, "object to write"),
-            "value": Key(SCALAR, "value to write"),
-            "data": Key(TEXT, "bytes to write or to expect, in hexadecimal, instead of a value"),
-            "expect": Key(SCALAR, "the value to be read"),
-            "abort": Key(ABORTS, "the abort code, or one of several, or any, with which the node has to refuse"),
-            "optional": Key(ABORTS, "abort codes that mean that the node lacks this: the step is skipped"),
-            "transfer": Key(shapes.named(TRANSFERS, "transfer"), "transferred in blocks, with a CRC or without"),
-            "save": Key(NAME, "variable that gets the value"),
-            "node": Key(self._node, "whose object; default: the node under test"),
+            **dict.fromkeys(("restore", "read", "write", "value", "expect"), Key(SCALAR)),
+            **dict.fromkeys(("saved", "save"), Key(NAME)),
+            **dict.fromkeys(("abort", "optional"), Key(ABORTS)),
+            "data": Key(TEXT),
+            "transfer": Key(shapes.named(TRANSFERS, "transfer")),
+            "node": Key(self._node),
         }
         self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, sdo)
-        self.sdo: Shape[suite.Action] = Shape(self._read_sdo, self._sdo_parts.schema)
+        self.sdo: Shape[suite.Action] = Shape(self._read_sdo)
 
     def _dictionary(self, given: Dictionary | None) -> Dictionary:
         """Return the EDS of the node that is meant; raises LocalError."""
@@ -115,11 +173,14 @@ class ServiceShapes:
             raise LocalError("which node? Write it next to this, `node: drive`, or give the suite one node")
         return self._words.dictionaries[self._words.nodes[0]]
 
+    def _services(self, given: Dictionary | None) -> suite.NodeServices:
+        return suite.NodeServices.of(self._dictionary(given))
+
     def _service(
         self, name: str, key: Key, make: Callable[..., T], more: Mapping[str, Key] = MappingProxyType({})
     ) -> Shape[T]:
         """Make the shape of a service: its one value, or a mapping that also says which node, and more."""
-        keys = {name: key, "node": Key(self._node, "which node; default: the node under test"), **more}
+        keys = {name: key, "node": Key(self._node), **more}
         long: Shape[dict[str, Any]] = shapes.record(dict, keys)
 
         def read(node: yaml.Node, problems: Problems) -> T:
@@ -128,7 +189,7 @@ class ServiceShapes:
             with refusing(node, problems):
                 return make(parts[name], parts.get("node"), **{each: parts[each] for each in more if each in parts})
 
-        return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
+        return Shape(read)
 
     def _heartbeat(self, state: Any, given: Dictionary | None) -> suite.Pattern:
         node = self._dictionary(given)
@@ -136,11 +197,10 @@ class ServiceShapes:
 
     def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> suite.Pattern:
         node = self._dictionary(given)
-        entry = node.default(EMCY)
-        # Bit 31 set: the EMCY does not exist (CiA 301, 7.5.2.17), so a step that waits for one could only be red.
-        if not isinstance(entry, int) or entry & NOT_VALID:
+        cob_id = base_identifier(node.default(EMCY))
+        if cob_id is None:  # a step that waits for one could only be red
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
-        return suite.EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code, save)
+        return suite.EmergencyPattern(node.name, cob_id, code, save)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> suite.Action:
         # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).
@@ -237,17 +297,17 @@ class FrameShapes:
     """The shapes of frames, with the words of one document."""
 
     def __init__(self, words: Vocabulary, services: ServiceShapes) -> None:
-        self._words = words
+        self._words, self._protocol = words, words.decoder.protocol
         self._others: dict[str, Shape[suite.Pattern]] = {
-            "raw": Shape(_read_raw_pattern, _pattern_schema(RAW_PATTERN)),
+            "raw": Shape(_read_raw_pattern),
             "heartbeat": services.heartbeat,
             "emcy": services.emcy,
         }
-        self.sent: Shape[suite.Sent] = Shape(self._read_sent, {"$ref": "#/$defs/sent"})
-        self.answers: Shape[dict[int, suite.Sent | None]] = Shape(self._read_answers, {"$ref": "#/$defs/answers"})
-        self.pattern: Shape[suite.Pattern] = Shape(self._read_pattern, {"$ref": "#/$defs/pattern"})
-        self.patterns: Shape[suite.Patterns] = Shape(self._read_patterns, {"$ref": "#/$defs/patterns"})
-        self.field: Shape[suite.FieldOf] = converted(SCALAR, self._field_of, {"type": "string"})
+        self.sent: Shape[suite.Sent] = Shape(self._read_sent)
+        self.answers: Shape[dict[int, suite.Sent | None]] = Shape(self._read_answers)
+        self.pattern: Shape[suite.Pattern] = Shape(self._read_pattern)
+        self.patterns: Shape[suite.Patterns] = Shape(self._read_patterns)
+        self.field: Shape[suite.FieldOf] = converted(SCALAR, self._field_of)
 
     # What is sent
 
@@ -259,12 +319,12 @@ class FrameShapes:
             # `R4` asks for 4 bytes: a remote frame has a length, and no data.
             frame = RemoteFrame(cob_id, bytes(int(remote[1:] or 0))) if remote else Frame(cob_id, bytes.fromhex(data))
             return suite.SentFrame(frame)
-        binding = taken(name, problems, self._words.protocol.binding)
+        binding = taken(name, problems, self._protocol.binding)
         fields = self._fields(binding, value, problems, partial(_operand, binding))
         missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
         if missing:
             refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
-        sent = suite.SentMessage(self._words.protocol, binding, fields)
+        sent = suite.SentMessage(self._protocol, binding, fields)
         # Some values are wrong only together (half of an unknown position), which encoding once shows. What a step is
         # to save has no value yet.
         if all(operand.variable is None for operand in fields.values()):
@@ -280,7 +340,7 @@ class FrameShapes:
             (self._read_sent if value.value != NO_ANSWER else lambda *_: None, value) for value in pairs.values()
         )
         answers = read_all(parts, problems)
-        bindings = [taken(name, problems, self._words.protocol.binding) for name in pairs]
+        bindings = [taken(name, problems, self._protocol.binding) for name in pairs]
         return {binding.cob_id: answer for binding, answer in zip(bindings, answers)}
 
     # What is expected
@@ -290,8 +350,8 @@ class FrameShapes:
         # Without a value it can still be a message: a network may have a PDO called `heartbeat`.
         if value is not None and name in self._others:
             return self._others[name].read(value, problems)
-        binding = taken(name, problems, self._words.protocol.binding)
-        return suite.MessagePattern(self._words.protocol, binding, self._fields(binding, value, problems, expectation))
+        binding = taken(name, problems, self._protocol.binding)
+        return suite.MessagePattern(self._protocol, binding, self._fields(binding, value, problems, expectation))
 
     def _read_patterns(self, node: yaml.Node, problems: Problems) -> suite.Patterns:
         several = shapes.listing(self.pattern).read
@@ -326,27 +386,8 @@ class FrameShapes:
         # From the right, as a message's name may have a dot itself: `my motor.TPDO1.Speed`.
         message, _, field = text.rpartition(".")
         # Without any dot the whole is looked up, so that the error names what stands there, not an empty name.
-        binding = self._words.protocol.binding(message or str(text))
+        binding = self._protocol.binding(message or str(text))
         return suite.FieldOf(binding, _field(binding, field))
-
-    # Schema
-
-    def definitions(self) -> dict[str, Schema]:
-        """Return the schemas that others refer to."""
-        names = {each.name: each.kinds for each in self._words.protocol.bindings}
-        others = {name: shape.schema for name, shape in self._others.items()}
-        several = shapes.listing(self.pattern).schema
-        orders = [{"type": "object", "properties": {name: several}, "required": [name]} for name in ORDERS]
-        return {
-            "answers": {
-                "type": "object",
-                "propertyNames": {"enum": list(names)},
-                "additionalProperties": {"anyOf": [self.sent.schema, {"enum": [NO_ANSWER]}]},
-            },
-            "sent": _message_schema(names, {"raw": _pattern_schema(RAW)}, needs_fields=True),
-            "pattern": _message_schema(names, others, needs_fields=False),
-            "patterns": {"anyOf": [self.pattern.schema, several, *orders]},
-        }
 
 
 def _named(node: yaml.Node, problems: Problems) -> tuple[PlacedText, yaml.Node | None]:
@@ -405,44 +446,6 @@ def _read_value(node: yaml.Node, kind: Kind, scale: Scale, problems: Problems, r
         return read(text, scale)
 
 
-# Small schemas
-
-
-def _pattern_schema(form: re.Pattern[str]) -> Schema:
-    # JSON Schema has the regular expressions of ECMA-262, which do not know Python's `(?P<name>`.
-    return {"type": "string", "pattern": f"^{re.sub(r'[?]P<[a-z]+>', '', form.pattern)}$"}
-
-
-def _message_schema(
-    names: Mapping[str, Mapping[str, Kind]], others: Mapping[str, Schema], needs_fields: bool
-) -> Schema:
-    """Return the schema of a message: its name alone, or a mapping with its fields."""
-    properties = {name: _fields_schema(fields) for name, fields in names.items()} | dict(others)
-    alone = [name for name, fields in names.items() if not (needs_fields and fields)]
-    # One key, as in `_named`: the message's name.
-    one = {"type": "object", "properties": properties, "minProperties": 1, "maxProperties": 1}
-    return {"anyOf": [{"enum": alone}, one | {"additionalProperties": False}]}
-
-
-def _fields_schema(fields: Mapping[str, Kind]) -> Schema:
-    """Return the schema of a message's fields: their names as people write them, and all other ways to write them."""
-    value = SCALAR.schema
-    forms = {field: kind.keyed_form for field, kind in fields.items()}
-    values = {name: {"anyOf": [value, _keyed(form).schema]} if form else value for name, form in forms.items()}
-    return {
-        "type": ["object", "null"],  # `Goto XY:` with nothing behind the colon is null in YAML
-        "properties": {field.replace("_", " "): value for field, value in values.items()},
-        "patternProperties": {_spellings(field): value for field, value in values.items()},
-        "additionalProperties": False,
-    }
-
-
-def _spellings(field: str) -> str:
-    """Return the pattern of a field's names: `enemy_1_diameter`, `Enemy 1 diameter`, `x`, `X position`."""
-    words = [f"[{word[0].upper()}{word[0]}]{word[1:]}" for word in field.split("_")]
-    return f"^{'[ _]'.join(words)}( position)?$"
-
-
 def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
     """Return the shape of a mapping from keys, in any of their spellings, to words."""
     keys = {plain_name(key): key for key in form.keys}
@@ -453,4 +456,4 @@ def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
         return keys[plain_name(text)]
 
     words = shapes.named({word: word for word in form.words}, form.word)
-    return shapes.mapping(words, converted(SCALAR, known, {"enum": list(form.keys)}))
+    return shapes.mapping(words, converted(SCALAR, known))

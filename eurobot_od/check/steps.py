@@ -4,7 +4,9 @@
 comes from the end of the step before. A question is a `send` (several in a row count as one), an `nmt`, an `sdo` or a
 `poll`.
 
-The only clock and the only bus are the bench's.
+The only clock and the only bus are those of the bench, on which the nodes under test are, with the trace of all frames
+on it, each with its time. Frames are kept in the order in which they came and are never taken away: a reader says from
+which number on it looks. Only one step runs at a time, so there is only one to wake.
 """
 
 from __future__ import annotations
@@ -13,12 +15,11 @@ import asyncio
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial, singledispatchmethod
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import suite
-from eurobot_od.check.bench import Bench, SeenFrame
 from eurobot_od.check.report import StepReason
 from eurobot_od.check.suite import EmergencyPattern, Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.values import ValueProblem
@@ -26,21 +27,9 @@ from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, LocalError, NoAnswer, RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.od import objects
+from eurobot_od.od import objects, values
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ERRORS, SYNC_COUNTER, SYNC_PERIOD
-from eurobot_od.od.values import (
-    COB_ID,
-    COMMUNICATIONS,
-    ERROR_CONTROL_BASE,
-    INHIBIT_TIME,
-    MAPPING_OFFSET,
-    MAPPINGS,
-    NMT_COB_ID,
-    NOT_VALID,
-    SYNC_START,
-    Address,
-    label,
-)
+from eurobot_od.od.values import COB_ID, ERROR_CONTROL_BASE, MAPPINGS, NMT_COB_ID, Address, label
 from eurobot_od.od.words import error_words
 from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
@@ -63,7 +52,7 @@ UNCONFIRMED = 0.02
 POLLED = 0.1
 """Seconds for an answer to the question whether a node is there."""
 
-NOT_WHILE_VALID = (COB_ID, INHIBIT_TIME, SYNC_START)
+NOT_WHILE_VALID = (COB_ID, values.INHIBIT_TIME, values.SYNC_START)
 """Parameters of a PDO that must not be changed while it is valid (CiA 301, 7.5.2.35 and 7.5.2.37)."""
 
 REGISTER = 2
@@ -73,24 +62,129 @@ MOST_BEFORE = 512
 """Frames that are looked at to understand the last ones; a block of SDO has at most 127."""
 
 
-class Failed(Exception):
-    """A step is red; `reason` says why."""
+# The bench
 
-    def __init__(self, reason: StepReason) -> None:
-        super().__init__(reason.what)
-        self.reason = reason
+
+class SeenFrame(NamedTuple):
+    """A frame, its time in seconds by the loop's clock, and whether the tester sent it."""
+
+    time: float
+    frame: Frame
+    own: bool = False
+
+
+class Trace:
+    """The frames of a run; made inside the event loop."""
+
+    def __init__(self) -> None:
+        self.frames: list[SeenFrame] = []
+        self._loop = asyncio.get_running_loop()
+        self.heard: Callable[[Frame], object] = lambda _: None
+        """Called with each frame of the others as it comes."""
+        self._waiting: asyncio.Future[None] | None = None
+        self._failure: BusError | None = None
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @property
+    def now(self) -> float:
+        """The time in seconds."""
+        return self._loop.time()
+
+    def add(self, seen: SeenFrame) -> None:
+        """Take in a frame."""
+        self.frames.append(seen)
+        self._wake()
+        if not seen.own:
+            self.heard(seen.frame)
+
+    def fail(self, failure: BusError) -> None:
+        """End all waiting: the bus is gone."""
+        self._failure = failure
+        self._wake()
+
+    def recover(self) -> None:
+        """Note that the bus is open again."""
+        self._failure = None
+
+    def _wake(self) -> None:
+        if self._waiting is not None and not self._waiting.done():  # two frames may come in one turn of the loop
+            self._waiting.set_result(None)
+
+    async def first(self, cob_ids: frozenset[int], start: int, deadline: float) -> int | None:
+        """Return the number of the first foreign frame with one of these identifiers, from number `start` on.
+
+        Waits for it until the time is `deadline`; None if none came by then. Raises BusError.
+        """
+        while True:
+            for number in range(start, len(self.frames)):
+                time, frame, own = self.frames[number]
+                # By the frame's own time, not by that of looking: late is late, and in time is in time.
+                if time > deadline:
+                    return None
+                if frame.cob_id in cob_ids and not own:
+                    return number
+            start = len(self.frames)
+            if not await self._news(start, deadline):
+                return None
+
+    async def _news(self, known: int, deadline: float) -> bool:
+        """Wait for more than the `known` frames until a time; raises BusError."""
+        self._waiting = self._loop.create_future()
+        timer = self._loop.call_at(deadline, self._wake)
+        try:
+            if self._failure is None and self._loop.time() < deadline:
+                await self._waiting
+        finally:  # also if the step is interrupted: a timer left behind would wake the next one too early
+            timer.cancel()
+            self._waiting = None
+        if self._failure is not None:
+            raise self._failure
+        return len(self.frames) > known or self._loop.time() < deadline
+
+    async def sleep(self, seconds: float) -> None:
+        """Let time pass; raises BusError if the bus fails meanwhile."""
+        await self.first(frozenset(), len(self.frames), self.now + seconds)
+
+
+class Bench(Protocol):
+    """A bus with the nodes under test; the tester is another participant, with no node of its own."""
+
+    trace: Trace
+    """Every frame of the others, once the bench has begun."""
+
+    async def begin(self) -> None:
+        """Return when the nodes are up; called once."""
+
+    async def send(self, frame: Frame) -> float:
+        """Send a frame and return, once it is on its way, its time by the loop's clock; raises BusError."""
+
+    async def recover(self) -> bool:
+        """Open a bus that has failed again; return whether it works before all patience is at an end."""
+
+
+# Steps
+
+
+class NotPassed(Exception):
+    """A step that has not passed; `reason` says why."""
+
+    def __init__(self, what: str, expected: str = "", came: str = "", mismatches: Sequence[Mismatch] = ()) -> None:
+        super().__init__(what)
+        self.reason = StepReason(what, expected, came, tuple(mismatches))
+
+
+class Failed(NotPassed):
+    """A step is red."""
 
 
 class Gone(Failed):
     """A node does not come back from a reset: nothing else can be asked."""
 
 
-class Skipped(Exception):
-    """A step is not done; `reason` says why."""
-
-    def __init__(self, reason: StepReason) -> None:
-        super().__init__(reason.what)
-        self.reason = reason
+class Skipped(NotPassed):
+    """A step is not done."""
 
 
 class Doer:
@@ -188,7 +282,7 @@ class Doer:
 
     @_do.register
     async def _skip(self, action: suite.Skip) -> None:
-        raise Skipped(StepReason(action.reason))
+        raise Skipped(action.reason)
 
     @_do.register
     async def _wait(self, action: suite.Wait) -> None:
@@ -225,7 +319,7 @@ class Doer:
                 what = f"no {' or '.join(map(str, left))} within {texts.text(self._longest(action.within))}"
                 if other is not None:
                     raise self._with_last(what, left[0], other)
-                raise Failed(StepReason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
+                raise Failed(what, "; ".join(each.text(self._variables) for each in left), "nothing")
             number, seen = found
             start = number + 1
             # In order, only the first one may come: a later one that comes now is reported as out of order.
@@ -257,8 +351,8 @@ class Doer:
         """Say that what was wanted did not come, and what came last instead."""
         wanted = pattern.text(self._variables)
         if last is None:
-            return Failed(StepReason(what, wanted, "nothing"))
-        return Failed(StepReason(what, wanted, self._meaning(last), (*self._mismatches(pattern, last), *off)))
+            return Failed(what, wanted, "nothing")
+        return Failed(what, wanted, self._meaning(last), (*self._mismatches(pattern, last), *off))
 
     @_do.register
     async def _await(self, action: suite.Await) -> None:
@@ -279,7 +373,7 @@ class Doer:
             number, seen = found
             if not self._mismatches(action.pattern, seen):
                 what = f"{action.pattern} came, though it should not"
-                raise Failed(StepReason(what, f"never {action.pattern.text(self._variables)}", self._meaning(seen)))
+                raise Failed(what, f"never {action.pattern.text(self._variables)}", self._meaning(seen))
             start = number + 1
         self._edge = len(self._trace)
 
@@ -287,11 +381,11 @@ class Doer:
     async def _unheard(self, action: suite.Unheard) -> None:
         seen = [each for each in self._trace.frames if each.frame.cob_id == action.cob_id and not each.own]
         if seen and (suite.Reported.HEARD, action.cob_id) in self._reported:
-            raise Skipped(StepReason("it came again, and was red before"))
+            raise Skipped("it came again, and was red before")
         if seen:
             self._reported.add((suite.Reported.HEARD, action.cob_id))
             what = f"{amount(len(seen), 'frame')} came with the identifier 0x{action.cob_id:03X}"
-            raise Failed(StepReason(what, "none", str(seen[0].frame)))
+            raise Failed(what, "none", str(seen[0].frame))
 
     @_do.register
     async def _poll(self, action: suite.Poll) -> None:
@@ -352,7 +446,7 @@ class Doer:
             self._follow(action.variable)
             label = objects.label(action.variable)
             wanted, came = action.expected.text(self._variables), action.expected.shown(value)
-            raise Failed(StepReason(f"{label} is not as expected", wanted, came, (Mismatch(label, wanted, came),)))
+            raise Failed(f"{label} is not as expected", wanted, came, (Mismatch(label, wanted, came),))
         if action.save is not None:
             self._variables[action.save] = value
             self._kept[action.save] = objects.address_of(action.variable)
@@ -379,11 +473,11 @@ class Doer:
                 return None
             came = f"abort {code_and_reason(error.code)}"
             if action.optional is not None and action.optional.fits(error.code):
-                raise Skipped(StepReason(f"{action}: the node does not do this ({came})")) from None
-            raise Failed(StepReason(f"{action}: {error}", wanted or "no abort", came)) from None
+                raise Skipped(f"{action}: the node does not do this ({came})") from None
+            raise Failed(f"{action}: {error}", wanted or "no abort", came) from None
         if wanted is not None:
             self._taken.add(address)
-            raise Failed(StepReason(f"{action}: the node does not refuse", wanted, "no abort"))
+            raise Failed(f"{action}: the node does not refuse", wanted, "no abort")
         if isinstance(action, suite.SdoWrite):
             self._taken.discard(address)
         return data
@@ -391,21 +485,21 @@ class Doer:
     def _follow(self, variable: ODVariable) -> None:
         """Raise Skipped for an object that has taken what it should have refused, which is red already."""
         if objects.address_of(variable) in self._taken:
-            raise Skipped(StepReason(f"{objects.label(variable)} has taken what it should refuse, which is red"))
+            raise Skipped(f"{objects.label(variable)} has taken what it should refuse, which is red")
 
     @_do.register
     async def _sdo_restore(self, action: suite.SdoRestore) -> None:
         """Write only what differs; raises Failed if the node does not have the value afterwards."""
         # An interrupt may have come before it was read, and the variable still have what another object had.
         if action.saved not in self._variables or self._kept[action.saved] != objects.address_of(action.variable):
-            raise Skipped(StepReason("it was not read before, so nothing of it has been changed"))
+            raise Skipped("it was not read before, so nothing of it has been changed")
         self._ask()
         address, content = objects.address_of(action.variable), action.content(self._variables)
         self._taken.discard(address)
         if await self._read(action, address) == content:
             return
         if address == ERRORS and any(content):
-            raise Skipped(StepReason("errors can be cleared, but not brought back"))  # (CiA 301, 7.5.2.4)
+            raise Skipped("errors can be cleared, but not brought back")  # (CiA 301, 7.5.2.4)
         before, after, refused = list[tuple[Address, bytes]](), list[tuple[Address, bytes]](), ""
         for other, change in _meanwhile(address):
             old = await self._read(action, other)
@@ -420,10 +514,10 @@ class Doer:
         now = await self._read(action, address)
         if refused and address[0] in MAPPINGS and address[1] and not any(content):
             # No clause says that an entry behind the last one can be 0, which is not an object.
-            raise Skipped(StepReason(f"an entry that maps nothing{refused}"))
+            raise Skipped(f"an entry that maps nothing{refused}")
         if now != content:
             what = f"{objects.label(action.variable)} cannot be put back{refused}"
-            raise Failed(StepReason(what, content.hex(" ").upper(), now.hex(" ").upper() or "nothing"))
+            raise Failed(what, content.hex(" ").upper(), now.hex(" ").upper() or "nothing")
 
     async def _read(self, action: suite.SdoRestore, address: Address) -> bytes:
         """Read an object; one that cannot be read now is empty."""
@@ -442,13 +536,14 @@ class Doer:
         while self._trace.now < deadline:
             # Any answer will do, an abort as well: what it says is not the question here.
             with suppress(NoAnswer):
-                await self._probe(action.node)
+                with suppress(sdo.Aborted, sdo.OddAnswer):
+                    await self._run(sdo.upload(ERROR_REGISTER, POLLED), action.node)  # which every device has
                 break
         else:
-            raise Gone(StepReason(f"{self._no_boot_up(action)}, and no answer to an SDO request as long again"))
+            raise Gone(f"{self._no_boot_up(action)}, and no answer to an SDO request as long again")
         if missing not in self._reported:
             self._reported.add(missing)
-            raise Failed(StepReason(f"{self._no_boot_up(action)}, but the node answers SDO requests"))
+            raise Failed(f"{self._no_boot_up(action)}, but the node answers SDO requests")
 
     async def _booted(self, action: suite.BootUp) -> bool:
         """Wait for the boot-up since the last question; False if none comes in its time."""
@@ -470,15 +565,10 @@ class Doer:
         within = texts.text(self._longest(action.within))
         return f"no boot-up {ERROR_CONTROL_BASE + action.node.node_id:03X}#00 in {within} after a reset{instead}"
 
-    async def _probe(self, node: suite.NodeServices) -> None:
-        """Ask for the error register, which every device has; raises NoAnswer."""
-        with suppress(sdo.Aborted, sdo.OddAnswer):
-            await self._run(sdo.upload(ERROR_REGISTER, POLLED), node)
-
     @_do.register
     async def _dump(self, action: suite.Dump) -> None:
         if action.equal and not self._dumped:
-            raise Skipped(StepReason("nothing was read before"))
+            raise Skipped("nothing was read before")
         self._ask()
         dump = {}
         for variable in action.variables:
@@ -500,7 +590,7 @@ class Doer:
             Mismatch(each, before[each], dump[each]) for each in dump if before[each] != dump[each] and each not in same
         ]
         if off:
-            raise Failed(StepReason(f"{amount(len(off), 'object')} not as before", mismatches=tuple(off)))
+            raise Failed(f"{amount(len(off), 'object')} not as before", mismatches=off)
 
     @_do.register
     async def _errors(self, action: suite.SelfReported) -> None:
@@ -509,7 +599,7 @@ class Doer:
         try:
             register = await self._run(sdo.upload(ERROR_REGISTER, self._timeout), action.node)
         except sdo.Aborted:
-            raise Skipped(StepReason("the node has no error register (0x1001)")) from None
+            raise Skipped("the node has no error register (0x1001)") from None
         bits = int.from_bytes(register, "little")
         if bits:
             words = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
@@ -521,7 +611,7 @@ class Doer:
                     code = int.from_bytes(remembered[:2], "little")
                     words.append(f"0x{code:04X} {error_words(code, {})}")
             self._reported.add((suite.Reported.OWN_ERROR, action.node))
-            raise Failed(StepReason(f"{action.node.name} reports an error itself", "none", "; ".join(words)))
+            raise Failed(f"{action.node.name} reports an error itself", "none", "; ".join(words))
 
     async def follows_from_own_error(self, action: suite.Action) -> bool:
         """Whether a node that does not send what is awaited has a known error, and was just told to be OPERATIONAL.
@@ -580,7 +670,7 @@ class Doer:
             frames = (each.frame for each in reversed(self._trace.frames) if not each.own)
             last = next((frame for frame in frames if frame.cob_id == binding.cob_id), None)
             if last is None:
-                raise Failed(StepReason(f"no {binding.name} has come yet"))
+                raise Failed(f"no {binding.name} has come yet")
             self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)
 
 
@@ -599,8 +689,8 @@ _DOWNLOADS: Mapping[suite.Blocks, Callable[[Address, bytes, float], sdo.Transfer
 def _meanwhile(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:
     """Give the objects that must have another value while an object is changed, and what becomes of theirs."""
     index, sub = address
-    if index in MAPPINGS or (index in COMMUNICATIONS and sub in NOT_WHILE_VALID):
-        yield (index - MAPPING_OFFSET * (index in MAPPINGS), COB_ID), lambda cob_id: cob_id | NOT_VALID
+    if index in MAPPINGS or (index in values.COMMUNICATIONS and sub in NOT_WHILE_VALID):
+        yield (index - values.MAPPING_OFFSET * (index in MAPPINGS), COB_ID), lambda cob_id: cob_id | values.NOT_VALID
     if index in MAPPINGS and sub:
         yield (index, 0), lambda _: 0  # (CiA 301, 7.5.2.36)
     if address == SYNC_COUNTER:

@@ -11,7 +11,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
@@ -36,28 +36,6 @@ class NotSaved(LocalError):
         super().__init__(f"no step before has saved {name!r}")
 
 
-class Values(Protocol):
-    """The values of something that can be compared: how a person writes them, and how far they are from each other."""
-
-    @property
-    def modulus(self) -> int | None:
-        """What they wrap around at, None if they do not."""
-
-    @property
-    def are_ordered(self) -> bool:
-        """Whether one may be less than another."""
-
-    @property
-    def distances(self) -> Values:
-        """What tolerances are: they need not be in the range that values have to be in."""
-
-    def parse(self, text: str) -> Any:
-        """Read a value; raises LocalError for one that could not be sent, so that it cannot be expected either."""
-
-    def text(self, value: Any) -> str:
-        """Write a value for a person."""
-
-
 class FieldValues(NamedTuple):
     """The values of a message's field: its kind, and its limits in the EDS."""
 
@@ -76,7 +54,7 @@ class FieldValues(NamedTuple):
 
     @property
     def distances(self) -> FieldValues:
-        """What tolerances are: up to the whole range."""
+        """What tolerances are: they need not be in the range that values have to be in, up to the whole of it."""
         return self._replace(limits=Limits(0, self.limits.high - self.limits.low))
 
     def parse(self, text: str) -> Any:
@@ -132,6 +110,13 @@ class ObjectValues(NamedTuple):
         return repr(value) if isinstance(value, str) else objects.written(self.variable, value)
 
 
+Values: TypeAlias = "FieldValues | ObjectValues"
+"""The values of something that can be compared: how a person writes them, and how far they are from each other.
+
+`parse` raises LocalError for one that could not be sent, so that it cannot be expected either.
+"""
+
+
 class Scale(NamedTuple):
     """What a value is measured on: the values there are, and the variables.
 
@@ -153,11 +138,6 @@ class Scale(NamedTuple):
         if name not in self.saved:
             raise UnknownName("variable", name, sorted({*self.constants, *self.saved}))
         return Operand(None, name, self.values, int(match["bits"] or "0", 16))
-
-    @property
-    def distances(self) -> Scale:
-        """What a tolerance is measured on."""
-        return self._replace(values=self.values.distances)
 
 
 class Operand(NamedTuple):
@@ -276,5 +256,5 @@ def expectation(text: str, scale: Scale) -> Expected:
     may = ((each, each.pattern.fullmatch(written)) for each in forms if ordered or not each.ordered)
     form, operands = next((form, match.groups()) for form, match in may if match)
     # The second operand of `1200 +- 15` is a distance: 15 need not be a value that the field may have.
-    scales = (scale, scale.distances if form.test is _near else scale)
+    scales = (scale, scale._replace(values=scale.values.distances) if form.test is _near else scale)
     return Expected(form, tuple(each.operand(operand) for each, operand in zip(scales, operands)), scale.values)

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, TypeAlias
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.cli.devices import Access, Devices, Target
+from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, Target
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
@@ -74,15 +74,12 @@ def found_as_data(found: Found) -> dict[str, Any]:
 
 def found_rows(found: Sequence[Found], names: Mapping[int, str] = MappingProxyType({})) -> Iterator[tuple[str, ...]]:
     """Yield the table of the nodes, with a column for the `names` that a network has for them, if there are any."""
-
-    def name(text: str) -> tuple[str, ...]:
-        return (text,) if names else ()
-
-    yield "node", *name("in network"), "name", "state", "vendor", "product", "revision", "serial"
+    yield "node", *["in network"] * bool(names), "name", "state", "vendor", "product", "revision", "serial"
     for each in found:
         state = "-" if each.state is None else STATE_NAMES[each.state]
         numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
-        yield f"{each.node_id:>4}", *name(names.get(each.node_id, "-")), each.name or "-", state, *numbers
+        there = [names.get(each.node_id, "-")] * bool(names)
+        yield f"{each.node_id:>4}", *there, each.name or "-", state, *numbers
 
 
 # Boot
@@ -129,9 +126,6 @@ def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: 
 
 NMT_COMMANDS = {name.replace(" ", "-"): NmtCommand(command) for command, name in COMMAND_NAMES.items()}
 """The NMT commands by their words on the command line."""
-
-HEARTBEAT_WAIT = 1.2
-"""Seconds to wait for the heartbeat after the command; our nodes send one a second."""
 
 
 def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMANDS)]) -> ExitStatus:

@@ -9,23 +9,22 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from eurobot_od.check import report
 from eurobot_od.check.format import SuiteReader
-from eurobot_od.check.report import CheckedSeed, StepResult, SuiteResult
+from eurobot_od.check.report import StepResult, SuiteResult
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.cli.devices import Devices, complain_of_repairs, completeness, left_out
-from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, Output, counted, whole, write
-from eurobot_od.cli.signature import HelpGroup, Option
+from eurobot_od.cli.options import BusOptions, Faults, Json, Output, whole, write
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.pdos import OnRefused
-from eurobot_od.od.values import MOST_SUBS
-from eurobot_od.support.files import check_writable, digest_of
+from eurobot_od.support.files import check_writable
 from eurobot_od.support.progress import in_colour
 from eurobot_od.support.texts import one_line
 
@@ -33,22 +32,15 @@ if TYPE_CHECKING:
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.runner import Interrupt
-    from eurobot_od.season.campaign import Workers
-    from eurobot_od.season.results import Results
-
-
-AT_ONCE = "--simulate --repeat"
-"""The options with which many things are done at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckReport:
     """What is said of a check: on standard output in one form, and in files.
 
-    page: conformance: write a page for the maker, as .html, .md or .json
+    page: conformance: write a page for the maker, as .html or .md
     junit: write a JUnit XML report
     ctt: conformance: print by the numbers of CiA's test tool
-    format: also print annotations for GitHub Actions
     verbose: print every step, green and skipped ones too
     quiet: print only the red steps and the last line
     """
@@ -57,24 +49,44 @@ class CheckReport:
     junit: Annotated[Path | None, Option(metavar="FILE")] = None
     as_json: Annotated[Json, Option(either="form")] = False
     ctt: Annotated[bool, Option(either="form")] = False
-    format: Annotated[Literal["github"] | None, Option(either="form")] = None
     verbose: Annotated[bool, Option("-v", either="form")] = False
     quiet: Annotated[bool, Option("-q", either="form")] = False
 
     def check_files(self) -> None:
         """Raise LocalError, OSError for a file that could not be written: before the check, not after it."""
         if self.page is not None:
-            from eurobot_od.check.conformance.page import check_form
+            from eurobot_od.export.forms import form_of
 
-            check_form(self.page)
+            form_of(self.page)
         for file in (self.junit, self.page):
             if file is not None:
                 check_writable(file)
 
     @property
-    def printer(self) -> Printer:
-        """What prints the suites as they run."""
-        return Printer(silent=self.as_json or self.ctt or self.quiet, verbose=self.verbose)
+    def silent(self) -> bool:
+        """Whether nothing is printed before the end, where standard output is one document."""
+        return self.as_json or self.ctt or self.quiet
+
+    def heading(self, suite: Suite, how: str) -> None:
+        """Print the line above a suite."""
+        if not self.silent:
+            print(report.heading(suite, how), flush=True)
+
+    def step(self, step: StepResult) -> None:
+        """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
+        if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
+            return
+        # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
+        print(report.step_line(step, in_colour(sys.stdout)))
+        if step.reason is not None and self.verbose:
+            print("\n".join(report.reason_lines(step.reason)))
+        sys.stdout.flush()
+
+    def end(self, result: SuiteResult) -> None:
+        """Print how many of a suite's steps have not been shown."""
+        unseen = report.folded(result)
+        if unseen and not (self.silent or self.verbose):
+            print(f"  {unseen}", flush=True)
 
     def give(self, checks: Checks, results: Sequence[SuiteResult]) -> None:
         """Print the failures again and the summary, or the whole report in another form; write the files."""
@@ -88,7 +100,6 @@ class CheckReport:
         else:
             sys.stdout.writelines(f"{line}\n" for line in (*report.changed(results), *report.failures(results)))
             print(report.summary(results))
-            sys.stdout.writelines(f"{line}\n" for line in report.github(results) if self.format)
         if self.junit is not None:
             write(self.junit, report.junit(results))
         if self.page is not None:
@@ -102,17 +113,14 @@ def check(
     checks: Checks,
     *,
     list: bool = False,
-    schema: bool = False,
     output: Output = None,
     repeat: Annotated[int, Option(metavar="N", read=whole(1, what="a number of times"))] = 1,
     seed: int = 1,
     report: CheckReport,
-    campaign: Annotated[Campaign, HelpGroup(f"many at once, with {AT_ONCE}")],
 ) -> ExitStatus:
     """Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones.
 
     list: list the robot's suites, or the given ones, and exit
-    schema: print the JSON Schema of suites, for editors, and exit
     output: conformance, profile: write the suites, and exit
     repeat: run everything N times, seed by seed
     seed: seed of everything random in the simulation (default: 1)
@@ -120,17 +128,13 @@ def check(
     $ check --conformance --eds 5=motor.eds --simulate --tag nmt
     $ check --conformance --eds 5=motor.eds --tag emcy --report report.html -i socketcan -c can0
     """
-    _refuse_what_does_not_go_together(checks, {"output": output, "report": report.page, "ctt": report.ctt})
-    if not checks.simulate:
-        campaign.refuse(AT_ONCE)
+    of_made = {"output": output, "report": report.page, "ctt": report.ctt}
+    _refuse_what_does_not_go_together(checks, {name: given for name, given in of_made.items() if given})
     report.check_files()
     for name in checks.fault:
         checks.devices.robot.find_fault(name)  # complains of a name before the first suite, not in it
     with left_out() as refused:
         reader = checks.reader(refused)
-        if schema:
-            print(json.dumps(reader.schema(), indent=1))
-            return ExitStatus.FINE
         if output is not None:
             write(output, "".join(checks.made.texts(checks.devices.load()).values()))
             return ExitStatus.FINE
@@ -142,14 +146,9 @@ def check(
         checks.bus.check_named()
     from eurobot_od.check.runner import Interrupt  # suites are listed without
 
-    interrupt, seeds = Interrupt(), range(seed, seed + repeat)
+    interrupt = Interrupt()
     with interrupt.by_ctrl_c():
-        if campaign.given:
-            kept = campaign.kept(CheckedSeed, lambda: checks.settings(suites))
-            with campaign.workers(len(seeds)) as workers:
-                results = [*many_results(checks, suites, seeds, interrupt, report.printer, workers, kept)]
-        else:
-            results = [*results_of(checks, suites, seeds, interrupt, report.printer)]
+        results = [*results_of(checks, suites, range(seed, seed + repeat), interrupt, report)]
     report.give(checks, results)
     if interrupt.requested:
         return ExitStatus.INTERRUPTED
@@ -162,21 +161,21 @@ def check(
 
 def _refuse_what_does_not_go_together(checks: Checks, of_made: Mapping[str, object]) -> None:
     """Raise LocalError; `of_made` are options that say something of suites that are made."""
-    made = checks.made
-    if checks.fault and not checks.simulate:
-        raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
-    if made.conformance and checks.files:
-        raise LocalError(f"--conformance makes its suites from the EDS files: leave out {checks.files[0]}")
-    if made.profile and (made.conformance or checks.files):
-        raise LocalError("--profile makes its suites from the EDS files: leave out --conformance, and files")
-    made.check()
-    for option, value in of_made.items():
-        if value and not (made.conformance or (made.profile and option == "output")):
-            raise LocalError(f"--{option} needs --conformance")
-
-
-FIRST_OWN = 4
-"""The first sub-index of 0x1011 that is the maker's (CiA 301, 7.5.2.14)."""
+    made, from_files = checks.made, "makes its suites from the EDS files: leave out"
+    about = [*of_made] if made.conformance else ["output"] if made.profile else []
+    refused = (
+        (checks.fault and not checks.simulate, "--fault needs --simulate: it is a fault of a simulated node"),
+        (made.conformance and checks.files, f"--conformance {from_files} {''.join(checks.files[:1])}"),
+        (made.profile and (made.conformance or checks.files), f"--profile {from_files} --conformance, and files"),
+        (made.motion and made.profile != 402, "--motion needs --profile 402"),
+        (made.outputs and made.profile != 401, "--outputs needs --profile 401"),
+        (made.reversible and not made.is_wanted, "--reversible needs --conformance"),
+        (made.destructive and not made.conformance, "--destructive needs --conformance"),
+        *((option not in about, f"--{option} needs --conformance") for option in of_made),
+    )
+    for is_wrong, why in refused:
+        if is_wrong:
+            raise LocalError(why)
 
 
 def _motion(text: str) -> tuple[int, int]:
@@ -197,7 +196,6 @@ class Made:
     outputs: profile 401: also switch the outputs
     reversible: conformance: also reset, write PDOs and own values; profile: also the state machine, settings
     destructive: conformance: also write other values, and store
-    restore: conformance, destructive: also restore what the maker has behind this sub-index of 0x1011
     """
 
     conformance: bool = False
@@ -206,21 +204,6 @@ class Made:
     outputs: bool = False
     reversible: Annotated[bool, Option(either="tier")] = False
     destructive: Annotated[bool, Option(either="tier")] = False
-    restore: Annotated[
-        Sequence[int], Option(metavar="SUB", read=whole(FIRST_OWN, MOST_SUBS, what="a sub-index of the maker's"))
-    ] = ()
-
-    def check(self) -> None:
-        """Raise LocalError for options that do not go together."""
-        for option, profile in (("motion", 402), ("outputs", 401)):
-            if getattr(self, option) and self.profile != profile:
-                raise LocalError(f"--{option} needs --profile {profile}")
-        if self.restore and not self.destructive:
-            raise LocalError("--restore needs --destructive")
-        if self.reversible and not self.is_wanted:
-            raise LocalError("--reversible needs --conformance")
-        if self.destructive and not self.conformance:
-            raise LocalError("--destructive needs --conformance")
 
     @property
     def is_wanted(self) -> bool:
@@ -236,16 +219,16 @@ class Made:
 
     def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
         """Make the suites of each device, by what reports call their file; raises LocalError."""
-        from eurobot_od.check.conformance import drive, module  # files of suites run without
+        from eurobot_od.check.conformance import profiles  # files of suites run without
         from eurobot_od.check.conformance import suite as chapters
 
         if self.conformance:
-            make = partial(chapters.text, tier=self.tier, restore=self.restore)
+            make = partial(chapters.text, tier=self.tier)
         elif self.profile == 401:
-            make = partial(module.text, reversible=self.reversible, outputs=self.outputs)
+            make = partial(profiles.module_text, reversible=self.reversible, outputs=self.outputs)
         else:
-            motion = drive.MotionBounds(*self.motion) if self.motion else None
-            make = partial(drive.text, reversible=self.reversible, motion=motion)
+            motion = profiles.MotionBounds(*self.motion) if self.motion else None
+            make = partial(profiles.drive_text, reversible=self.reversible, motion=motion)
         return {file_of(each): make(each) for each in dictionaries}
 
     def device_runs(
@@ -265,7 +248,7 @@ def file_of(device: Dictionary) -> Path:
 
 @dataclass(frozen=True)
 class Checks:
-    """Which suites are run, and how; it can be sent to other processes.
+    """Which suites are run, and how.
 
     files: suite files, or names of the robot's suites (--list)
     simulate: check simulated nodes, in simulated time
@@ -276,9 +259,7 @@ class Checks:
     keep_going: go on with the next step after a failed one
     """
 
-    files: Annotated[
-        Sequence[str], Option(metavar="FILE", is_file=True, suggest=lambda robot: robot.shipped_suites())
-    ] = ()
+    files: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = ()
     _: KW_ONLY
     simulate: bool = False
     fault: Faults = ()
@@ -290,7 +271,7 @@ class Checks:
     devices: Devices
     bus: BusOptions
 
-    def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
+    def reader(self, refused: OnRefused) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
         known = self.devices.robot.networks()._replace(refused=refused)
         files = self.devices.files()
@@ -342,7 +323,7 @@ class Checks:
         seed: int,
         interrupt: Interrupt,
         reported: set[Report],
-        show: Callable[[StepResult], None] = lambda _: None,
+        show: Callable[[StepResult], None],
     ) -> SuiteResult:
         """Run a suite, unless it is skipped; `show` gets each step's result as it comes.
 
@@ -360,28 +341,6 @@ class Checks:
         from eurobot_od.check.on_bus import run_live
 
         return run_live(suite, options, self.bus.open)
-
-    def run_seed(self, seed: int) -> CheckedSeed:
-        """Run all suites for one seed, in any process."""
-        from eurobot_od.check.runner import Interrupt
-
-        # Read anew in each process: suites hold functions, which cannot be sent to another one.
-        # PDOs that are left out were reported when the suites were first read, before there were processes.
-        suites, reported = self.suites(self.reader()), set[Report]()
-        return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt(), reported) for suite in suites))
-
-    def settings(self, suites: Sequence[Suite]) -> dict[str, str]:
-        """Return all that the results of a seed depend on: the options, and the content of the files."""
-        devices, dialect = self.devices, self.devices.dialect
-        named = [Path(file) for each in devices.files() for file in (each.file, *each.patch)]
-        dialects = devices.robot.dialects
-        folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
-        found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
-        # Beside the options the files' content: an edited suite must not be continued with results of the old one.
-        files = digest_of([*(each.file for each in suites), *named, *found])
-        own = {name: getattr(self, name) for name in ("fault", "tag", "step", "keep_going")}
-        given = {name: str(value) for name, value in {**vars(devices), **vars(self.made), **own}.items()}
-        return {"campaign": "checks", **given, "files": files}
 
 
 def is_chosen(texts: Sequence[str], name: str) -> bool:
@@ -401,34 +360,6 @@ def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -
     return found if steps else tagged
 
 
-class Printer(NamedTuple):
-    """Prints suites as they run; `silent` if standard output is one document, `verbose` for every step and reason."""
-
-    silent: bool
-    verbose: bool
-
-    def heading(self, suite: Suite, how: str) -> None:
-        """Print the line above a suite."""
-        if not self.silent:
-            print(report.heading(suite, how), flush=True)
-
-    def step(self, step: StepResult) -> None:
-        """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
-        if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
-            return
-        # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
-        print(report.step_line(step, in_colour(sys.stdout)))
-        if step.reason is not None and self.verbose:
-            print("\n".join(report.reason_lines(step.reason)))
-        sys.stdout.flush()
-
-    def end(self, result: SuiteResult) -> None:
-        """Print how many of a suite's steps have not been shown."""
-        unseen = report.folded(result)
-        if unseen and not (self.silent or self.verbose):
-            print(f"  {unseen}", flush=True)
-
-
 def listed(suites: Iterable[Suite]) -> Iterator[str]:
     """Yield a line for each suite."""
     for suite in suites:
@@ -438,7 +369,7 @@ def listed(suites: Iterable[Suite]) -> Iterator[str]:
 
 
 def results_of(
-    checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, printer: Printer
+    checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, told: CheckReport
 ) -> Iterator[SuiteResult]:
     """Run the suites for all seeds, until an interrupt or until the bus fails."""
     gone: set[tuple[str, ...]] = set()  # a device that does not come back from a reset is reported once
@@ -449,35 +380,11 @@ def results_of(
                 return
             if suite.nodes in gone:
                 continue
-            printer.heading(suite, checks.skips(suite) or checks.how(seed))
-            result = checks.run(suite, seed, interrupt, reported, printer.step)
-            printer.end(result)
+            told.heading(suite, checks.skips(suite) or checks.how(seed))
+            result = checks.run(suite, seed, interrupt, reported, told.step)
+            told.end(result)
             yield result
             if result.error:  # the bus is gone, for all suites that follow
                 return
             if checks.made.is_wanted and result.ended:
                 gone.add(suite.nodes)
-
-
-def many_results(
-    checks: Checks,
-    suites: Sequence[Suite],
-    seeds: Sequence[int],
-    interrupt: Interrupt,
-    printer: Printer,
-    workers: Workers,
-    kept: Results[CheckedSeed] | None,
-) -> Iterator[SuiteResult]:
-    """Run the suites for all seeds by several workers, and print what `results_of` prints, seed by seed."""
-    from eurobot_od.season.campaign import run as in_blocks
-
-    done = in_blocks(checks.run_seed, seeds, workers, kept)
-    for seed, results in counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
-        for suite, result in zip(suites, results):
-            printer.heading(suite, result.skipped or checks.how(seed))
-            for step in result.steps:
-                printer.step(step)
-            printer.end(result)
-            yield result
-        if interrupt.requested:
-            return

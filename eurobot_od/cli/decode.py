@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeAlias
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BitRate, BusOptions, DbcFiles, EmcyFiles, Json, Seconds, assigned, positive, whole
 from eurobot_od.cli.signature import HelpGroup, Option
@@ -31,7 +31,7 @@ from eurobot_od.traffic.formats import FORMATS
 from eurobot_od.traffic.meaning import Decoder
 
 if TYPE_CHECKING:
-    from eurobot_od.traffic.meaning import DamageCounts, Meaning
+    pass
 
 
 STANDARD_INPUT = "-"
@@ -66,21 +66,6 @@ def entries(
         with opened(log, is_watched) as file:
             for entry in formats.entries(file, reading.format, reading.largest):
                 yield log, entry
-
-
-def meanings(
-    logs: Iterable[str], reading: Reading, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
-) -> Iterator[tuple[float, Meaning]]:
-    """Give the times in s and meanings of the entries of logs; count in `damage` what is wrong. Errors as `entries`."""
-    from eurobot_od.traffic.decoding import Following  # frames are sent and written without
-
-    before, following = "", Following(decoder)
-    for log, (line, time, channel, raw) in entries(logs, reading, is_watched):
-        if log != before:  # a transfer ends with its log
-            before, following = log, Following(decoder)
-        meaning = following(time, channel, raw)
-        damage.add(log, line, meaning.defects)
-        yield time, meaning
 
 
 @contextmanager
@@ -125,9 +110,6 @@ class Watched(io.RawIOBase):
         return len(data)
 
 
-BIT_RATE = 500_000
-
-
 @dataclass(frozen=True, kw_only=True)
 class Filters:
     """The entries that are wanted: names of messages and nodes, conditions on fields.
@@ -164,7 +146,7 @@ def decode(
     until: Seconds = inf,
     relative: bool = False,
     statistics: bool = False,
-    bitrate: BitRate = BIT_RATE,
+    bitrate: BitRate = options.BIT_RATE,
     strict: bool = False,
     devices: Devices,
     emcy: EmcyFiles = (),

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
-from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
+from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
@@ -42,8 +42,6 @@ Dialect: TypeAlias = Annotated[
 class Devices:
     """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's.
 
-    `alone`: only a robot that is named counts, as for devices that are.
-
     eds: EDS, DCF, XDD or XDC of a device, with a node-ID if the file has none; repeatable
     network: network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files
     module: modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable
@@ -58,7 +56,6 @@ class Devices:
     patch: Annotated[Sequence[str], Option(metavar="[NODE=]FILE", is_file=True)] = ()
     dialect: Dialect = None
     robot_name: RobotName = None
-    alone: bool = field(init=False, default_factory=is_alone)  # the program's, also in processes of other names
 
     @property
     def robot(self) -> Plugin:
@@ -67,7 +64,7 @@ class Devices:
         Raises as `plugin.find`.
         """
         found = plugin.named(self.robot_name, self._file)
-        return found or (plugin.NO_ROBOT if self.alone or self.files() else plugin.the_installed())
+        return found or (plugin.NO_ROBOT if is_alone() or self.files() else plugin.the_installed())
 
     @property
     def _file(self) -> str:
@@ -168,15 +165,6 @@ class Devices:
             return network_set(decoder.dictionaries, names, rows, file)
         except (FileError, LocalError):  # a bus can be watched without knowing how often a message is to come
             return NOTHING
-
-
-def robot_meant(parser: Parser) -> Plugin:
-    """Return the robot that a command line will mean once it is read, for options that only the robot has.
-
-    Raises as `plugin.find`.
-    """
-    devices: Devices = ahead(parser, Devices)
-    return devices.robot
 
 
 def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
@@ -290,6 +278,10 @@ def object_names(robot: Plugin) -> Iterable[str]:
         yield f"0x{each.index:04X}"
         if re.fullmatch(r"[\w.-]+", each.qualname):
             yield each.qualname
+
+
+HEARTBEAT_WAIT = 1.2
+"""Seconds in which a node's heartbeat shows its state; our nodes send one a second."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
-from eurobot_od.cli.options import EmcyFiles, Output, write, write_dcf
+from eurobot_od.cli.options import EmcyFiles, Output, write
 from eurobot_od.cli.signature import Forms, Option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od.dictionary import Dictionary
@@ -34,9 +34,6 @@ STEM = "pdo"
 """Begins the identifiers in what goes to standard output."""
 
 Name: TypeAlias = Annotated[str | None, f"prefix of all identifiers (default: the output's name, or {STEM})"]
-Network: TypeAlias = Annotated[
-    str | None, Option(metavar="PATH", is_file=True), "network file or folder, whose nodes are all written to a folder"
-]
 
 
 def _stem(name: str | None, output: Path | None) -> str:
@@ -113,21 +110,7 @@ def mcap(
     print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
 
 
-def named(file: str | None, path: str | None) -> str:
-    """Return the file or the network that a form is made of; raises LocalError unless it is just one."""
-    if (file is None) is (path is None):
-        raise LocalError("name a FILE, or a network by --network")
-    if path is not None:
-        read_network(path)  # which says what is wrong with it: any other file would be taken for a device's
-    return file or path or ""
-
-
-def xdd(
-    file: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
-    *,
-    network: Network = None,
-    output: Output = None,
-) -> None:
+def xdd(file: Annotated[str, Option(metavar="FILE", is_file=True)], *, output: Output = None) -> None:
     """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it.
 
     Of a network the descriptions of all nodes are written, into a folder.
@@ -139,15 +122,15 @@ def xdd(
     """
     from eurobot_od.export.xdd import load, xdd_text
 
-    if not is_network(source := named(file, network)):
-        dictionary = load(source)
+    if not is_network(file):
+        dictionary = load(file)
         complain_of_repairs([dictionary])
         write(output, xdd_text(dictionary))
         return
     if output is None:
         raise LocalError("of a network -o names the folder that the files are written to")
     texts: dict[str, str] = {}
-    for each in read_network(source).nodes:
+    for each in read_network(file).nodes:
         # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
         dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
         complain_of_repairs([dictionary])
@@ -158,43 +141,37 @@ def xdd(
 
 
 def cdcf(
-    file: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
+    file: Annotated[str, Option(metavar="FILE", is_file=True)],
     *,
-    network: Network = None,
     output: Output = None,
     eds: Annotated[str | None, Option(metavar="[NODE-ID=]FILE", is_file=True)] = None,
-    node_id: Annotated[int | None, Option(metavar="N")] = None,
 ) -> None:
-    """Write the concise DCF of a DCF, or show what a concise DCF writes, or turn it into a DCF again.
+    """Write the concise DCF of a DCF, or show what a concise DCF writes.
 
-    The suffix of the file says which way; of a network the DCF files of all nodes are written, into a folder. The
-    writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
+    The suffix of the file says which; of a network the DCF files of all nodes are written, into a folder. The writes
+    are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
 
     file: [NODE-ID=]DCF, a network, or a concise DCF
     output: default: print the writes; of a network a folder
-    eds: EDS of the device that a concise DCF is for
-    node_id: node-ID (default: the file's)
+    eds: EDS of the device that a concise DCF is for, to name its objects
 
     $ export cdcf 5=motor.eds -o motor.bin
     """
     # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
-    source = named(file, network)
-    if is_network(source):
-        nodes = read_network(source).nodes
-        if node_id is not None:
-            raise LocalError("--node-id is for one file; a network says the node-IDs itself")
-        made = {each.name or Path(each.file).stem: concise(each) for each in nodes}
+    if is_network(file):
+        made = {each.name or Path(each.file).stem: concise(each) for each in read_network(file).nodes}
         if output is not None:
             output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
         for name, each in made.items():
             if output is None:
                 print(f"{name}:")
             write_concise(*each, output / f"{name}.cdcf" if output else None)
-    elif Path(source).suffix.lower() in SUFFIXES:
-        node = node_file(source)
-        write_concise(*concise(node if node_id is None else node._replace(node_id=node_id)), output)
+    elif Path(file).suffix.lower() in SUFFIXES:
+        write_concise(*concise(node_file(file)), output)
+    elif output is not None:
+        raise LocalError(f"{file} is not a DCF: what a concise DCF writes is printed, without -o")
     else:
-        read_concise(source, output, eds, node_id)
+        show_concise(file, eds)
 
 
 def concise(node: NodeFile) -> tuple[list[Write], Dictionary]:
@@ -232,28 +209,19 @@ def write_concise(writes: Sequence[Write], dictionary: Dictionary, output: Path 
         print(f"{output}: {len(writes)} writes for node {dictionary.node_id}")
 
 
-def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
-    """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
-    from eurobot_od.bus.live import BITRATE
+def show_concise(file: str, eds: str | None) -> None:
+    """Print a concise DCF; raises DictionaryError, LocalError."""
     from eurobot_od.cli.objects import print_readings
     from eurobot_od.client.configure import decoded
-    from eurobot_od.od.dcf import Truncated, unpack, with_contents
+    from eurobot_od.od.dcf import Truncated, unpack
 
     try:
         writes = unpack(Path(file).read_bytes())
     except Truncated as error:
         raise DictionaryError(file, None, f"not a concise DCF: {error}") from error
     named = node_file(eds) if eds else None
-    dictionary = Dictionary.load(named.file, named.node_id if node_id is None else node_id) if named else None
-    if output is None:
-        print_readings(decoded(writes, dictionary), as_json=False)
-    elif dictionary is None:
-        raise LocalError("a DCF is made from an EDS and a concise DCF: name the EDS by --eds")
-    else:
-        number = dictionary.node_id
-        made = with_contents(dictionary, dict(writes), number, dictionary.name, BITRATE // 1000, output.stem)
-        write_dcf(output, made)
-        print(f"{output}: for node {number}")
+    dictionary = Dictionary.load(named.file, named.node_id) if named else None
+    print_readings(decoded(writes, dictionary), as_json=False)
 
 
 def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output: Output = None) -> None:

@@ -10,7 +10,7 @@ import sys
 from argparse import ArgumentParser, _SubParsersAction
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
-from typing import Any, Literal
+from typing import Literal
 
 from eurobot_od import plugin
 from eurobot_od.bus.live import adapters
@@ -104,13 +104,6 @@ def denied(ports: Iterable[str]) -> Iterator[tuple[str, str]]:
 
 # Completion in a shell
 
-BASH_BOTH = """\
-{function}() {{
-  compgen -W "{words}" -- "$1"
-  compgen -f -- "$1"
-}}"""
-"""Offers words and files: a check is of a suite by its name, or of a file."""
-
 
 def completion(shell: Literal["bash", "zsh", "fish", "tcsh"], *, robot_name: RobotName = None) -> None:
     """Print the script that completes the command line in a shell: commands, options, and the values that are known.
@@ -148,23 +141,8 @@ def _offer(parser: Parser, words_of: Callable[[Callable[[Plugin], Iterable[str]]
             for form in action.choices.values():
                 _offer(form, words_of)
         elif option := parser.described.get(action.dest):
-            # No choices for argparse: another robot has other ones, and a folder, a file or a node-ID will do as well.
-            words = [*option.words] or (words_of(option.suggest) if option.suggest else [])
-            if words and option.is_file:
-                action.complete = _words_or_files(action.dest, words)  # type: ignore[attr-defined]
-            elif words:
-                action.choices = words
-            elif option.is_file:
+            # No choices for argparse: another robot has other ones, and a node-ID will do as well.
+            if option.is_file:
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
-
-
-def _words_or_files(name: str, words: Iterable[str]) -> dict[str, Any]:
-    """Return what shtab writes for words and files, of which it takes one."""
-    joined, function = " ".join(words), f"_{program()}_{name}_or_file".replace("-", "_")
-    return {
-        "bash": function,
-        "zsh": f"{{_files; compadd {joined}}}",
-        "fish": f"{joined} (__fish_complete_path (commandline -ct))",
-        "tcsh": f"({joined})",
-        "preamble": {"bash": BASH_BOTH.format(function=function, words=joined)},
-    }
+            elif words := [*option.words] or (words_of(option.suggest) if option.suggest else []):
+                action.choices = words

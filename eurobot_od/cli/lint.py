@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.options import BusOptions, Json, check_node_id
@@ -26,26 +26,13 @@ if TYPE_CHECKING:
     from eurobot_od.plugin import Plugin
 
 
-def _print_annotations(findings: Sequence[Finding]) -> None:
-    from eurobot_od.support.texts import Level, annotation
-
-    levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
-    for each in findings:
-        print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
-
-
 def _print_sarif(findings: Sequence[Finding]) -> None:
     import json
 
     from eurobot_od.lint.findings import sarif
-    from eurobot_od.lint.network import RULES
 
-    json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
+    json.dump(sarif(findings, tuple(_rules().values())), sys.stdout, indent=1)
     print()
-
-
-FORMATS = {"github": _print_annotations, "sarif": _print_sarif}
-"""How findings are written for another program."""
 
 
 def _codes(text: str) -> tuple[str, ...]:
@@ -68,7 +55,7 @@ class LintReport:
     """Which findings count, and what is said of them.
 
     as_json: write one JSON object instead of lines
-    format: write annotations for GitHub Actions, or a SARIF log for code scanning
+    format: write a SARIF log, for the code scanning of GitHub and others
     select: only rules whose codes start like this, such as E6,W447
     ignore: no rules whose codes start like this, such as I
     verbose: print every finding: infos and repeated ones, too
@@ -76,7 +63,7 @@ class LintReport:
     """
 
     as_json: Annotated[Json, Option(either="form")] = False
-    format: Annotated[Callable[[Sequence[Finding]], None] | None, Option(choices=FORMATS, either="form")] = None
+    format: Annotated[Literal["sarif"] | None, Option(either="form")] = None
     select: Codes = ()
     ignore: Codes = ()
     verbose: Annotated[bool, Option("-v")] = False
@@ -96,8 +83,8 @@ class LintReport:
         if self.as_json:
             _print_json(wanted, identifiers)
         elif number and self.format:
-            # GitHub shows ten annotations of a step, and refuses a SARIF log of more than 25 000 results.
-            self.format(wanted if self.verbose else summed_up(wanted))
+            # GitHub refuses a SARIF log of more than 25 000 results.
+            _print_sarif(wanted if self.verbose else summed_up(wanted))
         elif number:
             _print_lines(wanted, number, identifiers, self.verbose, bool(self.verbose or self.select))
         counted = (Severity.ERROR, Severity.WARNING) if self.strict else (Severity.ERROR,)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, Dialect, left_out
-from eurobot_od.cli.options import BitRate, Json, whole, write
+from eurobot_od.cli.options import BIT_RATE, BitRate, Json, whole, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
@@ -19,9 +19,6 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 from eurobot_od.support import texts
 from eurobot_od.traffic.load import ErrorRate, MessageSet, as_data, chart, load_report, network_set, table, too_slow
-
-BIT_RATE = 500_000
-"""bit/s where neither the option nor the file says it."""
 
 
 def _errors(text: str) -> ErrorRate:
@@ -39,7 +36,6 @@ def _errors(text: str) -> ErrorRate:
 def load(
     path: Annotated[str | None, Option(metavar="NETWORK", is_file=True)] = None,
     *,
-    network: Annotated[str | None, Option(metavar="PATH", is_file=True)] = None,
     bitrate: BitRate | None = None,
     errors: Annotated[ErrorRate | None, Option(metavar="N/TIME", read=_errors)] = None,
     mailboxes: Annotated[int | None, Option(metavar="N", read=whole(0, what="a number of mailboxes"))] = None,
@@ -54,7 +50,6 @@ def load(
     1 if a deadline can be missed.
 
     path: network file or folder of EDS files (default: the robot's network)
-    network: the same, as for other commands
     bitrate: bit/s (default: the file's, or 500000)
     errors: at most N bit errors in any TIME, such as 1/10ms
     mailboxes: transmit mailboxes without abort in every node, 0 for enough (default: each node's setting)
@@ -64,10 +59,10 @@ def load(
     $ load network.yaml
     $ load network.yaml --errors 1/10ms --svg load.svg
     """
-    if path and network:
-        raise LocalError("one network: name it by NETWORK or by --network")
-    path = path or network
-    messages = _read(path, dialect, Devices(network=path, robot_name=robot_name).robot)
+    if path and dialect:
+        raise LocalError("--dialect is for a robot's network: leave it out, or the file")
+    robot = Devices(network=path, robot_name=robot_name).robot
+    messages = _messages(load_files(read_network(path).nodes), Path(path), robot) if path else of_robot(robot, dialect)
     if mailboxes is not None:
         nodes = {each.node for each in messages.messages}
         messages = messages._replace(mailboxes=dict.fromkeys(nodes, mailboxes) if mailboxes else {})
@@ -85,24 +80,14 @@ def load(
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND
 
 
-def _read(path: str | None, dialect: str | None, robot: Plugin) -> MessageSet:
-    """Return the messages that the command line is about; raises LocalError, FileError, OSError."""
-    if path is None:
-        return of_robot(robot, dialect)
-    if dialect:
-        raise LocalError("--dialect is for a robot's network: leave it out, or the file")
-    network = read_network(path)
-    return _of_dictionaries(load_files(network.nodes), network, path, robot)
-
-
 def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
     """Return what the nodes of a dialect send, with the periods of the dialects' network file, if there is one."""
-    file = robot.dialects.network_file()
-    dictionaries = robot.dialects.load_all(dialect)
-    return _of_dictionaries(dictionaries, read_network(file) if file else NetworkFile(), str(file), robot)
+    return _messages(robot.dialects.load_all(dialect), robot.dialects.network_file(), robot)
 
 
-def _of_dictionaries(dictionaries: Sequence[Dictionary], network: NetworkFile, path: str, robot: Plugin) -> MessageSet:
+def _messages(dictionaries: Sequence[Dictionary], file: Path | None, robot: Plugin) -> MessageSet:
+    """Return what devices send, with what a network file says of it; raises FileError."""
     with left_out() as refused:
         bindings = Protocol.of_devices(dictionaries, robot.catalogue(), refused).bindings
-    return network_set(dictionaries, {each.cob_id: each.name for each in bindings}, network, path)
+    names = {each.cob_id: each.name for each in bindings}
+    return network_set(dictionaries, names, read_network(file) if file else NetworkFile(), str(file))

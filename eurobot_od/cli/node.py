@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eurobot_od.cli import ExitStatus, RobotName
-from eurobot_od.cli.devices import Devices, complain_of_repairs, robot_meant
+from eurobot_od.cli.devices import Devices, complain_of_repairs
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned, whole
-from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser
+from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser, ahead
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import FileStore
 from eurobot_od.device.profiles import SimulatedDrive, simulated_kind
@@ -131,7 +131,7 @@ class OneNode:
 
 
 def _stage(parser: Parser) -> Hint:
-    robot = robot_meant(parser)
+    robot: Plugin = ahead(parser, Devices).robot  # the one that the command line will mean once it is read
     return Hint(robot.stage(), group=HelpGroup(f"nodes of {robot.name}")) if robot.stage else NOTHING
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, complain
-from eurobot_od.cli.devices import Target, left_out, object_names
+from eurobot_od.cli.devices import HEARTBEAT_WAIT, Target, left_out, object_names
 from eurobot_od.cli.options import EmcyFiles, Json, Output, Seconds, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
@@ -21,26 +22,14 @@ from eurobot_od.client.program import load
 from eurobot_od.client.streams import History, clear_history, read_history
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import (
-    address_of,
-    data_type,
-    encode,
-    find,
-    find_one,
-    is_described,
-    label,
-    parse,
-    shown,
-    value_text,
-)
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.values import MOST_SUBS, NODE_IDS
-from eurobot_od.od.values import label as place
+from eurobot_od.od.values import MOST_SUBS, NODE_IDS, label
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
-from eurobot_od.support.files import opened, write_whole
+from eurobot_od.support.files import read_whole, write_whole
 from eurobot_od.support.progress import bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
 
@@ -65,7 +54,7 @@ def read(target: Target, objects: Sequence[Object], *, as_json: Json = False, fi
     with target.opened() as node:
         found = target.description(node)
         known = found.objects if found else None
-        things = [thing for text in objects for thing in find(text, known)]
+        things = [thing for text in objects for thing in od.find(text, known)]
         if file is not None:
             return _read_file(node, things, file)
         readings = list(configuring.read_all(node, things))
@@ -78,16 +67,11 @@ def _read_file(node: RemoteNode, things: Sequence[ODVariable], file: Path) -> Ex
     if len(things) != 1:
         raise LocalError(f"--file takes one object, not {len(things)}")
     thing = things[0]
-    with bar(label(thing)) as progress:
-        content = node.upload_block(address_of(thing), thing.qualname, progress)
+    with bar(od.label(thing)) as progress:
+        content = node.upload_block(od.address_of(thing), thing.qualname, progress)
     write_whole(file, content)
-    print(one_line(f"{file}: {amount(len(content), 'byte')} of node {node.node_id}, {label(thing)}"))
+    print(one_line(f"{file}: {amount(len(content), 'byte')} of node {node.node_id}, {od.label(thing)}"))
     return ExitStatus.FINE
-
-
-def _content(file: Path) -> bytes:
-    with opened(file) as stream:
-        return stream.read()
 
 
 def write(target: Target, name: Object, value: str | None = None, *, file: Path | None = None) -> None:
@@ -103,21 +87,21 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
     """
     if (value is None) is (file is None):
         raise LocalError("what to write: give a value or --file FILE, one of them")
-    content = _content(file) if file else b""
+    content = read_whole(file) if file else b""
     with target.opened() as node:
         found = target.description(node)
-        thing = find_one(name, found.objects if found else None)
+        thing = od.find_one(name, found.objects if found else None)
         if value is None:
-            with bar(label(thing)) as progress:
-                node.download(address_of(thing), content, thing.qualname, progress=progress)
-            text = shown(thing, content)
+            with bar(od.label(thing)) as progress:
+                node.download(od.address_of(thing), content, thing.qualname, progress=progress)
+            text = od.shown(thing, content)
         else:
-            number = parse(thing, value)
+            number = od.parse(thing, value)
             # Without an EDS nothing gives the type; a device refuses another length than its own (0607 0010).
-            size = len(node.upload(address_of(thing))) if not is_described(thing) else 0
-            node.download(address_of(thing), encode(thing, number, size), thing.qualname)
+            size = len(node.upload(od.address_of(thing))) if not od.is_described(thing) else 0
+            node.download(od.address_of(thing), od.encode(thing, number, size), thing.qualname)
             text = written(thing, number)
-    print(one_line(f"node {node.node_id}: {label(thing)} = {text}"))
+    print(one_line(f"node {node.node_id}: {od.label(thing)} = {text}"))
 
 
 def dump(target: Target, *, as_json: Json = False) -> None:
@@ -155,8 +139,6 @@ def pdo(
     $ pdo 5 --eds motor.eds -i socketcan -c can0
     $ pdo 5 map TPDO1 Motor.Speed --eds motor.eds -i socketcan -c can0
     """
-    from eurobot_od.client.configure import map_objects  # with canopen
-
     with target.opened() as node:
         dictionary = target.needed_description(node) if action else target.description(node)
         found = _learned(node) if dictionary is None else _present_pdos(node, dictionary)
@@ -169,7 +151,8 @@ def pdo(
             chosen = known.get(name.upper().replace(" ", ""))
             if chosen is None:
                 raise UnknownName("PDO", name, known)
-            map_objects(node, dictionary, chosen, [find_one(each, dictionary.objects) for each in objects])
+            mapped = [od.find_one(each, dictionary.objects) for each in objects]
+            configuring.map_objects(node, dictionary, chosen, mapped)
             found = [each for each in _present_pdos(node, dictionary) if each.index == chosen.index]
     if as_json:
         print(json.dumps([_pdo_as_data(each) for each in found], indent=2))
@@ -262,7 +245,7 @@ def print_readings(readings: Iterable[configuring.ObjectReading], as_json: bool)
         print(json.dumps([as_data(each) for each in readings], indent=2))
     else:
         rows = (
-            (place(address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value))
+            (label(od.address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value))
             for thing, value, refusal in readings
         )
         print(*columns(rows), sep="\n")
@@ -271,16 +254,12 @@ def print_readings(readings: Iterable[configuring.ObjectReading], as_json: bool)
 def as_data(reading: configuring.ObjectReading) -> dict[str, Any]:
     """Return a reading as plain data; bytes are hexadecimal digits."""
     thing, value, refusal = reading
-    type_name = data_type(thing).name if is_described(thing) else ""
+    type_name = od.data_type(thing).name if od.is_described(thing) else ""
     data = {"index": thing.index, "subindex": thing.subindex, "name": thing.qualname, "type": type_name}
     if refusal:
         return {**data, "refused": refusal}
     said = {"words": said} if (said := words(thing, value)) else {}
     return {**data, "value": value.hex() if isinstance(value, bytes) else value, **said}
-
-
-HEARTBEAT_WAIT = 1.2
-"""Seconds in which a node's heartbeat shows the state to go back to; our nodes send one a second."""
 
 
 def configure(
@@ -309,7 +288,7 @@ def configure(
     dictionary = Dictionary.load(file, target.node_id)
     with left_out() as refused:  # the file is judged before a bus is opened
         configuring.check_file(dictionary, target.node_id, by_default=refused)
-    complain_of_process_data([each for each in configuring.process_data(dictionary) if value_text(each)])
+    complain_of_process_data([each for each in configuring.process_data(dictionary) if od.value_text(each)])
     with target.opened() as node:
         node.master.follow(dictionary)
         plan = configuring.difference(node, dictionary, only)
@@ -339,7 +318,7 @@ def summary(plan: configuring.ChangePlan, node_id: int) -> str:
     if not plan.changes:
         return f"node {node_id} already is as {file} says"
     head = f"node {node_id} differs from {file} in {amount(len(plan.changes), 'object')}:"
-    return "\n".join([head, *columns((label(each.thing), " -> ".join(each.texts)) for each in plan.changes)])
+    return "\n".join([head, *columns((od.label(each.thing), " -> ".join(each.texts)) for each in plan.changes)])
 
 
 def store(target: Target) -> None:
@@ -394,7 +373,7 @@ def export_dcf(target: Target, *, output: Output = None) -> ExitStatus:
     write_dcf(output, dcf)
     complain_of_process_data(configuring.process_data(present))
     for thing, _, reason in left_out:
-        complain(f"left out {label(thing)}: {reason}")
+        complain(f"left out {od.label(thing)}: {reason}")
     return ExitStatus.FOUND if left_out else ExitStatus.FINE
 
 
@@ -416,7 +395,7 @@ def program(
 
     $ program 5 firmware.bin -i socketcan -c can0
     """
-    content = _content(file)
+    content = read_whole(file)
     if not content:
         raise LocalError(f"{file}: the file is empty")
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:
@@ -432,22 +411,37 @@ LOOK = 0.5
 """Seconds from one line of `jog` to the next."""
 
 
-class MotionRequest(NamedTuple):
-    """What a drive is asked for, in its own units; `value` is a position or a velocity, times are in seconds."""
+@dataclass(frozen=True, kw_only=True)
+class MotionOptions:
+    """How a drive is to move, in its own units; what is None is as it is set.
 
-    value: int
-    velocity: int | None
-    relative: bool
-    method: int | None
-    within: float
-    span: float | None
+    velocity: move: profile velocity (default: as it is set)
+    relative: move: by a distance instead of to a position
+    method: home: homing method (default: as it is set)
+    within: longest wait for a motion (60 s)
+    span: jog: halt after this time
+    """
+
+    velocity: Annotated[int | None, Option(metavar="V")] = None
+    relative: bool = False
+    method: Annotated[int | None, Option(metavar="N")] = None
+    within: Seconds = 60.0
+    span: Annotated[Seconds | None, Option("--for")] = None
+
+    def check(self, action: str) -> None:
+        """Raise LocalError for an option of another action."""
+        for name, owner in {"velocity": "move", "relative": "move", "method": "home", "span": "jog"}.items():
+            given = getattr(self, name)
+            # A velocity or method of 0 has been given, too: not so what is None, or a switch that is off.
+            if given is not None and given is not False and action != owner:
+                raise LocalError(f"--{'for' if name == 'span' else name} is for `drive {owner}`")
 
 
-def _jog(drive: Drive402, asked: MotionRequest) -> None:
+def _jog(drive: Drive402, velocity: int, asked: MotionOptions) -> None:
     """Turn until Ctrl-C, or the end of its time, and halt; print where it is meanwhile."""
     end = None if asked.span is None else time.monotonic() + asked.span
     try:
-        drive.velocity = asked.value
+        drive.velocity = velocity
         while end is None or time.monotonic() < end:
             print(one_line(drive_as_text(drive.status)), flush=True)
             time.sleep(LOOK if end is None else max(0.0, min(LOOK, end - time.monotonic())))
@@ -455,19 +449,24 @@ def _jog(drive: Drive402, asked: MotionRequest) -> None:
         drive.halt()
 
 
-ACTIONS: Mapping[str, Callable[[Drive402, MotionRequest], object]] = {
+def _move(drive: Drive402, position: int, asked: MotionOptions) -> None:
+    drive.move_to(position, asked.velocity, relative=asked.relative, within=asked.within)
+
+
+ACTIONS: Mapping[str, Callable[[Drive402, int, MotionOptions], object]] = {
     "status": lambda *_: None,
-    "enable": lambda drive, _: drive.enable(),
-    "disable": lambda drive, _: drive.disable(),
-    "home": lambda drive, asked: drive.home(asked.method, asked.within),
-    "move": lambda drive, asked: drive.move_to(
-        asked.value, asked.velocity, relative=asked.relative, within=asked.within
-    ),
+    "enable": lambda drive, *_: drive.enable(),
+    "disable": lambda drive, *_: drive.disable(),
+    "home": lambda drive, _, asked: drive.home(asked.method, asked.within),
+    "move": _move,
     "jog": _jog,
-    "stop": lambda drive, _: drive.quick_stop(),
-    "reset": lambda drive, _: drive.fault_reset(),
+    "stop": lambda drive, *_: drive.quick_stop(),
+    "reset": lambda drive, *_: drive.fault_reset(),
 }
 """What a drive can be told to do."""
+
+MOVING = {"move": "a position", "jog": "a velocity"}
+"""The actions that need a value."""
 
 
 def drive(
@@ -475,12 +474,8 @@ def drive(
     action: Annotated[str, Option(choices=ACTIONS.keys())],
     value: int | None = None,
     *,
-    velocity: Annotated[int | None, Option(metavar="V")] = None,
-    relative: bool = False,
-    method: Annotated[int | None, Option(metavar="N")] = None,
+    motion: MotionOptions,
     axis: Annotated[int, Option(metavar="N", read=whole(1, 8, what="an axis"))] = 1,
-    within: Seconds = 60.0,
-    span: Annotated[Seconds | None, Option("--for")] = None,
     as_json: Json = False,
 ) -> None:
     """Enable, home and move a drive of CiA 402 over SDO, and print how it is then.
@@ -489,40 +484,20 @@ def drive(
 
     action: what the drive is to do; Ctrl-C stops a motion
     value: move: the position; jog: the velocity; in drive units
-    velocity: move: profile velocity (default: as it is set)
-    relative: move: by a distance instead of to a position
-    method: home: homing method (default: as it is set)
     axis: axis (1)
-    within: longest wait for a motion (60 s)
-    span: jog: halt after this time
 
     $ drive 5 status -i socketcan -c can1
     $ drive 5 move 4000 --velocity 500 -i socketcan -c can1
     """
-    _check(action, value, {"velocity": velocity, "relative": relative, "method": method, "span": span})
+    if (value is None) is (action in MOVING):
+        raise LocalError(f"drive {action} needs {MOVING[action]}" if action in MOVING else f"{action} takes no value")
+    motion.check(action)
     with target.opened() as node:
         described = target.named_description(node)
         found = Drive402(node, described, axis)
-        ACTIONS[action](found, MotionRequest(value or 0, velocity, relative, method, within, span))
+        ACTIONS[action](found, value or 0, motion)
         status = found.status
     print(json.dumps(drive_as_data(status)) if as_json else one_line(f"node {node.node_id}: {drive_as_text(status)}"))
-
-
-MOVING = {"move": "a position", "jog": "a velocity"}
-"""The actions that need a value."""
-
-OPTIONS = {"velocity": "move", "relative": "move", "method": "home", "span": "jog"}
-"""The options that one action alone has."""
-
-
-def _check(action: str, value: int | None, given: Mapping[str, object]) -> None:
-    """Raise LocalError for a value that is missing or too much, and for an option of another action."""
-    if (value is None) is (action in MOVING):
-        raise LocalError(f"drive {action} needs {MOVING[action]}" if action in MOVING else f"{action} takes no value")
-    for name, owner in OPTIONS.items():
-        # A velocity or method of 0 has been given, too: not so what is None, or a switch that is off.
-        if given[name] is not None and given[name] is not False and action != owner:
-            raise LocalError(f"--{'for' if name == 'span' else name} is for `drive {owner}`")
 
 
 def drive_as_data(status: DriveStatus) -> dict[str, Any]:

@@ -81,6 +81,9 @@ def check_node_id(number: int) -> int:
 
 # Options
 
+BIT_RATE = 500_000
+"""bit/s where nothing says another one."""
+
 Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=span)]
 BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in 1000..1000000 bit/s"))]
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
@@ -198,13 +201,9 @@ class Campaign:
 
     def refuse(self, option: str) -> None:
         """Refuse the options without the one that they go with; raises LocalError."""
-        for name in self.given:
-            raise LocalError(f"--{name} goes with {option} only")
-
-    @property
-    def given(self) -> list[str]:
-        """The names of the options that are given."""
-        return [name for name, value in vars(self).items() if value]
+        for name, value in vars(self).items():
+            if value:
+                raise LocalError(f"--{name} goes with {option} only")
 
     @contextmanager
     def workers(self, things: int) -> Iterator[Workers]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from eurobot_od.cli import RobotName, complain
 from eurobot_od.cli.decode import Format
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BitRate, Jobs, Json, write
+from eurobot_od.cli.options import BIT_RATE, BitRate, Jobs, Json, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.plugin import Plugin
@@ -23,8 +23,6 @@ from eurobot_od.support.texts import amount, columns, one_line
 
 if TYPE_CHECKING:
     import polars as pl
-
-BIT_RATE = 500_000
 
 
 def archive(

@@ -100,16 +100,8 @@ def object_row(thing: ODVariable) -> tuple[str, ...]:
     value, range_ = od.default_of(thing), od.limits(thing)
     allowed = f"{range_.low}..{range_.high}" if range_ and (thing.min, thing.max) != (None, None) else ""
     mappable = "yes" if thing.pdo_mappable else ""
-    shown = "" if value is None else od.written(thing, value)
-    return (
-        label(od.address_of(thing)),
-        thing.qualname,
-        od.data_type(thing).name,
-        thing.access_type,
-        mappable,
-        shown,
-        allowed,
-    )
+    shown, place = "" if value is None else od.written(thing, value), label(od.address_of(thing))
+    return place, thing.qualname, od.data_type(thing).name, thing.access_type, mappable, shown, allowed
 
 
 def object_as_data(thing: ODVariable) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import os
 import re
+import typing
 from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, HelpFormatter, Namespace, _ActionsContainer
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
@@ -25,20 +26,7 @@ from functools import partial
 from inspect import Parameter, signature
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    Literal,
-    NamedTuple,
-    NoReturn,
-    TypeAlias,
-    Union,
-    cast,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn, TypeAlias, Union, cast
 
 from eurobot_od.errors import LocalError, UnknownName, meant
 
@@ -58,7 +46,7 @@ class Option(NamedTuple):
     `flag` is a short form, `-o`, or a long one in place of the parameter's name, `--for`. `read` makes a value of a
     word, or raises LocalError. `choices` are the words that are allowed; of a mapping the function gets what stands for
     the word. `bare` is the value of an option that is given without one; `nargs` is argparse's. Of the options with the
-    same `either` one may be given. A shell offers what `suggest` gives for a robot, and files if `is_file`.
+    same `either` one may be given. A shell offers what `suggest` gives for a robot, or files if `is_file`.
     """
 
     flag: str = ""
@@ -112,7 +100,7 @@ class Hint(NamedTuple):
     @classmethod
     def of(cls, annotation: Any, parser: Parser) -> Hint:
         """Take apart an annotation; what stands further out counts."""
-        origin, inside = get_origin(annotation), get_args(annotation)
+        origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
         if origin in (Union, UnionType):
             (only,) = (each for each in inside if each is not NoneType)
             return cls.of(only, parser)
@@ -263,7 +251,7 @@ def ahead(parser: Parser, function: Callable[..., Any]) -> Any:
 def _describe(parser: Parser, container: _ActionsContainer, function: Callable[..., Any]) -> Call:
     """Describe the parameters of a function, or the fields of a dataclass; return what calls it."""
     values, apart = dict[str, Call](), dict[str, _ActionsContainer]()
-    hints, texts = get_type_hints(function, include_extras=True), told(function)
+    hints, texts = typing.get_type_hints(function, include_extras=True), told(function)
     for name, parameter in signature(function).parameters.items():
         hint = Hint.of(hints[name], parser)
         hint, either = hint._replace(text=texts.get(name, hint.text)), hint.option.either

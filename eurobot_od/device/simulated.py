@@ -233,4 +233,4 @@ def read_waveforms(text: str, file: str) -> Mapping[str, Waveform]:
     with telling(file) as problems:
         root = compose(text, problems)
         refuse_aliases(root, problems)
-        return {str(name): each for name, each in mapping(Shape(_waveform, {}), SCALAR).read(root, problems).items()}
+        return {str(name): each for name, each in mapping(Shape(_waveform), SCALAR).read(root, problems).items()}

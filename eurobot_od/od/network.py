@@ -163,7 +163,7 @@ def read_network_file(text: str, file: str) -> NetworkFile:
         named = ((each, f"{file}{NODE_OF_BUS}{each.name}") for each in bus.nodes)
         nodes = [NodeFile(str(each.file), each.node_id, each.name, patch=(patch,)) for each, patch in named]
         return NetworkFile(nodes, bit_rate=bus.bit_rate, master=bus_file.MASTER)
-    number = converted(SCALAR, _as_in_an_eds, {"type": "integer"})
+    number = converted(SCALAR, _as_in_an_eds)
     network: NetworkFile = read_yaml(text, shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: number}), file)
     if not network.nodes and not network.robot:
         raise FileError(file, "it names no nodes")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from enum import Enum
 from math import inf
 from typing import Any
 
@@ -59,29 +58,6 @@ def columns(rows: Iterable[Sequence[str]], align: str = "") -> Iterator[str]:
     places = [str.rjust if letter == "r" else str.ljust for letter in align.ljust(len(widths), "l")]
     for line in lines:
         yield GAP.join(place(text, width) for place, text, width in zip(places, line, widths)).rstrip()
-
-
-# Findings in lines of files, as GitHub Actions reads them (GitHub, "Workflow commands for GitHub Actions")
-
-DATA = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A"})
-PROPERTY = DATA | str.maketrans({":": "%3A", ",": "%2C"})
-"""What would end a message, or one of its properties."""
-
-
-class Level(Enum):
-    """How bad a finding is; the value is GitHub's word."""
-
-    ERROR = "error"
-    WARNING = "warning"
-    NOTICE = "notice"
-
-
-def annotation(level: Level, file: str, line: int, column: int, title: str, lines: Iterable[str]) -> str:
-    """Return the line that becomes a note at a line of a change; `line` and `column` count from 1."""
-    properties = {"file": file, "line": str(line), "col": str(column), "title": title}
-    said = ",".join(f"{name}={one_line(text).translate(PROPERTY)}" for name, text in properties.items())
-    message = "\n".join(map(one_line, lines)).translate(DATA)
-    return f"::{level.value} {said}::{message}"
 
 
 UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}

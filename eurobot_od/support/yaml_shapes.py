@@ -1,4 +1,4 @@
-"""Shapes of YAML: what reads a value, and the JSON Schema that says the same to an editor; made of typed declarations.
+"""Shapes of YAML: what reads a value and tells what is wrong with it; made of typed declarations.
 
 `shape_of` takes an annotation. A named tuple, a dataclass or a function stands for a mapping with its parameters as
 keys; what has a default may be left out. `Annotated` adds a range or a list's form (see `declared`), another shape, or
@@ -32,17 +32,16 @@ from eurobot_od.support.yaml_places import NodeReader, Place, PlacedInteger, Pla
 
 T = TypeVar("T")
 S = TypeVar("S")
-Schema: TypeAlias = "dict[str, Any]"
 WHOLE = r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}"
 DECIMAL = r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?"
 
 
 @dataclass(frozen=True, eq=False)
 class Shape(Generic[T]):
-    """What may stand at a place: `read` takes it from the YAML, `schema` describes it."""
+    """What may stand at a place: `read` takes it from the YAML; `whole` is one that only whole numbers have."""
 
     read: NodeReader[T]
-    schema: Schema
+    whole: bool = False
 
 
 def read_yaml(source: str, shape: Shape[T], file: str | Path) -> T:
@@ -81,30 +80,25 @@ def _scalar(node: yaml.Node, problems: Problems) -> PlacedText:
 
 A_WHOLE_NUMBER = "a whole number, decimal or 0x hexadecimal"
 
-# Of a number in quotes YAML makes a text: an editor takes 0x10 for one, too.
-NUMBER = Shape(
-    _unquoted(WHOLE, A_WHOLE_NUMBER, lambda text, place: PlacedNumber(int(text, 0), place)),
-    {"type": ["integer", "string"], "pattern": f"^({WHOLE})$"},
-)
+NUMBER = Shape(_unquoted(WHOLE, A_WHOLE_NUMBER, lambda text, place: PlacedNumber(int(text, 0), place)), whole=True)
 """A whole number, decimal without leading zeros or 0x hexadecimal, and not in quotes."""
 
-REAL = Shape(_unquoted(DECIMAL, "a decimal number", lambda text, _: float(text)), {"type": "number"})
+REAL = Shape(_unquoted(DECIMAL, "a decimal number", lambda text, _: float(text)))
 """A decimal number, which may be negative and have a fraction."""
 
-TEXT = Shape(_text, {"type": "string"})
+TEXT = Shape(_text)
 """A text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
 
 INTEGER = Shape(
-    _unquoted(f"{WHOLE}|-[1-9][0-9]{{0,99}}", A_WHOLE_NUMBER, lambda text, place: PlacedInteger(int(text, 0), place)),
-    {"anyOf": [{"type": "integer"}, NUMBER.schema]},
+    _unquoted(f"{WHOLE}|-[1-9][0-9]{{0,99}}", A_WHOLE_NUMBER, lambda text, place: PlacedInteger(int(text, 0), place))
 )
 """A NUMBER, or a negative one in decimal."""
 
-SCALAR = Shape(_scalar, {"type": ["string", "number"]})
+SCALAR = Shape(_scalar)
 """A single value as it is written, whatever YAML takes it for."""
 
 
-def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None = None) -> Shape[S]:
+def converted(shape: Shape[T], convert: Callable[[T], S]) -> Shape[S]:
     """Make a shape of what `convert` makes from another; it raises LocalError for what it does not take."""
 
     def read(node: yaml.Node, problems: Problems) -> S:
@@ -112,7 +106,7 @@ def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None 
         with nodes.refusing(node, problems):
             return convert(value)
 
-    return Shape(read, shape.schema if schema is None else schema)
+    return Shape(read, shape.whole)
 
 
 def _printable(text: PlacedText) -> PlacedText:
@@ -125,8 +119,7 @@ ASCII = converted(TEXT, _printable)
 """A text of printable ASCII characters."""
 
 INTEGER_OR_ASCII: Shape[PlacedInteger | PlacedText] = Shape(
-    lambda node, problems: (ASCII if node.tag == nodes.STRING else INTEGER).read(node, problems),
-    {"anyOf": [INTEGER.schema, ASCII.schema]},
+    lambda node, problems: (ASCII if node.tag == nodes.STRING else INTEGER).read(node, problems)
 )
 """An integer, or else a text of ASCII."""
 
@@ -139,7 +132,7 @@ def matching(pattern: str, what: str) -> Shape[PlacedText]:
             raise LocalError(f"expected {what}, found {str(text)!r}")
         return text
 
-    return converted(ASCII, matched, {"type": "string", "pattern": f"^{pattern}$"})
+    return converted(ASCII, matched)
 
 
 def named(table: Mapping[str, T], kind: str) -> Shape[T]:
@@ -150,12 +143,12 @@ def named(table: Mapping[str, T], kind: str) -> Shape[T]:
             raise UnknownName(kind, str(text), table)
         return table[text]
 
-    return converted(SCALAR, find, {"enum": list(table)})
+    return converted(SCALAR, find)
 
 
 def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
     """Make a shape of a number in a range; `name` is what errors call it."""
-    words = f"whole numbers {allowed}" if "integer" in shape.schema.get("type", "") else str(allowed)
+    words = f"whole numbers {allowed}" if shape.whole else str(allowed)
 
     def read(node: yaml.Node, problems: Problems) -> T:
         try:
@@ -166,7 +159,7 @@ def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
             nodes.refuse(node, problems, f"{name} = {nodes.shown(node)} is not allowed; allowed: {words}")
         return value  # type: ignore[no-any-return]
 
-    return Shape(read, shape.schema | {"minimum": allowed.low, "maximum": allowed.high})
+    return Shape(read)
 
 
 def longer_than_0(seconds: float) -> float:
@@ -176,7 +169,7 @@ def longer_than_0(seconds: float) -> float:
     return seconds
 
 
-DURATION = converted(SCALAR, texts.seconds, {"type": "string", "pattern": "^[0-9.]+ *(us|ms|s|min)$"})
+DURATION = converted(SCALAR, texts.seconds)
 """A duration with its unit, in s."""
 
 
@@ -189,7 +182,7 @@ def listing(item: Shape[T]) -> Shape[tuple[T, ...]]:
     def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
         return tuple(nodes.read_all(((item.read, each) for each in _items(node, problems)), problems))
 
-    return Shape(read, {"type": "array", "items": item.schema})
+    return Shape(read)
 
 
 def listed(make: Callable[..., T], items: Sequence[Shape[Any]]) -> Shape[T]:
@@ -201,8 +194,7 @@ def listed(make: Callable[..., T], items: Sequence[Shape[Any]]) -> Shape[T]:
             nodes.refuse(node, problems, f"expected a list of {len(items)}, found {len(found)}")
         return make(*nodes.read_all(((item.read, each) for item, each in zip(items, found)), problems))
 
-    number = {"minItems": len(items), "maxItems": len(items)}
-    return Shape(read, {"type": "array", "items": [each.schema for each in items]} | number)
+    return Shape(read)
 
 
 def _items(node: yaml.Node, problems: Problems) -> list[yaml.Node]:
@@ -219,7 +211,7 @@ def one_or_more(item: Shape[T]) -> Shape[tuple[T, ...]]:
     def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
         return several.read(node, problems) if isinstance(node, yaml.SequenceNode) else (item.read(node, problems),)
 
-    return Shape(read, {"anyOf": [item.schema, several.schema]})
+    return Shape(read)
 
 
 def filled(entries: T) -> T:
@@ -253,22 +245,16 @@ def mapping(value: Shape[T], key: Shape[S]) -> Shape[dict[S, T]]:
         pairs = _pairs(node, problems, key)
         return dict(zip(pairs, nodes.read_all(((value.read, each) for each in pairs.values()), problems)))
 
-    names = {name: key.schema[name] for name in ("pattern", "enum") if name in key.schema}
-    return Shape(read, {"type": "object", "propertyNames": names, "additionalProperties": value.schema})
+    return Shape(read)
 
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a mapping: its shape, what it is for, and whether it has to be there."""
+    """One key of a mapping: its shape, what it is for where that has to be told, and whether it has to be there."""
 
     shape: Shape[Any]
     help: str = ""
     needed: bool = False
-
-    @property
-    def schema(self) -> Schema:
-        """The shape's schema with the explanation."""
-        return self.shape.schema | ({"description": self.help} if self.help else {})
 
 
 Keys: TypeAlias = Mapping[str, Key]
@@ -293,15 +279,7 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
         with nodes.refusing(node, problems):
             return make(**dict(zip(known, values)))
 
-    return Shape(read, object_schema(keys))
-
-
-def object_schema(keys: Keys) -> Schema:
-    """Return the schema of a mapping with fixed keys."""
-    properties = {name: key.schema for name, key in keys.items()}
-    schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
-    needed = [name for name, key in keys.items() if key.needed]
-    return schema | {"required": needed} if needed else schema
+    return Shape(read)
 
 
 # From declarations
@@ -310,10 +288,10 @@ Plain: TypeAlias = Mapping[Any, Shape[Any]]
 """The shapes of single values by their types."""
 
 PLAIN: Plain = {
-    int: converted(NUMBER, int, {"type": "integer"}),
+    int: converted(NUMBER, int),
     float: REAL,
     str: converted(TEXT, str),
-    bool: Shape(named({"true": True, "false": False}, "answer").read, {"type": "boolean"}),
+    bool: named({"true": True, "false": False}, "answer"),
     PlacedNumber: NUMBER,
     PlacedInteger: INTEGER,
     PlacedText: ASCII,

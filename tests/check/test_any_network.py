@@ -13,8 +13,8 @@ from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import run_live, run_simulated
 from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.shapes import Networks
 from eurobot_od.check.suite import Suite
-from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od import network
 from eurobot_od.od.network import NodeFile

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -300,3 +301,24 @@ def test_a_long_text_is_refused_in_a_time_that_does_not_grow_with_its_square(tex
     """It took 83 s; a whole suite of tests would notice."""
     for step in (f"- expect: {{Goto XY: {{x: '{text}'}}}}", f"- sdo: {{read: '{text}'}}", f"- expect: '{text}'"):
         assert len(read(document(step))[1]) == 1
+
+
+GUIDE = (Path(__file__).parents[2] / "docs" / "checks.md").read_text()
+
+
+def known(text: str) -> set[str]:
+    """The keys or actions that the one problem of a text says are known."""
+    (problem,) = read(text)[1]
+    return set(re.findall(r"[a-z-]+", problem.partition("known: ")[2]))
+
+
+def keys_of_the_format() -> set[str]:
+    """All keys of suites and steps, as the reader names them."""
+    keys = known(HEAD + "steps: []\nzzz: 1\n")
+    return keys | known(document("- zzz: 1")) | known(document("- {expect: Goto Confirm, zzz: 1}"))
+
+
+def test_the_guide_explains_every_key() -> None:
+    keys = keys_of_the_format()
+    assert {"teardown", "boot-up", "undo", "within"} < keys
+    assert {each for each in keys if not re.search(rf"`{each}[`:]", GUIDE)} == set()

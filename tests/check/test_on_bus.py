@@ -9,7 +9,7 @@ from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status
 from eurobot_od.check.runner import Interrupt, RunOptions
-from eurobot_od.check.vocabulary import Networks
+from eurobot_od.check.shapes import Networks
 from eurobot_od.device.node import Node
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT

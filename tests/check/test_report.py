@@ -56,13 +56,6 @@ BROKEN = SuiteResult(
 ALL = [RED, LEFT_OUT, BROKEN]
 
 
-def test_a_red_step_is_an_annotation_at_its_line_and_a_green_one_none() -> None:
-    first, second = report.github(ALL)
-    assert first.startswith("::error file=drive.yaml,line=7,col=5,title=the drive%3A <it> arrives & stays # here::Goto")
-    assert "%0Aexpected  Goto State Response: time 0 ms%0Acame      Goto State Response  time=5 ms%0A" in first
-    assert second == "::error file=core.yaml,line=7,col=5,title=the core%3A asked::the bus can0 failed: gone"
-
-
 def test_a_step_is_a_line() -> None:
     assert report.step_line(RED.steps[0]) == "  ok              0.500 s       1.2 ms     7  [setup] prepared"
     assert report.step_line(RED.steps[2]) == "  skipped         0.500 s       1.2 ms     7  the rest"

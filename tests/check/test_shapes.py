@@ -10,8 +10,8 @@ from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, StepResult
 from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.shapes import Networks
 from eurobot_od.check.suite import NodeServices, Suite
-from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import YamlError
 from eurobot_od.od.dictionary import Dictionary

@@ -14,7 +14,7 @@ from junitparser import JUnitXml
 
 from eurobot_od import cli
 from eurobot_od.robot.plugin import ROBOT
-from tests.check.suites import HEAD, document, reader
+from tests.check.suites import HEAD, document
 from tests.cli.console import run
 from tests.client.servo import DOCS
 from tests.device import io_module
@@ -74,13 +74,7 @@ REFUSALS = {
     "conformance of a suite": ("green.yaml --conformance --simulate", 2, "eurobot-od: --conformance makes its suites"),
     "destructive suite": ("green.yaml --destructive --simulate", 2, "eurobot-od: --destructive needs --conformance"),
     "report of a suite": ("green.yaml --report x.html", 2, "eurobot-od: --report needs --conformance"),
-    "odd form of a report": ("--conformance --report x.txt", 2, "eurobot-od: unknown form of a report '.txt'"),
-    "restored in reading": ("--conformance --restore 4", 2, "eurobot-od: --restore needs --destructive"),
-    "restored by the standard": (
-        "--conformance --restore 1",
-        2,
-        "eurobot-od check: error: argument --restore: 1 is not a sub-index of",
-    ),
+    "odd form of a report": ("--conformance --report x.txt", 2, "eurobot-od: unknown document format '.txt'"),
     "written suite": ("green.yaml -o copy.yaml", 2, "eurobot-od: --output needs --conformance"),
     "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is not a duration"),
     "no file": ("nothing.yaml --simulate", 2, "nothing.yaml:1:1: No such file or directory"),
@@ -172,14 +166,6 @@ def test_writes_a_junit_report(folder: Path, capsys: pytest.CaptureFixture[str])
 def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -> None:
     data = json.loads(run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--json").out)
     assert [step["status"] for suite in data for step in suite["steps"]] == ["ok", "ok", "failed", "skipped"]
-    github = run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--format", "github").out.splitlines()
-    assert [each.partition(",")[0] for each in github if each.startswith("::")] == ["::error file=red.yaml"]
-
-
-def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "check", "--schema")
-    assert (said.status, said.err) == (0, "")
-    assert json.loads(said.out) == json.loads(json.dumps(reader(None).schema()))
 
 
 @pytest.mark.usefixtures("folder")
@@ -330,58 +316,6 @@ def test_a_suite_whose_nodes_have_to_share_a_world_is_skipped_by_name_on_a_bus(
     done = run(capsys, "check", "flows", "-i", "virtual", "-c", "apart")
     assert done.status == 0
     assert "skipped: its nodes have to share a world (--shared-world: they do)" in done.out
-
-
-@pytest.mark.long
-@rows("form", [[], ["--json"]])
-def test_seeds_at_once_come_to_the_same_as_one_after_the_other(
-    form: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["check", "bytes-navigation", "--simulate", "--repeat", "3", *form]
-    one, other = run(capsys, *words), run(capsys, *words, "--jobs", "2")
-    assert (one.status, other.status, one.err) == (0, 0, "")
-    assert without_seconds(other.out) == without_seconds(one.out)
-
-
-@pytest.mark.long
-def test_kept_results_are_not_checked_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
-    words = ["check", "bytes", "--simulate", "--fault", "position-byte-order", "--jobs", "1"]
-    kept = [*words, "--results", str(tmp_path / "results")]
-    first = run(capsys, *kept, "--repeat", "2")
-    assert first.status == 1
-    files = {file: file.stat().st_mtime_ns for file in (tmp_path / "results").glob("*.parquet")}
-    again, more = run(capsys, *kept, "--repeat", "2", "--resume"), run(capsys, *kept, "--repeat", "3", "--resume")
-    assert (again.status, again.out) == (1, first.out)
-    assert without_seconds(more.out) == without_seconds(run(capsys, *words, "--repeat", "3").out)
-    assert files.items() < {file: file.stat().st_mtime_ns for file in (tmp_path / "results").glob("*.parquet")}.items()
-
-
-@rows(
-    "words, complaint",
-    [
-        (["--repeat", "2"], "holds a campaign already: --resume goes on with it"),
-        (["--repeat", "2", "--resume", "--keep-going"], "keep_going was 'False', and is 'True'"),
-    ],
-)
-def test_results_are_of_one_campaign(
-    words: list[str], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
-    kept = ["check", "bytes-navigation", "--simulate", "--jobs", "1", "--results", str(tmp_path / "results")]
-    assert run(capsys, *kept).status == 0
-    said = run(capsys, *kept, *words)
-    assert (said.status, complaint in said.complaint) == (2, True)
-
-
-def without_seconds(text: str) -> str:
-    """What a report says, but for how long it took."""
-    return re.sub(r"\d+\.\d+( s)?", "", text)
-
-
-def test_seeds_at_once_are_for_simulated_nodes(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "check", "--jobs", "2")
-    assert (said.status, said.complaint) == (2, "eurobot-od: --jobs goes with --simulate --repeat only")
 
 
 IO, SERVO = f"5={DOCS / 'io.eds'}", f"5={DOCS / 'servo.eds'}"

@@ -120,7 +120,7 @@ COMPLETED = [
     (["scan", "-i", "socketcan"], ["socketcan", "socketcand"]),
     (["query", "season", "--report", "lat"], ["latency"]),
     (["lint", "--explain", "W44"], ["W440", "W442", "W443", "W446", "W447", "W448"]),
-    (["check", "sdo-"], ["sdo-commands", "sdo-mine.yaml"]),
+    (["check", "sdo-"], ["sdo-mine.yaml"]),
     (["decode", "sdo-m"], ["sdo-mine.yaml"]),
 ]
 

@@ -30,8 +30,6 @@ CALLS = [
     (["lint", OLD, "--ignore", "E", "--strict"], 1, "W203"),
     (["lint", OLD, "--select", "e308,W5"], 1, "E308"),
     (["lint", OLD, "--select", "W5"], 0, "W510"),
-    (["lint", OLD, "--select", "E202", "--format", "github"], 1, f"::error file={OLD},line=1,col=1,title=E202::EDSV"),
-    (["lint", OLD, "--ignore", "E", "--format", "github"], 0, "::warning file="),
     (["lint", OLD, "--select", "E2", "--format", "sarif"], 1, '"version": "2.1.0"'),
     (["lint", "--network", OWN[0], "--format", "sarif"], 0, '"ruleId": "W803"'),
     (["lint", str(ROOT / "eds/canopen")], 0, "3 files: 139 infos (-v lists infos)"),

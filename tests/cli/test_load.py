@@ -76,10 +76,3 @@ def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str]) -> No
     said = run(capsys, "load", *words)
     assert said.status == 2
     assert said.complaint.startswith("eurobot-od")
-
-
-def test_the_network_may_be_named_as_for_other_commands(capsys: pytest.CaptureFixture[str]) -> None:
-    network = str(Path(__file__).parents[2] / "eds" / "network.yaml")
-    assert run(capsys, "load", "--network", network).out == run(capsys, "load", network).out
-    said = run(capsys, "load", network, "--network", network)
-    assert (said.status, said.complaint) == (2, "eurobot-od: one network: name it by NETWORK or by --network")

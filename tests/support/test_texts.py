@@ -23,9 +23,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.support import svg
 from eurobot_od.support.texts import (
     DurationError,
-    Level,
     amount,
-    annotation,
     cell,
     columns,
     is_duration,
@@ -189,23 +187,6 @@ def test_a_row_is_one_line_and_ends_with_its_last_text() -> None:
 
 def test_no_rows_are_no_lines() -> None:
     assert list(columns([])) == []
-
-
-# Annotations
-
-
-ANNOTATIONS = [
-    # (file, title, lines of the message, what is printed)
-    ("a.eds", "E308", ["plain"], "::error file=a.eds,line=3,col=7,title=E308::plain"),
-    ("a.eds", "E308", ["one", "two: 100 %"], "::error file=a.eds,line=3,col=7,title=E308::one%0Atwo: 100 %25"),
-    ("C:\\a,b.eds", "a: b", ["x"], "::error file=C%3A\\a%2Cb.eds,line=3,col=7,title=a%3A b::x"),
-    ("a\n::error::b", "\x1b", ["x\r\ny"], "::error file=a\\n%3A%3Aerror%3A%3Ab,line=3,col=7,title=\\x1b::x\\r\\ny"),
-]
-
-
-@pytest.mark.parametrize(("file", "title", "lines", "printed"), ANNOTATIONS)
-def test_an_annotation_is_one_line(file: str, title: str, lines: list[str], printed: str) -> None:
-    assert annotation(Level.ERROR, file, 3, 7, title, lines) == printed
 
 
 VALID = [

@@ -12,17 +12,11 @@ from eurobot_od.errors import LocalError, YamlError
 from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText
 from eurobot_od.support.yaml_shapes import (
-    ASCII,
     DURATION,
-    NUMBER,
     PLAIN,
     SCALAR,
-    TEXT,
-    Shape,
     filled,
-    listing,
     longer_than_0,
-    mapping,
     matching,
     read_yaml,
     shape_of,
@@ -139,20 +133,3 @@ def test_tells_all_problems() -> None:
 def test_values_know_their_place(kind: Any) -> None:
     source = "- 1\n- 22\n" if kind is PlacedNumber else "- a\n- b\n"
     assert read_yaml(source, shape_of(tuple[kind, ...]), "a.yaml")[1].place == Place(2, 3)
-
-
-# What an editor is told by the schema: values that it takes, and values that it marks.
-SCHEMAS: list[tuple[Shape[Any], dict[str, object]]] = [
-    (NUMBER, {"type": ["integer", "string"]}),
-    (listing(TEXT), {"type": "array", "items": {"type": "string"}}),
-    (shape_of(tuple[int, int]), {"minItems": 2, "maxItems": 2}),
-    (shape_of(Annotated[int, Within(1, 8)]), {"type": "integer", "minimum": 1, "maximum": 8}),
-    (shape_of(Colour), {"enum": ["red", "yellow"]}),
-    (mapping(TEXT, ASCII), {"type": "object", "additionalProperties": {"type": "string"}}),
-    (shape_of(Thing), {"required": ["name", "number"], "additionalProperties": False}),
-]
-
-
-@rows("shape, schema", SCHEMAS)
-def test_the_schema_says_the_same(shape: Shape[Any], schema: dict[str, object]) -> None:
-    assert shape.schema.items() >= schema.items()

@@ -16,7 +16,7 @@ from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import run_live
 from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.vocabulary import Networks
+from eurobot_od.check.shapes import Networks
 from eurobot_od.od.dictionary import Dictionary
 from interop_rows.bench import new_channel, open_bus, stock_network
 from interop_rows.row import Answer, agree

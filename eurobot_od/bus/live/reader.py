@@ -211,6 +211,11 @@ class FrameReader:
         """The bus as it is opened now."""
         return self._connection.driver.bus
 
+    @property
+    def name(self) -> str:
+        """What the driver calls the bus."""
+        return str(self.bus.channel_info)
+
     def send(self, frame: Frame, timeout: float | None = None) -> bool:
         """Hand a frame to the driver, as `Driver.send` does; when that fails, the bus is opened again as well."""
         try:

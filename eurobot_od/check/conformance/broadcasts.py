@@ -8,33 +8,23 @@ from __future__ import annotations
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, Need, settable
-from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, hexadecimal, title
+from eurobot_od.check.conformance.pdo import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
+from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Data, Steps, codes, hexadecimal, title
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
 from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
-from eurobot_od.check.conformance.transmission import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
 from eurobot_od.device.broadcasts import COUNTERS
+from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import (
-    EMCY,
-    ERROR_FIELD,
-    ERROR_REGISTER,
-    ERRORS,
-    SYNC,
-    SYNC_COUNTER,
-    SYNC_PERIOD,
-    SYNC_PRODUCER,
-    TIME,
-    ErrorCode,
-)
-from eurobot_od.od.values import RESTRICTED, TRANSMISSION_TYPE, Address, PdoDirection
+from eurobot_od.od.standard import ERRORS, SYNC, SYNC_COUNTER, SYNC_PERIOD, ErrorCode
+from eurobot_od.od.values import TRANSMISSION_TYPE, Address, PdoDirection
 from eurobot_od.sdo.wire import AbortCode
 
 # Emergencies
 
 EMCY_CHAPTER: Chapter[Subject] = Chapter("emcy", "emergencies")
 
-NEWEST: Address = (ERROR_FIELD, 1)
+NEWEST: Address = (standard.ERROR_FIELD, 1)
 
 NO_EMCY_FOR, REPORTED_ONCE = "500 ms", "100 ms"
 NO_HISTORY = "the file has no error history (0x1003)"
@@ -43,10 +33,10 @@ NO_HISTORY = "the file has no error history (0x1003)"
 @EMCY_CHAPTER.clause("7.5.2.17", "EMCY", Tier.REVERSIBLE, "5.1", name="its COB-ID")
 def _identifier_of_emcy(subject: Subject) -> Steps:
     """Read where EMCY is: the file's own value, and not a guess of what is usual."""
-    found = need(subject.readable(EMCY), "the file has no 0x1014 that can be read")
-    content = data_type(found).write(subject.number(EMCY))
+    found = need(subject.readable(standard.EMCY), "the file has no 0x1014 that can be read")
+    content = data_type(found).write(subject.number(standard.EMCY))
     name = f"its COB-ID is {content[::-1].hex().upper()}"
-    return [step.read(name, EMCY, data=content.hex(" ").upper())]
+    return [step.read(name, standard.EMCY, data=content.hex(" ").upper())]
 
 
 @EMCY_CHAPTER.clause("7.2.7", "EMCY", group="none without an error", needs=[Subject.need_emcy])
@@ -87,7 +77,7 @@ def _too_short(subject: Subject) -> Steps:
     subject.need_emcy()
     named = hexadecimal(code)
     emergency = {"name": f"EMCY {named}", "emcy": {"code": named, "save": "register"}, "within": "2 s"}
-    said = step.read("the error register says the same", ERROR_REGISTER, expect="{register}")
+    said = step.read("the error register says the same", standard.ERROR_REGISTER, expect="{register}")
     yield step.group(
         f"RPDO {rpdo.number}, one byte too short",
         step.nmt("start"),
@@ -98,7 +88,7 @@ def _too_short(subject: Subject) -> Steps:
         step.asking("5.4", emergency),
         step.never("it is reported once", {"emcy": f"0x{code:04X}"}, REPORTED_ONCE),
         # What the EMCY said of it: whether the device counts this as an error that lasts, is the maker's.
-        *([step.asking("5.5", said)] if subject.readable(ERROR_REGISTER) is not None else []),
+        *([step.asking("5.5", said)] if subject.readable(standard.ERROR_REGISTER) is not None else []),
         *_remembered(subject, code),
         *step.undoing(*fresh()),
     )
@@ -124,6 +114,8 @@ def _remembered(subject: Subject, code: ErrorCode) -> Steps:
 SYNC_CHAPTER: Chapter[Subject] = Chapter("sync", "SYNC", fresh=True, change=(SYNC, SYNC_COUNTER, SYNC_PERIOD))
 """The order in which they are put back: a device that sends SYNC, or has a period of it, takes no other counter."""
 PRODUCER = "7.5.2.6", "SYNC producer", Tier.DESTRUCTIVE
+CONSUMER = "7.5.2.6", "SYNC consumer", Tier.DESTRUCTIVE
+OWN_SYNC = "7.2.2.2", "SYNC producer", Tier.DESTRUCTIVE
 COUNTER = "7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE
 STORED = "7.5.2.13", "SYNC", Tier.DESTRUCTIVE
 
@@ -154,19 +146,12 @@ def _identifier(subject: Subject) -> Steps:
     return [step.read(f"{title(found)} is the default", SYNC, data=content)]
 
 
-RESTRICTED_ONES = tuple(each.high for each in RESTRICTED if each.high)
-"""An identifier of each range that nothing but its own service may have (CiA 301, 7.3.5)."""
-
-
 @SYNC_CHAPTER.clause("7.3.5", "Identifiers", Tier.DESTRUCTIVE, "8.10", name="SYNC, TIME, EMCY")
 def _restricted(subject: Subject) -> Steps:
-    found = filter(None, map(subject.settable, (SYNC, TIME, EMCY)))
+    found = filter(None, map(subject.settable, (SYNC, standard.TIME, standard.EMCY)))
     for each in need([*found], "the file has none of 0x1005, 0x1012 and 0x1014 that can be written"):
-        tried = (
-            step.write(f"0x{cob_id:03X}", address_of(each), value=cob_id, abort="any") for cob_id in RESTRICTED_ONES
-        )
-        name = f"{title(each)} takes no restricted identifier"
-        yield step.group(name, step.save(each), *tried, step.put_back(each))
+        tried = (step.write(f"0x{one:03X}", address_of(each), value=one, abort="any") for one in RESTRICTED_ONES)
+        yield step.keeping(f"{title(each)} takes no restricted identifier", each, *tried)
 
 
 # Producer
@@ -174,7 +159,7 @@ def _restricted(subject: Subject) -> Steps:
 
 def _sending(subject: Subject) -> int:
     """Return the value of 0x1005 that makes the device send SYNC."""
-    return subject.number(SYNC) | SYNC_PRODUCER
+    return subject.number(SYNC) | standard.SYNC_PRODUCER
 
 
 def _producer(overflow: int = 0) -> Need[Subject]:
@@ -238,14 +223,7 @@ def _typed(subject: Subject, pdo: Pdo, type_: int, *steps: Data) -> Steps:
     yield from (*steps, *step.undoing(step.nmt("pre-operational")), step.put_back(found))
 
 
-@SYNC_CHAPTER.clause(
-    "7.2.2.2",
-    "SYNC producer",
-    Tier.DESTRUCTIVE,
-    "6.3",
-    group="a TPDO with every second SYNC of its own",
-    needs=[_producer()],
-)
+@SYNC_CHAPTER.clause(*OWN_SYNC, "6.3", group="a TPDO with every second SYNC of its own", needs=[_producer()])
 def _every_second(subject: Subject) -> Steps:
     """Have a TPDO follow the device's own SYNC: with every second one of them."""
     tpdo = _following(subject, 2)
@@ -254,17 +232,11 @@ def _every_second(subject: Subject) -> Steps:
     yield from _typed(subject, tpdo, 2, *looks)
 
 
-@SYNC_CHAPTER.clause(
-    "7.5.2.6",
-    "SYNC consumer",
-    Tier.DESTRUCTIVE,
-    "6.4",
-    group="a TPDO with each SYNC though the period is 0",
-    needs=[
-        need_uncounted_sync,
-        settable(SYNC_PERIOD, 0, lack="the file has no period of SYNC (0x1006) that can be 0"),
-    ],
-)
+NO_NEED_OF_PERIOD = settable(SYNC_PERIOD, 0, lack="the file has no period of SYNC (0x1006) that can be 0")
+WITHOUT = [need_uncounted_sync, NO_NEED_OF_PERIOD]
+
+
+@SYNC_CHAPTER.clause(*CONSUMER, "6.4", group="a TPDO with each SYNC though the period is 0", needs=WITHOUT)
 def _without_period(subject: Subject) -> Steps:
     """Send SYNC to a device that has no period of it: it is a consumer all the same."""
     tpdo = _following(subject, 1)

@@ -80,12 +80,12 @@ def _noted(data: Data) -> Data:
     """Have the numbers of CiA's tool that steps inside a step ask stand in their names."""
     noted: dict[str, object] = {key: value for key, value in data.items() if key != "ctt"}
     if "steps" in data:
-        inside = (
-            ({**each, "name": f"{each['name']} [CTT {each['ctt']}]"} if "ctt" in each else each)
-            for each in data["steps"]
-        )
-        noted["steps"] = [_noted(each) for each in inside]
+        noted["steps"] = [_noted({**each, "name": _with_numbers(each)}) for each in data["steps"]]
     return noted
+
+
+def _with_numbers(data: Data) -> str:
+    return f"{data['name']} [CTT {data['ctt']}]" if "ctt" in data else str(data["name"])
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def _patient(subject: Subject) -> None:
 
 
 def _own(subject: Subject) -> int:
-    return ERROR_CONTROL_BASE + subject.node_id
+    return ERROR_CONTROL_BASE + subject.dictionary.node_id
 
 
 def _answer(subject: Subject, digits: str = "??") -> Data:
@@ -155,18 +155,17 @@ def _asked(subject: Subject, within: str, *more: Data) -> Data:
 
 # Guarding and heartbeat
 
-EITHER = "7.2.8.2.2", "Heartbeat or guarding"
+ONE = "7.2.8.2.2", "Heartbeat or guarding", Tier.REVERSIBLE
+OTHER = "7.2.8.2.2", "Heartbeat or guarding", Tier.DESTRUCTIVE
 SLOW_OR_NONE = settable(HEARTBEAT_TIME, SLOW, 0, lack="the file has no heartbeat time (0x1017) that can be 0 and 5 s")
 BEATS = f"the file has no heartbeat time (0x1017) that can be {BEAT} and {SLOW} ms"
 
 
-@CHAPTER.clause(
-    *EITHER,
-    Tier.REVERSIBLE,
-    "7.202, 7.203, 7.205",
-    group="with a heartbeat it is not guarded",
-    needs=[_guarding, SLOW_OR_NONE],
-)
+EITHER_MAY_BE = [_guarding, SLOW_OR_NONE]
+INSTEAD = [*GUARDING_FOR_LIFE, settable(HEARTBEAT_TIME, BEAT, SLOW, lack=BEATS)]
+
+
+@CHAPTER.clause(*ONE, "7.202, 7.203, 7.205", group="with a heartbeat it is not guarded", needs=EITHER_MAY_BE)
 def _one_of_both(subject: Subject) -> Steps:
     yield from _not_guarded(subject)
     yield from _heartbeat("no heartbeat", 0)
@@ -181,13 +180,7 @@ def _not_guarded(subject: Subject) -> Steps:
     yield step.never("no answer to a remote frame", _answer(subject), QUIET)
 
 
-@CHAPTER.clause(
-    *EITHER,
-    Tier.DESTRUCTIVE,
-    "7.206, 7.207",
-    group="the heartbeat takes guarding's place",
-    needs=[*GUARDING_FOR_LIFE, settable(HEARTBEAT_TIME, BEAT, SLOW, lack=BEATS)],
-)
+@CHAPTER.clause(*OTHER, "7.206, 7.207", group="the heartbeat takes guarding's place", needs=INSTEAD)
 def _heartbeat_instead(subject: Subject) -> Steps:
     """Change from guarding to the heartbeat: the heartbeat's bit 7 is 0, and the master is not missed."""
     yield from _life_times(subject)

@@ -42,15 +42,11 @@ NO_HEARTBEAT = (
 
 ANY: Data = {"heartbeat": "any"}
 
-WALK = (
-    ("start", "operational"),
-    ("stop", "stopped"),
-    ("pre-operational", "pre-operational"),
-    ("stop", "stopped"),
-    ("start", "operational"),
-    ("pre-operational", "pre-operational"),
-)
-"""Commands one after the other, from PRE-OPERATIONAL on, and the state after each: every way from state to state."""
+WALK = "start", "stop", "pre-operational", "stop", "start", "pre-operational"
+"""Commands one after the other, from PRE-OPERATIONAL on: every way from state to state."""
+
+LEADS_TO = {"start": "operational", "stop": "stopped", "pre-operational": "pre-operational"}
+"""The state after a command."""
 
 ASKED_BY = {"pre-operational": "10.2", "start": "10.3", "stop": "10.4"}
 """Numbers of CiA's tool by command."""
@@ -68,7 +64,7 @@ def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     # A node says its state only in its heartbeat (CiA 301, 7.2.8.3.2); many devices have none by default, or one a
     # second.
     faster = step.write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=_allowed(time, BEAT))
-    return step.group(name, step.save(time), faster, *steps, step.put_back(time))
+    return step.keeping(name, time, faster, *steps)
 
 
 def _heartbeat_time(subject: Subject) -> ODVariable:
@@ -113,21 +109,21 @@ def _boot_ups(_: Subject) -> Steps:
 @CHAPTER.clause("7.5.2.20", "Heartbeat time", name="it can be changed")
 def _heartbeat_times(subject: Subject) -> Steps:
     time = _heartbeat_time(subject)
-    beat, kept, back = _allowed(time, BEAT), step.save(time), step.put_back(time)
+    beat = _allowed(time, BEAT)
     slower = step.write(f"{SLOW} ms", HEARTBEAT_TIME, value=_allowed(time, SLOW))
     faster = step.write(f"{beat} ms", HEARTBEAT_TIME, value=beat)
     # From a long time to a short one: a device that first lets the old time run out takes up to 5 s.
     first = {**step.heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
-    change = step.group("a change counts at once", kept, slower, step.wait("20 ms"), faster, first, back)
+    change = step.keeping("a change counts at once", time, slower, step.wait("20 ms"), faster, first)
     yield step.asking("7.101", change)
-    beats = step.group("heartbeats come at their time", kept, faster, step.every(ANY, beat, 5), back)
+    beats = step.keeping("heartbeats come at their time", time, faster, step.every(ANY, beat, 5))
     unguarded = subject.find(GUARD_TIME) is not None and not subject.number(GUARD_TIME)
     yield step.asking("7.102, 7.204" if unguarded else "7.102", beats)
     # 0 means no heartbeat (CiA 301, 7.5.2.20), but a maker may forbid it by LowLimit: then there is nothing to look at.
     if in_limits(time, 0):
         none = step.write("0: no heartbeat", HEARTBEAT_TIME, value=0)
         silent = step.never("silent", ANY, QUIET)
-        yield step.asking("7.103", step.group("0 ends it", kept, faster, none, step.wait("20 ms"), silent, back))
+        yield step.asking("7.103", step.keeping("0 ends it", time, faster, none, step.wait("20 ms"), silent))
 
 
 @CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, group="as the file says")
@@ -153,7 +149,8 @@ def _first_state(subject: Subject) -> Steps:
 @CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.REVERSIBLE)
 def _walk(subject: Subject) -> Steps:
     before = "pre-operational"
-    for command, state in WALK:
+    for command in WALK:
+        state = LEADS_TO[command]
         commands = [*map(step.nmt, WAY_TO[before]), step.nmt(command), step.heartbeat(state, SOON)]
         # An SDO server is silent in STOPPED (CiA 301, 7.3.2.2.4): the heartbeat time could be neither set nor put back.
         back = [] if state == "pre-operational" else step.undoing(step.nmt("pre-operational"))
@@ -167,7 +164,7 @@ def _other_commands(subject: Subject) -> Steps:
     stays = step.never("stays", {"heartbeat": "operational"}, QUIET)
     for name, data in (
         ("another node's command does not matter", bytes([1, subject.another])),
-        ("an unknown command does not matter", bytes([0x77, subject.node_id])),
+        ("an unknown command does not matter", bytes([0x77, subject.dictionary.node_id])),
         # An NMT frame has two bytes; with one of them a device would have to guess whom it is for.
         ("half a command does not matter", bytes([1])),
     ):

@@ -11,18 +11,9 @@ from eurobot_od.check.conformance.clauses import Chapter
 from eurobot_od.check.conformance.step import BUSY, NO_BLOCKS, OUTSIDE, Data, Steps, codes, title
 from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, need
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
-from eurobot_od.od import values
+from eurobot_od.od import standard, values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
-from eurobot_od.od.standard import (
-    COMMANDS,
-    DEVICE_NAME,
-    DEVICE_TYPE,
-    ERROR_FIELD,
-    IDENTITY,
-    SDO_ANSWERS,
-    SDO_REQUESTS,
-    VERIFY_CONFIGURATION,
-)
+from eurobot_od.od.standard import COMMANDS, DEVICE_TYPE, ERROR_FIELD, IDENTITY
 from eurobot_od.od.values import COMMUNICATIONS, MAPPINGS, MOST_SUBS, NOT_SCANNED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 from eurobot_od.support.texts import amount
@@ -34,13 +25,13 @@ GIVEN_UP = 0x1004
 FREE = (GIVEN_UP, 0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
 """Indices where mostly nothing is: one that CiA 301 has given up, and one in each area."""
 
-FIXED = (DEVICE_TYPE[0], DEVICE_NAME[0])
+FIXED = (DEVICE_TYPE[0], standard.DEVICE_NAME[0])
 """Read-only objects whose value does not depend on what the device does."""
 
 ACTING = {*COMMANDS, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
 """Objects whose writing does something: their own clauses look at them, or nobody should."""
 
-SET_BY_DEVICE = {*COMMUNICATIONS, *(index for index, _ in VERIFY_CONFIGURATION)}
+SET_BY_DEVICE = {*COMMUNICATIONS, *(index for index, _ in standard.VERIFY_CONFIGURATION)}
 """Objects that may have a value outside their limits: 0x1020 is 0 after each change of the configuration."""
 
 CONFIGURED = ("const", "rw", "rww")
@@ -150,7 +141,7 @@ def _defaults(subject: Subject) -> Steps:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
         # What the suite was given, and where it talks to the device: neither is always what the file says.
-        own = address_of(each) in (subject.dictionary.node_id_address, SDO_REQUESTS, SDO_ANSWERS)
+        own = address_of(each) in (subject.dictionary.node_id_address, standard.SDO_REQUESTS, standard.SDO_ANSWERS)
         scanned = not subject.dictionary.flags(address_of(each)) & NOT_SCANNED
         if each.readable and scanned and configured and not own and each.index not in ACTING:
             yield from _default(each)
@@ -196,9 +187,8 @@ def _own_values(subject: Subject) -> Steps:
         if not each.readable:
             yield step.skip(title(each), "write-only: what is there is not known, so nothing is written")
         elif subject.dictionary.flags(address_of(each)):
-            yield step.skip(
-                title(each), "its ObjFlags say that a configuration does not write it, or a scan not read it"
-            )
+            flags = "its ObjFlags say that a configuration does not write it, or a scan not read it"
+            yield step.skip(title(each), flags)
         elif data_type(each) is values.DOMAIN:
             yield step.skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
@@ -241,8 +231,9 @@ def _of_length(each: ODVariable, size: int, what: str, asked: str) -> Data:
 def _refused(each: ODVariable, refused: Sequence[Data]) -> Data:
     """Have some values of an object refused; a device may say no and write all the same."""
     # Put back at once: what a device takes that it should refuse may make all that follows red.
-    steps = [step.save(each), *refused, step.unchanged(each), step.put_back(each)] if each.readable else refused
-    return step.group(title(each), *steps)
+    if not each.readable:
+        return step.group(title(each), *refused)
+    return step.keeping(title(each), each, *refused, step.unchanged(each))
 
 
 @CHAPTER.clause("7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, only=MAKERS)
@@ -287,4 +278,4 @@ def _other_values(subject: Subject) -> Steps:
         if data_type(each).is_integer and other is not None:
             written = step.write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))
             seen = step.read("and read again", address_of(each), expect=other)
-            yield step.group(f"{title(each)}: another value", step.save(each), written, seen, step.put_back(each))
+            yield step.keeping(f"{title(each)}: another value", each, written, seen)

@@ -1,40 +1,34 @@
 """What a run says of a device: a page to hand to its maker, and what became of each test of CiA's own tool (CTT).
 
 `DeviceRun` has all that the page says: what was asked, the score by chapter, and each red step with its frames; the
-forms (Markdown, HTML, JSON) only write it. The tests of CiA's conformance test tool have its numbers, and our words.
+forms (Markdown, HTML) only write it. The tests of CiA's conformance test tool have its numbers, and our words.
 One that a device cannot be asked is skipped with the reason; it counts as executed only if a step of ours has passed or
 failed.
 """
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from eurobot_od.check import report
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.report import Status, StepReason, StepResult, SuiteResult
-from eurobot_od.errors import UnknownName
-from eurobot_od.export.forms import (
-    FORMS,
-    INFORMATION,
-    SUFFIXES,
-    DocBlock,
-    DocHeading,
-    DocTable,
-    Paragraph,
-    Preformatted,
-)
+from eurobot_od.export import forms
+from eurobot_od.export.forms import DocBlock, DocHeading, DocTable, Paragraph, Preformatted
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
 
 # CiA's conformance test tool
+
+SENT = "by event", "by event timer", "by SYNC", "by SYNC after an event"
+ALL_FROM, REMOTELY = "from the SYNC of their start value on", "by remote frame"
+"""When a TPDO is sent."""
 
 ASKS: Mapping[str, str] = {
     "1.0": "the EDS is sound",
@@ -71,23 +65,11 @@ ASKS: Mapping[str, str] = {
     "3.1": "which RPDOs there are",
     "3.2": "which TPDOs there are",
     "3.3": "a TPDO by remote frame",
-    "3.4": "a TPDO by event",
-    "3.5": "a TPDO by event timer",
-    "3.6": "a TPDO by SYNC",
-    "3.7": "a TPDO by SYNC after an event",
+    **{f"3.{number}": f"a TPDO {when}" for number, when in enumerate(SENT, 4)},
     "3.8": "a TPDO from the SYNC of its start value on",
     "3.9": "no TPDO by remote frame in STOPPED",
-    "3.10": "all TPDOs by event",
-    "3.11": "all TPDOs by event timer",
-    "3.12": "all TPDOs by SYNC",
-    "3.13": "all TPDOs by SYNC after an event",
-    "3.14": "all TPDOs from the SYNC of their start value on",
-    "3.15": "all TPDOs by remote frame",
-    "3.16": "all TPDOs by event, once more",
-    "3.17": "all TPDOs by event timer, once more",
-    "3.18": "all TPDOs by SYNC, once more",
-    "3.19": "all TPDOs by SYNC after an event, once more",
-    "3.20": "all TPDOs from the SYNC of their start value on, once more",
+    **{f"3.{number}": f"all TPDOs {when}" for number, when in enumerate((*SENT, ALL_FROM, REMOTELY), 10)},
+    **{f"3.{number}": f"all TPDOs {when}, once more" for number, when in enumerate((*SENT, ALL_FROM), 16)},
     "3.21": "objects of the default mapping",
     "3.22": "another mapping by the procedure",
     "3.23": "a mapping without the procedure",
@@ -173,12 +155,15 @@ LINT = "1.0"
 NOT_ASKED = "no step of this run asks it"
 
 NO_EVENT = "what an event is, is the maker's: nobody can cause one over the bus"
-NEVER_ASKED = {"3.7": NO_EVENT, "3.13": NO_EVENT, "3.19": NO_EVENT}
+NEVER_ASKED = dict.fromkeys(("3.7", "3.13", "3.19"), NO_EVENT)
 """Tests that no step of ours asks, and why."""
 
 
 WORST_FIRST = Status.FAILED, Status.SKIPPED, Status.PASSED
-"""What can become of a test."""
+"""What can become of a group: it is red if a step is, and has asked something only if all of it was done."""
+
+RED_OR_GREEN_FIRST = Status.FAILED, Status.PASSED, Status.SKIPPED
+"""What can become of a test, for which several groups may stand: one that was skipped counts least."""
 
 
 class CttResult(NamedTuple):
@@ -196,37 +181,25 @@ class CttResult(NamedTuple):
 
 def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> list[CttResult]:
     """Return what a run says about each test; `file_errors` are lint's errors in the device's file."""
-    lint: dict[Status, str] = {Status.FAILED: file_errors[0]} if file_errors else {Status.PASSED: ""}
     # What one group asks of it, by the group: a group that was not done to its end has not asked.
-    found: dict[str, dict[object, dict[Status, str]]] = {LINT: {LINT: lint}}
+    asked: dict[str, dict[object, dict[Status, str]]] = {number: {} for number in ASKS}
+    asked[LINT][LINT] = {Status.FAILED: file_errors[0]} if file_errors else {Status.PASSED: ""}
     for step in (step for result in results for step in result.steps):
         name, verdict = StepName.of(step.name), step.status if step.status in WORST_FIRST else Status.SKIPPED
-        for number in name.numbers if name else ():
-            why = step.reason.what if step.reason and verdict is Status.SKIPPED else step.name
-            group = name and (name.clause, name.topic, name.what)
-            found.setdefault(number, {}).setdefault(group, {}).setdefault(verdict, why)
-    asked = {
-        number: {verdict: why for group in groups.values() for verdict, why in [_of_group(group)]}
-        for number, groups in found.items()
-    }
-    return [_judged(number, asked.get(number, {})) for number in ASKS]
+        why = step.reason.what if step.reason and verdict is Status.SKIPPED else step.name
+        for number in asked.keys() & (name.numbers if name else ()):  # somebody may have edited the names
+            asked[number].setdefault(name and name[:3], {}).setdefault(verdict, why)
+    return [_judged(number, groups.values()) for number, groups in asked.items()]
 
 
-def _of_group(verdicts: Mapping[Status, str]) -> tuple[Status, str]:
-    """Return what becomes of a group: red if a step is, and asked only if all of it was."""
-    verdict = next(each for each in WORST_FIRST if each in verdicts)
-    return verdict, verdicts[verdict]
-
-
-def _judged(number: str, verdicts: Mapping[Status, str]) -> CttResult:
-    """One red step makes a test fail, one green step pass."""
-    for verdict in (Status.FAILED, Status.PASSED, Status.SKIPPED):
-        if verdict in verdicts:
-            # Several of our steps may stand for one of its tests: what is red counts more than what is green, and both
-            # more than what was skipped.
-            why = "" if verdict is Status.PASSED else verdicts[verdict]
-            return CttResult(number, verdict, why)
-    return CttResult(number, Status.SKIPPED, NEVER_ASKED.get(number, NOT_ASKED))
+def _judged(number: str, groups: Iterable[Mapping[Status, str]]) -> CttResult:
+    """Return what becomes of a test by what its groups have found, and why."""
+    worst = ((each, next(verdict for verdict in WORST_FIRST if verdict in each)) for each in groups)
+    found = {verdict: each[verdict] for each, verdict in worst}
+    verdict = next((each for each in RED_OR_GREEN_FIRST if each in found), None)
+    if verdict is None:
+        return CttResult(number, Status.SKIPPED, NEVER_ASKED.get(number, NOT_ASKED))
+    return CttResult(number, verdict, "" if verdict is Status.PASSED else found[verdict])
 
 
 def score(tests: Sequence[CttResult]) -> str:
@@ -245,8 +218,6 @@ def lines(tests: Sequence[CttResult]) -> Iterator[str]:
 
 # The page
 
-JSON = ".json"
-
 
 class DeviceRun(NamedTuple):
     """A run: the device, up to which tier it was asked, its results, and by what and when they were `made`."""
@@ -260,7 +231,7 @@ class DeviceRun(NamedTuple):
     def facts(self) -> list[tuple[str, str]]:
         """What the page begins with."""
         device, document = self.dictionary, self.dictionary.device.document
-        said = [(what.capitalize(), document.text("deviceinfo", key)) for what, key in INFORMATION]
+        said = [(what.capitalize(), document.text("deviceinfo", key)) for what, key in forms.INFORMATION]
         run = next((each.how for each in self.results), "not run")
         facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), *said]
         return [each for each in [*facts, ("Tier", self.tier.value), ("Run", run), ("Made by", self.made)] if each[1]]
@@ -282,30 +253,10 @@ class DeviceRun(NamedTuple):
         found = lint(self.dictionary.content, self.dictionary.file.name)
         return results_of(self.results, [str(each) for each in found if each.severity is Severity.ERROR])
 
-    def as_data(self) -> dict[str, Any]:
-        """Return all of it as plain data."""
-        return {
-            "device": self.dictionary.name,
-            **{what.lower().replace(" ", "_"): value for what, value in self.facts},
-            "chapters": report.as_data(self.results),
-            "ctt": [
-                {**each._asdict(), "verdict": each.verdict.value.lower(), "asks": each.asks} for each in self.tests
-            ],
-        }
-
-
-def check_form(file: Path) -> None:
-    """Raise UnknownName unless a file's suffix is that of a form."""
-    if file.suffix.lower() not in (*SUFFIXES, JSON):
-        raise UnknownName("form of a report", file.suffix or file.name, [*SUFFIXES, JSON])
-
 
 def text(file: Path, reports: Sequence[DeviceRun]) -> str:
     """Return the page of some devices in the form of a file's suffix; raises UnknownName."""
-    check_form(file)
-    if file.suffix.lower() == JSON:
-        return json.dumps([each.as_data() for each in reports], indent=1) + "\n"
-    return FORMS[SUFFIXES[file.suffix.lower()]]([block for each in reports for block in blocks(each)])
+    return forms.FORMS[forms.form_of(file)]([block for each in reports for block in blocks(each)])
 
 
 # What it says

@@ -9,7 +9,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter
-from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED
+from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED, NO_OBJECT
 from eurobot_od.check.conformance.step import NO_BLOCKS, Data, Steps, codes, title
 from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, awake, fresh, need
 from eurobot_od.check.suite import Blocks
@@ -83,7 +83,7 @@ def _usual(subject: Subject) -> Address:
 def _expedited_upload(subject: Subject) -> Steps:
     need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
     answer = step.expect("4 bytes", subject.answer("43001000????????"), WITHIN)
-    return [_asked(subject, ClientCommand.UPLOAD << 5, DEVICE_TYPE), answer]
+    return [_asked(subject, DEVICE_TYPE), answer]
 
 
 @CHAPTER.clause("7.2.4.3.7", "SDO upload", name="by segments")
@@ -92,7 +92,7 @@ def _segmented_upload(subject: Subject) -> Steps:
     yield step.asking("2.16, 2.18", step.read(f"{title(each)} by segments", address_of(each), data="any"))
     wrong = step.group(
         "a wrong toggle bit is refused",
-        _asked(subject, ClientCommand.UPLOAD << 5, address_of(each)),
+        _asked(subject, address_of(each)),
         step.expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
         # The first segment has the toggle bit 0 (CiA 301, 7.2.4.3.7).
         _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
@@ -134,16 +134,10 @@ def _segmented_download(subject: Subject) -> Steps:
     each = _number(subject)
     yield _by_segments(subject, each)
     # With its own value: a server that does not look at the bit writes what is there already.
-    wrong = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, _content(each), last=True)
-    yield step.group(
-        "a wrong toggle bit is refused",
-        step.save(each),
-        *_begun(subject, each),
-        _sent(subject, "the only segment, with the toggle bit set", wrong),
-        _aborted(subject, AbortCode.TOGGLE_BIT),
-        step.unchanged(each),
-        step.put_back(each),
-    )
+    segment = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, _content(each), last=True)
+    wrong = _sent(subject, "the only segment, with the toggle bit set", segment)
+    refused = wrong, _aborted(subject, AbortCode.TOGGLE_BIT), step.unchanged(each)
+    yield step.keeping("a wrong toggle bit is refused", each, *_begun(subject, each), *refused)
 
 
 @CHAPTER.clause("7.2.4.3.4", "SDO download", Tier.REVERSIBLE, "2.14", name="0x100C by segments")
@@ -154,16 +148,13 @@ def _segmented_guard_time(subject: Subject) -> Steps:
 
 def _by_segments(subject: Subject, each: ODVariable) -> Data:
     content = _content(each)
-    whole = step.group(
-        f"{title(each)} by segments",
-        step.save(each),
+    whole = (
         *_begun(subject, each),
         _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
         step.expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
         step.read("it has the value", address_of(each), data=content.hex(" ")),
-        step.put_back(each),
     )
-    return step.asking(_asked_of(each, "2.14", "2.15"), whole)
+    return step.asking(_asked_of(each, "2.14", "2.15"), step.keeping(f"{title(each)} by segments", each, *whole))
 
 
 @CHAPTER.clause("7.2.4.3.8", "SDO block download", name="in blocks")
@@ -179,8 +170,8 @@ def _block_guard_time(subject: Subject) -> Steps:
 def _in_blocks(each: ODVariable) -> Steps:
     for transfer, asked in ((WITHOUT_CRC, ("2.20", "2.21")), (WITH_CRC, ("2.24", "2.25"))):
         written = step.rewritten("its own value", each, transfer=transfer, optional=codes(*NO_BLOCKS))
-        steps = step.save(each), written, step.unchanged(each), step.put_back(each)
-        yield step.asking(_asked_of(each, *asked), step.group(f"{title(each)}, {transfer}", *steps))
+        same = step.keeping(f"{title(each)}, {transfer}", each, written, step.unchanged(each))
+        yield step.asking(_asked_of(each, *asked), same)
 
 
 # Aborts
@@ -205,13 +196,13 @@ def _client_aborts(subject: Subject) -> Steps:
 @CHAPTER.clause("7.2.4.3.17", "SDO abort", name="a transfer that is left alone")
 def _unfinished(subject: Subject) -> Steps:
     each = _number(subject)
-    begun, same = (step.save(each), *_begun(subject, each)), (step.unchanged(each), step.put_back(each))
+    begun, same = [*_begun(subject, each)], step.unchanged(each)
     # A device that answers an abort is red for that above; here it is waited out.
     abort = _sent(subject, "abort", wire.aborted(address_of(each), AbortCode.GENERAL)), step.wait("50 ms")
-    yield step.group("a transfer that the client aborts changes nothing", *begun, *abort, *same)
+    yield step.keeping("a transfer that the client aborts changes nothing", each, *begun, *abort, same)
     # No clause names a time-out; but a client that went away must not keep all later ones out until the next reset.
     left_alone = step.wait(LEFT_ALONE)
-    yield step.group("a transfer that is left alone does not block the server", *begun, left_alone, *same)
+    yield step.keeping("a transfer that is left alone does not block the server", each, *begun, left_alone, same)
 
 
 # Numbers of blocks
@@ -252,18 +243,17 @@ def _servers(subject: Subject) -> Steps:
     for index in subject.dictionary.members:
         for found in filter(None, (subject.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
             # 0x600 and 0x580 plus the node-ID: a master that knows nothing else of a device must be able to ask it.
-            usual = SDO_BASES[address_of(found)] + subject.node_id if address_of(found) in SDO_BASES else None
+            base = SDO_BASES.get(address_of(found))
+            usual = None if base is None else base + subject.dictionary.node_id
             if usual is not None and subject.number(address_of(found)) != usual:
                 yield step.skip(title(found), f"the file itself has another one than 0x{usual:X}")
             elif found.readable:
                 data = "any" if usual is None else data_type(found).write(usual).hex(" ").upper()
-                asked = "2.12" if address_of(found) in SDO_BASES else "2.28"
+                asked = "2.28" if base is None else "2.12"
                 yield step.asking(asked, step.read(title(found), address_of(found), data=data))
     second = SDO_SERVERS[1]
     if second not in subject.dictionary.members:
-        absent = step.read(
-            f"0x{second:04X} is not there", (second, 1), abort=codes(AbortCode.NO_OBJECT, AbortCode.GENERAL)
-        )
+        absent = step.read(f"0x{second:04X} is not there", (second, 1), abort=codes(*NO_OBJECT))
         yield step.asking("2.28", absent)
     if SDO_REQUESTS[0] not in subject.dictionary.members:
         yield step.skip("0x1200", "the file has no SDO server (0x1200)")
@@ -289,8 +279,8 @@ def _begun(subject: Subject, each: ODVariable) -> Steps:
     yield step.expect("it begins", subject.answer(f"60{_multiplexer(each)}????????"), WITHIN)
 
 
-def _asked(subject: Subject, command: int, address: tuple[int, int]) -> Data:
-    return _sent(subject, "the first request", initiate(command, address))
+def _asked(subject: Subject, address: Address) -> Data:
+    return _sent(subject, "the first request", initiate(ClientCommand.UPLOAD << 5, address))
 
 
 def _sent(subject: Subject, name: str, data: bytes) -> Data:

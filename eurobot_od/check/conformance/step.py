@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.od.objects import address_of, data_type
-from eurobot_od.od.values import Address, label
+from eurobot_od.od.values import RESTRICTED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 Data: TypeAlias = "Mapping[str, Any]"
@@ -30,6 +30,9 @@ NO_BLOCKS = (AbortCode.UNKNOWN_COMMAND, AbortCode.UNSUPPORTED_ACCESS)
 
 OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
 """Aborts of a device that looks at an object's limits first, whatever else is wrong with a value."""
+
+RESTRICTED_ONES = tuple(each.high for each in RESTRICTED if each.high)
+"""An identifier of each range that nothing but its own service may have (CiA 301, 7.3.5)."""
 
 
 def hexadecimal(number: int, digits: int = 4) -> str:
@@ -81,6 +84,11 @@ def save(variable: ODVariable, kept: str = "present") -> Data:
     return read("its present value", address_of(variable), **as_bytes, save=kept, optional=none_now)
 
 
+def keeping(name: str, variable: ODVariable, *steps: Data) -> Data:
+    """Do some steps with an object, and give it back the value that it had."""
+    return group(name, save(variable), *steps, put_back(variable))
+
+
 def asking(numbers: str, data: Data) -> Data:
     """Have a step ask some tests of CiA's tool, by their numbers."""
     return {**data, "ctt": numbers} if numbers else data
@@ -120,12 +128,8 @@ def nmt(command: str) -> Data:
 
 
 def heartbeat(state: str, within: str) -> Data:
-    """Wait for a heartbeat, or the boot-up."""
-    return {
-        "name": "boot-up" if state == "boot-up" else f"heartbeat says {state}",
-        "heartbeat": state,
-        "within": within,
-    }
+    """Wait for a heartbeat."""
+    return {"name": f"heartbeat says {state}", "heartbeat": state, "within": within}
 
 
 def wait(time: str) -> Data:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -68,24 +69,20 @@ def _power_on_values(subject: Subject) -> Steps:
     # Both load the communication profile's values of power-on; only the first also those of the maker's and the
     # profile's objects (CiA 301, 7.3.2.2.3).
     for command in ("reset", "reset communication"):
-        back = step.put_back(each)
-        done = step.group(f"{title(each)} after {command}", step.save(each), other, *fresh(command), gone, back)
+        done = step.keeping(f"{title(each)} after {command}", each, other, *fresh(command), gone)
         yield step.asking("9.1" if command == "reset" else "", done)
 
 
 def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
-    """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, or were named, and take a signature."""
-    # Never by default: behind 0x1011:4 and up may be a maker's calibration, which nothing brings back.
-    own = subject.restore if index == standard.RESTORE else ()
-    found = (each for each in subject.objects if each.index == index and each.subindex in (*STANDARD_GROUPS, *own))
+    """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, and take a signature."""
+    found = (each for each in subject.objects if each.index == index and each.subindex in STANDARD_GROUPS)
     return {each.subindex: each for each in found if each.writable and data_type(each) is UNSIGNED32}
 
 
-def _of_all(subject: Subject) -> tuple[ODVariable | None, ODVariable | None]:
-    """Return what stores all parameters, and what restores them; raises Lacks if the device would be another node."""
+def _store_and_restore(subject: Subject, sub: int) -> tuple[ODVariable | None, ODVariable | None]:
+    """Return what stores some parameters and restores them; raises Lacks if the device would be another node."""
     _stays(subject)
-    store, restore = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
-    return store.get(standard.ALL_PARAMETERS), restore.get(standard.ALL_PARAMETERS)
+    return _commands(subject, standard.STORE).get(sub), _commands(subject, standard.RESTORE).get(sub)
 
 
 def _stays(subject: Subject) -> None:
@@ -97,25 +94,20 @@ def _stays(subject: Subject) -> None:
     need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
 
 
-def _signatures(index: int) -> Callable[[Subject], Steps]:
-    """Make the steps that try other signatures: nothing is stored or restored."""
-
-    def steps(subject: Subject) -> Steps:
-        commands = need(_commands(subject, index), f"the file has no 0x{index:04X} that can be written")
-        # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
-        for each, wrong in product(commands.values(), (bytes(4), standard.SIGNATURES[index][::-1])):
-            name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
-            refused = step.write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
-            yield step.asking(WRONG_SIGNATURE.get(address_of(each), ""), refused)
-
-    return steps
+def _signatures(subject: Subject, index: int) -> Steps:
+    """Try other signatures: nothing is stored or restored."""
+    commands = need(_commands(subject, index), f"the file has no 0x{index:04X} that can be written")
+    # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
+    for each, wrong in product(commands.values(), (bytes(4), standard.SIGNATURES[index][::-1])):
+        name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
+        refused = step.write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
+        yield step.asking(WRONG_SIGNATURE.get(address_of(each), ""), refused)
 
 
-for _index, _head in (
-    (standard.STORE, ("7.5.2.13", "Store", Tier.DESTRUCTIVE)),
-    (standard.RESTORE, ("7.5.2.14", "Restore", Tier.DESTRUCTIVE)),
-):
-    CHAPTER.clause(*_head, name="the signature")(_signatures(_index))
+CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, name="the signature")(partial(_signatures, index=standard.STORE))
+CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the signature")(
+    partial(_signatures, index=standard.RESTORE)
+)
 
 
 @CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, name="store and restore")
@@ -128,23 +120,19 @@ def _stored(subject: Subject) -> Steps:
 
 
 def _stored_by(subject: Subject, sub: int, lack: str) -> Steps:
-    _stays(subject)
-    signed = (_commands(subject, index).get(sub) for index in (standard.STORE, standard.RESTORE))
+    signed = _store_and_restore(subject, sub)
     each, store, restore = (need(found, lack) for found in (_shown_by(subject), *signed))
-    yield step.group(
-        f"{title(each)} stored and restored by sub-index {sub}",
-        step.save(each),
-        step.write("another value", address_of(each), value=_other(each)),
-        step.group(
-            "over a reset",
-            _signed(store, "stored"),
-            *fresh("reset"),
-            step.read("it is kept", address_of(each), expect=_other(each)),
-            *step.undoing(_signed(restore, "restored"), *fresh("reset")),
-            step.read("the default is back", address_of(each), expect=subject.number(address_of(each))),
-        ),
-        step.put_back(each),
+    at = address_of(each)
+    over_a_reset = step.group(
+        "over a reset",
+        _signed(store, "stored"),
+        *fresh("reset"),
+        step.read("it is kept", at, expect=_other(each)),
+        *step.undoing(_signed(restore, "restored"), *fresh("reset")),
+        step.read("the default is back", at, expect=subject.number(at)),
     )
+    other = step.write("another value", at, value=_other(each))
+    yield step.keeping(f"{title(each)} stored and restored by sub-index {sub}", each, other, over_a_reset)
 
 
 # What is kept over a reset
@@ -170,7 +158,7 @@ def kept_over_reset(
 
     Of a device whose restoring does nothing they are put back one by one, as are those that `looks` change.
     """
-    store, restore = _of_all(subject)
+    store, restore = _store_and_restore(subject, standard.ALL_PARAMETERS)
     lacking = [label(each.address) for each in values if not subject.may_be(each.address, each.value)]
     if store is None or restore is None or lacking:
         lack = lacking[0] if lacking else "0x1010:1 or 0x1011:1"
@@ -224,15 +212,6 @@ def _verified(subject: Subject) -> Steps:
         looks = [changed, *(step.read(f"{label(each)} is 0 again", each, data="00 00 00 00") for each in (date, time))]
     values = [Kept(date, 9000), Kept(time, 36_000_000)]
     return [kept_over_reset(subject, "date and time of the configuration", values, *looks, change=changes)]
-
-
-@CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the maker's own sub-indices")
-def _makers_own(subject: Subject) -> Steps:
-    """Restore what the maker has behind the sub-indices that were named."""
-    _stays(subject)
-    commands, named = _commands(subject, standard.RESTORE), need(subject.restore, "none was named (--restore 4)")
-    for each in (commands[sub] for sub in named if sub in commands):
-        yield step.group(f"{title(each)} restored", _signed(each, "restored"), *fresh("reset"))
 
 
 def _signed(each: ODVariable, name: str) -> Data:

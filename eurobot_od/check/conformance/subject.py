@@ -91,20 +91,11 @@ def or_skipped(name: str, steps: Callable[..., Steps], *arguments: object) -> li
 
 @dataclass(frozen=True)
 class Subject:
-    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one.
-
-    `restore` are the sub-indices of 0x1011 behind which there is something of the maker's, and which may be written.
-    """
+    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one."""
 
     dictionary: Dictionary
     tier: Tier = Tier.READING
     only: range = EVERY_INDEX
-    restore: tuple[int, ...] = ()
-
-    @property
-    def node_id(self) -> int:
-        """The node-ID."""
-        return self.dictionary.node_id
 
     @cached_property
     def model(self) -> Device:
@@ -188,7 +179,7 @@ class Subject:
         # One that the device watches would be reported as lost when the tester stops playing it.
         watched = {heartbeat_entry(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
         # From above: makers and teams count their devices from 1, so that a high number is most likely nobody's.
-        return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
+        return next(each for each in reversed(NODE_IDS) if each != self.dictionary.node_id and each not in watched)
 
     def may_be(self, address: Address, *values: int) -> bool:
         """Whether an object can be written, given its default again, and may have some values meanwhile."""

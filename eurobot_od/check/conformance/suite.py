@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from eurobot_od.check.conformance import broadcasts, error_control, nmt, objects, pdo, sdo, step, storage
@@ -12,10 +12,9 @@ from eurobot_od.check.conformance.clauses import ANSWERS, Chapter
 from eurobot_od.check.conformance.step import Data, hexadecimal, title
 from eurobot_od.check.conformance.subject import BOOT_TIME, Subject, Tier, awake
 from eurobot_od.check.report import AS_THEY_WERE
-from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import ERRORS, RESTORE, VERIFY_CONFIGURATION
-from eurobot_od.od.values import NMT_COB_ID, label
+from eurobot_od.od.standard import ERRORS, VERIFY_CONFIGURATION
+from eurobot_od.od.values import NMT_COB_ID
 
 BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
 """Texts that need no quotes: hexadecimal numbers, durations, the words of the format."""
@@ -68,17 +67,9 @@ CHAPTERS = (
 """The suites, in the order in which they are run: what the later ones rely on comes first."""
 
 
-def text(dictionary: Dictionary, tier: Tier = Tier.READING, restore: Sequence[int] = ()) -> str:
-    """Return the conformance suites of a device, one for each chapter, with the steps up to a tier.
-
-    `restore` names sub-indices of 0x1011 that are the maker's own; raises LocalError for one that the file lacks.
-    """
-    for each in restore:
-        found = dictionary.variable((RESTORE, each))
-        if found is None or not found.writable:
-            raise LocalError(f"{dictionary.file} has no {label((RESTORE, each))} that can be written")
-    subject = Subject(dictionary, tier, restore=tuple(restore))
-    return documents(_suite(subject, chapter) for chapter in CHAPTERS)
+def text(dictionary: Dictionary, tier: Tier = Tier.READING) -> str:
+    """Return the conformance suites of a device, one for each chapter, with the steps up to a tier."""
+    return documents(_suite(Subject(dictionary, tier), chapter) for chapter in CHAPTERS)
 
 
 MARKS = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable
@@ -87,15 +86,9 @@ def test_what_follows_a_red_step_of_its_group_is_skipped_for_it() -> None:
     assert report().skipped["'2. PRE-OPERATIONAL, toggle bit 1' before it is red"] == 12
 
 
-def test_json_has_the_same() -> None:
-    (data,) = json.loads(page.text(Path("page.json"), [report()]))
-    assert (data["device"], data["tier"], len(data["ctt"])) == ("io-module", "reversible", 127)
-    assert {each["number"] for each in data["ctt"] if each["verdict"] == "failed"} >= {"7.3"}
-
-
 def test_another_suffix_is_refused() -> None:
-    with pytest.raises(UnknownName, match=r"form of a report '\.txt'"):
-        page.check_form(Path("page.txt"))
+    with pytest.raises(UnknownName, match=r"unknown document format '\.txt'"):
+        page.text(Path("page.txt"), [])
 
 
 # CiA's tool

@@ -58,7 +58,6 @@ COMMANDS = (
     Command("diff of a file with itself", (NODE,), "diff {eds} {eds}"),
     Command("lint of a node's file", (NODE,), "lint {eds}"),
     Command("check --list of a suite", ALL, "check --list {suite}", 1.25),
-    Command("check --schema", ALL, "check --schema", 1.25),
     Command("faults", (), "faults"),
     Command("field, short log", ALL, "field {short} -o {picture}", 1.4),
     Command("monitor, short log", ALL, "monitor --speed max {short}"),

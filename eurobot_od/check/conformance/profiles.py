@@ -1,14 +1,24 @@
-"""Suites for drives by CiA 402: objects, the state machine as a table, quick stop, a lost heartbeat, moves.
+"""Suites for devices of a profile: drives by CiA 402, I/O modules by CiA 401.
 
-Rule of this file: nothing gives the motor torque but what needs `--motion`, and nothing there is faster or goes
-farther than it says. Where the motor stands at the end is where it stood, or where its last step says.
+Rule of this file: nothing gives a motor torque but what needs `--motion`, and nothing there is faster or goes farther
+than it says; where the motor stands at the end is where it stood, or where its last step says. Nothing switches an
+output but what needs `--outputs`.
+
+A drive is asked for its objects, its state machine as a table, quick stop, a lost heartbeat, moves; a module for its
+objects, its settings, and outputs that are written and read back. Over the bus nobody sees a terminal: an output that
+never switches answers as one that does, so there is only what objects say. CiA 401 has a clause for each object; steps
+are named by the object, as the clauses' numbers differ from version to version.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from itertools import chain
+from typing import NamedTuple, TypeAlias
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Need
@@ -16,12 +26,16 @@ from eurobot_od.check.conformance.step import Data, Steps, hexadecimal, title
 from eurobot_od.check.conformance.subject import Subject, Tier, awake, need
 from eurobot_od.check.conformance.suite import documents
 from eurobot_od.device.nmt import NmtState
-from eurobot_od.od import cia402
+from eurobot_od.od import cia401, cia402
+from eurobot_od.od.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.od.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import CONSUMED_HEARTBEATS
-from eurobot_od.od.values import ERROR_CONTROL_BASE
+from eurobot_od.od.objects import address_of
+from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE
+from eurobot_od.od.values import ERROR_CONTROL_BASE, Address, label
 from eurobot_od.sdo.wire import ClientCommand, initiate
+
+# Drives
 
 SOON, MOVED = "2 s", "30 s"
 """How long an arrow of the state machine, and a move, may take."""
@@ -55,11 +69,8 @@ class TestedDrive(Subject):
         return cia402.supported(self.number((cia402.SUPPORTED_MODES, 0)))
 
 
-CHAPTER: Chapter[TestedDrive] = Chapter("cia402", "drive", standard=402)
+DRIVE: Chapter[TestedDrive] = Chapter("cia402", "drive", standard=402)
 """The suite, in the order of this file: what gives no torque comes first."""
-
-
-# Steps
 
 
 def _digits(mask: int, bits: int) -> str:
@@ -94,36 +105,27 @@ def _commanded(command: DriveCommand) -> Data:
     return _command(command.bits, command.words)
 
 
-WAYS: dict[State, tuple[DriveCommand, ...]] = {
-    State.DISABLED: (),
-    State.READY: (DriveCommand.SHUTDOWN,),
-    State.SWITCHED_ON: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON),
-    State.ENABLED: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE),
-    State.QUICK_STOP: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE, DriveCommand.QUICK_STOP),
-}
-"""The commands that bring a drive from Switch on disabled into each state."""
+WAY = DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE, DriveCommand.QUICK_STOP
+"""The commands that bring a drive from Switch on disabled into one state after the other."""
 
 
 def _into(drive: TestedDrive, state: State) -> Steps:
-    """Bring the drive into a state, each arrow seen."""
+    """Bring the drive into a state of that way, each arrow seen."""
     yield _commanded(DriveCommand.DISABLE_VOLTAGE)
-    yield _state(drive, State.DISABLED)
-    present = State.DISABLED
-    for command in WAYS[state]:
+    present, commands = State.DISABLED, iter(WAY)
+    yield _state(drive, present)
+    while present is not state:
+        command = next(commands)
         present = ARROWS[present, command].after
         yield _commanded(command)
         yield _state(drive, present)
 
 
 def _off(drive: TestedDrive) -> Steps:
-    yield _commanded(DriveCommand.DISABLE_VOLTAGE)
-    yield _state(drive, State.DISABLED)
+    return _into(drive, State.DISABLED)
 
 
-# Objects
-
-
-@CHAPTER.clause("6.2", "Objects")
+@DRIVE.clause("6.2", "Objects")
 def _objects(drive: TestedDrive) -> Steps:
     for index in (cia402.CONTROLWORD, cia402.STATUSWORD):  # mandatory: a drive without them is red
         variable = drive.find((index, 0))
@@ -131,9 +133,6 @@ def _objects(drive: TestedDrive) -> Steps:
     for index in (cia402.MODE_DISPLAY, cia402.SUPPORTED_MODES, cia402.ERROR_CODE):
         variable, lack = drive.readable((index, 0)), f"the file has no {hexadecimal(index)} that can be read"
         yield step.read(title(variable), (index, 0)) if variable else step.skip(hexadecimal(index), lack)
-
-
-# State machine
 
 
 LEADS_TO: Mapping[tuple[State, DriveCommand | None], State] = {
@@ -158,20 +157,11 @@ def _table(drive: TestedDrive, powered: bool) -> Steps:
             yield step.group(name, *steps, *_off(drive))
 
 
-@CHAPTER.clause("8.1", "States", Tier.REVERSIBLE)
-def _states(drive: TestedDrive) -> Steps:
-    return _table(drive, powered=False)
+DRIVE.clause("8.1", "States", Tier.REVERSIBLE)(partial(_table, powered=False))
+DRIVE.clause("8.1", "States with torque", Tier.MOTION)(partial(_table, powered=True))
 
 
-@CHAPTER.clause("8.1", "States with torque", Tier.MOTION)
-def _states_with_torque(drive: TestedDrive) -> Steps:
-    return _table(drive, powered=True)
-
-
-# With torque
-
-
-@CHAPTER.clause("8.4", "Quick stop", Tier.MOTION)
+@DRIVE.clause("8.4", "Quick stop", Tier.MOTION)
 def _quick_stop(drive: TestedDrive) -> Steps:
     option = cia402.QUICK_STOP_OPTION, 0
     stopped = _commanded(DriveCommand.QUICK_STOP)
@@ -190,7 +180,7 @@ def _quick_stop(drive: TestedDrive) -> Steps:
     yield step.group("ends in Switch on disabled", leaves, *_into(drive, State.ENABLED), stopped, ended, back)
 
 
-@CHAPTER.clause("8.4", "Connection", Tier.MOTION, group="a lost heartbeat, and its reset")
+@DRIVE.clause("8.4", "Connection", Tier.MOTION, group="a lost heartbeat, and its reset")
 def _lost_heartbeat(drive: TestedDrive) -> Steps:
     """Lose a heartbeat that the drive watches: it has a fault, which a rising edge resets."""
     watched, option, another = (CONSUMED_HEARTBEATS, 1), (cia402.ABORT_CONNECTION, 0), drive.another
@@ -234,14 +224,10 @@ def _has(mode: Mode, *indices: int) -> Need[TestedDrive]:
 HOME_IS_HERE = 37
 """The homing method that does not move."""
 
+HOMES = [_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION)]
 
-@CHAPTER.clause(
-    "11.1",
-    "Homing",
-    Tier.MOTION,
-    group="present position is home",
-    needs=[_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION)],
-)
+
+@DRIVE.clause("11.1", "Homing", Tier.MOTION, group="present position is home", needs=HOMES)
 def _homing(drive: TestedDrive) -> Steps:
     done = cia402.BIT_12 | cia402.TARGET_REACHED
     yield step.write(f"method {HOME_IS_HERE}", (cia402.HOMING_METHOD, 0), value=HOME_IS_HERE)
@@ -253,13 +239,10 @@ def _homing(drive: TestedDrive) -> Steps:
     yield from _off(drive)
 
 
-@CHAPTER.clause(
-    "10.1",
-    "Profile position",
-    Tier.MOTION,
-    group="there and back",
-    needs=[_has(Mode.PROFILE_POSITION, cia402.TARGET_POSITION, cia402.PROFILE_VELOCITY, cia402.POSITION)],
-)
+MOVES = [_has(Mode.PROFILE_POSITION, cia402.TARGET_POSITION, cia402.PROFILE_VELOCITY, cia402.POSITION)]
+
+
+@DRIVE.clause("10.1", "Profile position", Tier.MOTION, group="there and back", needs=MOVES)
 def _position(drive: TestedDrive) -> Steps:
     """Move by the distance that is allowed, and back."""
     distance, velocity = drive.motion
@@ -286,13 +269,10 @@ def _moved(drive: TestedDrive, distance: int) -> Steps:
     yield _until(drive, "target reached", reached | State.ENABLED.mask, arrived, MOVED)
 
 
-@CHAPTER.clause(
-    "14.1",
-    "Profile velocity",
-    Tier.MOTION,
-    group="up, and quick stop",
-    needs=[_has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY)],
-)
+TURNS = [_has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY)]
+
+
+@DRIVE.clause("14.1", "Profile velocity", Tier.MOTION, group="up, and quick stop", needs=TURNS)
 def _velocity(drive: TestedDrive) -> Steps:
     velocity, target = drive.motion.velocity, (cia402.TARGET_VELOCITY, 0)
     near = max(velocity // 20, 1)
@@ -308,10 +288,7 @@ def _velocity(drive: TestedDrive) -> Steps:
     yield from _off(drive)
 
 
-# The suite
-
-
-def text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds | None = None) -> str:
+def drive_text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds | None = None) -> str:
     """Return the suite of a drive; `reversible` writes its controlword, `motion` gives it torque within its limits."""
     tier = Tier.MOTION if motion else Tier.REVERSIBLE if reversible else Tier.READING
     drive = TestedDrive(dictionary, tier, motion=motion or NOT_AT_ALL)
@@ -319,4 +296,145 @@ def text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds 
     off = {**_commanded(DriveCommand.DISABLE_VOLTAGE), "name": "8.1 States: no torque [reversible]"}
     is_written = tier.allows(Tier.REVERSIBLE)
     healthy = [step.group("8.1 States: any fault is reset [reversible]", *reset)] * is_written
-    return documents([CHAPTER.suite(drive, "profile", [awake(drive, ANSWERS), *healthy], [off] * is_written)])
+    return documents([DRIVE.suite(drive, "profile", [awake(drive, ANSWERS), *healthy], [off] * is_written)])
+
+
+# I/O modules
+
+Kind: TypeAlias = "DigitalInputs | DigitalOutputs | AnalogueInputs | AnalogueOutputs"
+
+
+@dataclass(frozen=True)
+class TestedModule(Subject):
+    """A module under test."""
+
+    def blocks(self, kinds: Sequence[Kind]) -> Iterator[tuple[Kind, ODVariable]]:
+        """Give the blocks and channels of some kinds that the file has."""
+        subs = ((kind, (kind.value, sub)) for kind in kinds for sub in self.dictionary.members.get(kind.value, ()))
+        return ((kind, found) for kind, at in subs if 0 < at[1] < 0xFF and (found := self.find(at)))
+
+    def settings(self, *indices: int) -> list[ODVariable]:
+        """Return the settings that the file has, and that can be written and put back."""
+        members = self.dictionary.members
+        subs = ((index, sub) for index in indices for sub in members.get(index, ()) if sub or len(members[index]) == 1)
+        return [*filter(None, map(self.settable, subs))]
+
+
+_INPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
+_OUTPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_OUTPUTS, *cia401.ANALOGUE_OUTPUTS)
+
+MODULE: Chapter[TestedModule] = Chapter("cia401", "I/O module", standard=401)
+"""The suite, in the order of this file: what switches nothing comes first."""
+
+
+def _every(bits: int, byte: int = 0xFF) -> int:
+    """Return a block that repeats the same byte."""
+    return int.from_bytes(bytes([byte]) * (bits // 8), "little")
+
+
+def _set(address: Address, value: int) -> Data:
+    name = f"{label(address)} = {value:#x}" if value > 9 else f"{label(address)} = {value}"
+    return step.write(name, address, value=value)
+
+
+def _written_and_read(variable: ODVariable, values: Sequence[int]) -> Data:
+    at = address_of(variable)
+    pairs = ((_set(at, each), step.read(f"it is {each:#x}", at, expect=each)) for each in values)
+    return step.keeping(title(variable), variable, *chain.from_iterable(pairs))
+
+
+def _without(name: str, index: int) -> Data:
+    return step.skip(name, f"the file has no {hexadecimal(index)} that can be written")
+
+
+FUNCTIONS: Mapping[int, tuple[Sequence[Kind], int]] = {
+    16: (cia401.DIGITAL_INPUTS, 0x6000),
+    17: (cia401.DIGITAL_OUTPUTS, 0x6200),
+    18: (cia401.ANALOGUE_INPUTS, 0x6401),
+    19: (cia401.ANALOGUE_OUTPUTS, 0x6411),
+}
+"""What a bit of 0x1000 says that there is, and the object where it usually is."""
+
+
+@MODULE.clause("0x1000", "Device type")
+def _device_type(module: TestedModule) -> Steps:
+    says = module.number(DEVICE_TYPE)
+    yield step.read("an I/O module", DEVICE_TYPE, expect=says)
+    for bit, (kinds, usual) in FUNCTIONS.items():
+        words, found = cia401.FUNCTION_BITS[bit], [address_of(each) for _, each in module.blocks(kinds)]
+        if says >> bit & 1:  # what is usual is asked for where the file has none: it is not there, and the step is red
+            yield step.read(words, found[0] if found else (usual, 1), data="any")
+        else:
+            yield step.skip(words, f"0x1000 says that it has no {words}")
+
+
+@MODULE.clause("0x6000", "Inputs")
+def _inputs(module: TestedModule) -> Steps:
+    return [step.read(title(each), address_of(each), data="any") for _, each in module.blocks(_INPUTS)]
+
+
+@MODULE.clause("0x6002", "Polarity of inputs", Tier.REVERSIBLE)
+def _input_polarity(module: TestedModule) -> Steps:
+    """Invert one bit after the other; the inputs have to be at rest."""
+    for kind, each in module.blocks(cia401.DIGITAL_INPUTS):
+        assert isinstance(kind, DigitalInputs)
+        at, polarity = address_of(each), (kind.polarity, each.subindex)
+        inverted = module.settable(polarity) if module.may_be(polarity, _every(kind.bits)) else None
+        if inverted is None:
+            yield _without(title(each), kind.polarity)
+            continue
+        steps = [step.save(each, "input")]
+        for bit in range(kind.bits):
+            steps.append(_set(polarity, 1 << bit))
+            # It differs, and by the value of this bit: so it is this one, and no other.
+            steps.append(step.read(f"bit {bit} is inverted", at, expect="not {input}"))
+            steps.append(step.read(f"no other than bit {bit}", at, expect=f"{{input}} +- {1 << bit}"))
+        yield step.keeping(title(each), inverted, *steps)
+
+
+SETTINGS: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
+    "Filter of inputs": ((0x6003, 0x6103, 0x6123), (0x55, 0xAA)),
+    "Interrupts of inputs": ((*range(0x6006, 0x6009), *range(0x6106, 0x6109), *range(0x6126, 0x6129)), (0x55, 0xAA)),
+    "Global interrupt": ((cia401.INTERRUPT_ENABLE, cia401.ANALOGUE_INTERRUPT_ENABLE), (0, 1)),
+    "Analogue interrupts": (tuple(range(cia401.ANALOGUE_UPPER, cia401.ANALOGUE_RISE + 1)), (0, 100)),
+    "Scaling of inputs": ((0x6431, 0x6432), (1, 2)),
+    "Error mode": ((0x6206, 0x6306, 0x6326), (0x00, 0x55)),
+    "Error value": ((0x6207, 0x6307, 0x6327), (0x00, 0x55)),
+    "Analogue error mode": ((0x6443,), (0, 1)),
+    "Analogue error value": ((0x6444,), (0, 100)),
+}
+"""Settings that only count with an event or an error: their objects, and values that are written and read back."""
+
+
+def _settings(module: TestedModule, indices: tuple[int, ...], values: tuple[int, ...]) -> Steps:
+    found = [each for each in module.settings(*indices) if module.may_be(address_of(each), *values)]
+    return [_written_and_read(each, values) for each in found] or [_without("written and read back", indices[0])]
+
+
+for _topic, (_indices, _values) in SETTINGS.items():
+    _made = partial(_settings, indices=_indices, values=_values)
+    MODULE.clause(hexadecimal(_indices[0]), _topic, Tier.REVERSIBLE)(_made)
+
+
+SWITCHED = 0x55, 0xAA, 0xFF, 0x00
+"""Each bit both ways, next to bits that differ from it and to bits that do not; off at the end."""
+
+
+@MODULE.clause("0x6200", "Outputs", Tier.OUTPUTS)
+def _outputs(module: TestedModule) -> Steps:
+    for kind, each in module.blocks(_OUTPUTS):
+        values = [_every(kind.bits, byte) for byte in SWITCHED] if isinstance(kind, DigitalOutputs) else [1, 100, 0]
+        usable = [value for value in values if module.may_be(address_of(each), value)]
+        yield _written_and_read(each, usable) if usable else _without(title(each), each.index)
+
+
+def module_text(dictionary: Dictionary, reversible: bool = False, outputs: bool = False) -> str:
+    """Return the suite of a module; `reversible` writes settings, `outputs` switches."""
+    module = TestedModule(dictionary, Tier.OUTPUTS if outputs else Tier.REVERSIBLE if reversible else Tier.READING)
+    settable = [each for _, each in module.blocks(_OUTPUTS) if module.settable(address_of(each))] if outputs else []
+    off = [
+        step.write(f"0x6200 Outputs: {label(at)} as after power-on [outputs]", at, value=module.number(at))
+        for at in map(address_of, settable)
+    ]
+    stop = {**step.nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [outputs]"}
+    return documents([MODULE.suite(module, "profile", [awake(module, ANSWERS)], [*off, stop] if outputs else [])])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.check.conformance import module
+from eurobot_od.check.conformance.profiles import module_text
 from eurobot_od.check.report import Status
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.profiles import SimulatedModule
@@ -22,7 +22,7 @@ EDS = Path(__file__).parents[3] / "docs" / "io.eds"
 @cache
 def suite(reversible: bool = True, outputs: bool = True, file: Path = EDS) -> list[Suite]:
     dictionary = Dictionary.load(file, 5)
-    return read(dictionary, module.text(dictionary, reversible, outputs))
+    return read(dictionary, module_text(dictionary, reversible, outputs))
 
 
 def test_a_healthy_module_is_green() -> None:

@@ -6,8 +6,7 @@ from functools import cache
 
 import pytest
 
-from eurobot_od.check.conformance import drive
-from eurobot_od.check.conformance.drive import MotionBounds
+from eurobot_od.check.conformance.profiles import MotionBounds, drive_text
 from eurobot_od.check.report import Status
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.faults import DRIVE_FAULTS
@@ -22,7 +21,7 @@ LIMITS = MotionBounds(2000, 100)
 
 @cache
 def suite(reversible: bool = True, motion: MotionBounds | None = LIMITS) -> list[Suite]:
-    return read(SERVO, drive.text(SERVO, reversible, motion))
+    return read(SERVO, drive_text(SERVO, reversible, motion))
 
 
 def test_a_healthy_drive_is_green() -> None:
@@ -80,6 +79,6 @@ def test_nothing_is_faster_or_farther_than_it_may_be() -> None:
 def test_a_file_without_the_modes_skips_them() -> None:
     text = EDS.read_text(encoding="utf-8").replace("DefaultValue=0x000003AD", "DefaultValue=0x00000200")
     dictionary = Dictionary.read(text.encode(), EDS, 5)
-    done = steps(read(dictionary, drive.text(dictionary, motion=LIMITS)), SimulatedDrive)
+    done = steps(read(dictionary, drive_text(dictionary, motion=LIMITS)), SimulatedDrive)
     skipped = [each.name for each in done if each.status is Status.SKIPPED]
     assert [each.split(":")[0] for each in skipped] == ["11.1 Homing", "10.1 Profile position", "14.1 Profile velocity"]
