@@ -85,10 +85,13 @@ def _begin(end: Connection) -> None:
     # Its sentinel becomes readable however the parent dies; SIGKILL leaves it no time to write into the pipe.
     parent = parent_process()
     awaited: list[Any] = [end] if parent is None else [end, parent.sentinel]
+    # Without a clean-up of the interpreter, which would wait for work that is no longer wanted. Looked up now: a match
+    # that is being played replaces it, so that its strategy cannot end the process.
+    exit_now = os._exit
 
     def end_process() -> None:
         wait(awaited)
-        os._exit(0)  # without a clean-up of the interpreter, which would wait for work that is no longer wanted
+        exit_now(0)
 
     threading.Thread(target=end_process, daemon=True).start()
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import pytest
 
@@ -22,6 +25,7 @@ pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 import pyarrow.parquet as pq
 
 from eurobot_od.season.results import Results
+from tests.cli.processes import PATIENCE
 from tests.season.clusters import Cluster, two_workers
 
 
@@ -48,6 +52,37 @@ def test_results_come_in_order_from_any_executor(count: int) -> None:
 def test_processes_of_this_machine_come_to_the_same() -> None:
     with local(2) as processes:
         assert list(campaign.run(square, range(9), processes)) == squares(*range(9))
+
+
+def refused(status: int) -> NoReturn:
+    raise AssertionError(f"os._exit({status}) does not end this process")
+
+
+def endless(number: int) -> None:
+    os._exit = refused  # as a match does, whose strategy must not end it
+    print(number, flush=True)
+    threading.Event().wait()
+
+
+PROGRAM = """
+from eurobot_od.season import campaign
+from tests.season.test_campaign import endless
+with campaign.local(2) as processes:
+    list(campaign.run(endless, range(2), processes))
+"""
+
+
+@pytest.mark.posix
+def test_processes_end_with_their_parent_whatever_their_work_has_replaced() -> None:
+    with subprocess.Popen([sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, start_new_session=True) as parent:
+        group = threading.Timer(PATIENCE, partial(os.killpg, parent.pid, signal.SIGKILL))
+        group.start()
+        assert parent.stdout
+        assert {parent.stdout.readline(), parent.stdout.readline()} == {b"0\n", b"1\n"}
+        parent.kill()
+        parent.stdout.read()  # the pipe ends when nobody has it open any more
+        assert group.is_alive()
+        group.cancel()
 
 
 @pytest.mark.parametrize(
