@@ -27,7 +27,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
-from eurobot_od.robot.nodes.node import DEVIATION, KEEP_PLACE, UNKNOWN, Component, CoreSettings
+from eurobot_od.robot.nodes.node import KEEP_PLACE, Component, CoreSettings
 from eurobot_od.sdo.client import TransferError, download, upload
 
 # The dialect of another node
@@ -111,12 +111,6 @@ def number_in(answer: Frame, address: Address) -> int | None:
 # The startup
 
 
-NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
-    ("drive", messages.CheckDriveRequest(), messages.CheckDriveResponse),
-    ("navigation", messages.CheckNaviRequest(), messages.CheckNaviResponse),
-)
-"""The nodes in the order in which they are checked (2014 robot: drive first)."""
-
 CONFIRMING = 0.01
 """How often it is looked whether a team's own node has confirmed, s."""
 
@@ -131,8 +125,8 @@ class Readiness:
     `configured` tells whether the latest start configuration was confirmed, `confirms` by which messages of a team's.
     """
 
-    def __init__(self, nodes: Iterable[str] = ()) -> None:
-        self.nodes = (*(node for node, *_ in NODE_CHECKS), *nodes)
+    def __init__(self, nodes: Iterable[str]) -> None:
+        self.nodes = tuple(nodes)
         self.checked: set[str] = set()
         self.confirms: set[type[Message]] = set()
         self.configured = False
@@ -155,23 +149,23 @@ def check_nodes(core: CoreSettings, checked: set[str], without: Collection[str] 
     # Before anything is asked: a node that does not answer now must not count as checked from before.
     checked.clear()
     yield START
-    for node, request, answer in (*NODE_CHECKS, *((node, *part[:2]) for node, part in core.COMPONENTS.items())):
+    for node, part in core.parts.items():
         if node in without:
             continue
         # Answers are told apart by their identifiers: in 2014 either node's answer satisfied either check.
         asked = core.now
-        yield _check_of(core, node, request, answer)
+        yield _check_of(core, node, part)
         took[node] = core.now - asked
         yield from _compare(core, node)
         checked.add(node)
     return took
 
 
-def _check_of(core: CoreSettings, node: str, request: Message | None, answer: type[Message] | None) -> Ask:
-    if request is None or answer is None:
+def _check_of(core: CoreSettings, node: str, part: Component) -> Ask:
+    if part.check is None or part.answer is None:
         channel = _channel(core, node)
         return Ask(channel.ask(REVISION), channel.answer, core.check_wait, core.check_attempts)
-    return Ask(request, answer, core.check_wait, core.check_attempts)
+    return Ask(part.check, part.answer, core.check_wait, core.check_attempts)
 
 
 def _channel(core: CoreSettings, node: str) -> SdoClientParameter:
@@ -239,18 +233,14 @@ def _confirmed_by(
         yield from tell(core, node, configuration)
 
 
-NAVIGATION = Component(*NODE_CHECKS[1][1:])
-"""How the navigation is checked."""
-
-
 def take_back(
-    core: CoreSettings, node: str, part: Component, configuration: messages.StartConfigurationSet, checked: set[str]
+    core: CoreSettings, node: str, configuration: messages.StartConfigurationSet, checked: set[str]
 ) -> Script[None]:
     """Ask a lost node until it answers, and configure it, while the drive keeps driving; raises DialectMismatch."""
     yield START
     while True:
         with suppress(NoAnswer):
-            yield _check_of(core, node, part.check, part.answer)
+            yield _check_of(core, node, core.parts[node])
             break
     yield from _compare(core, node)
     # No SDO, or a file that has the configuration in other pieces.
@@ -330,17 +320,6 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
             odd.clear()
         yield Pause(core.state_request_period)
     return End(Outcome.LOST, odd[-1])
-
-
-def arrival_deviation(core: CoreSettings) -> Script[int | None]:
-    """Ask the drive how well it knows its place, mm; None if it does not know. Raises NoAnswer: it has no SDO."""
-    channel = SdoClientParameter.to("drive", core.device)
-    if channel is None:
-        return None
-    address = core.device.dictionary.address(DEVIATION)
-    answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, 1)
-    deviation = number_in(answer, address)
-    return None if deviation == UNKNOWN else deviation
 
 
 def drive_position(core: CoreSettings) -> Script[messages.KalmanPositionResponse]:

@@ -106,6 +106,13 @@ class Component(NamedTuple):
     loss: Loss = Loss.STOP
 
 
+NODES: Mapping[str, Component] = {
+    "drive": Component(messages.CheckDriveRequest(), messages.CheckDriveResponse),
+    "navigation": Component(messages.CheckNaviRequest(), messages.CheckNaviResponse, loss=Loss.GO_ON),
+}
+"""The two nodes that every core has beside it, in the order in which they are checked (2014 robot: drive first)."""
+
+
 class RobotNode(Node):
     """A node of the robot; `facts` are those of the robot and its match, by default from the file beside the EDS.
 
@@ -207,6 +214,11 @@ class CoreSettings(RobotNode):
     standstill_turn = setting("Standstill.Standstill turn")
     displacement = setting("Recovery.Displacement")  # mm
     keeps_place = setting(KEEP_PLACE)
+
+    @property
+    def parts(self) -> Mapping[str, Component]:
+        """All nodes that are part of the start, in the order in which they are checked."""
+        return {**NODES, **self.COMPONENTS}
 
     def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
         """Ask the drive as often, and wait as long, as the settings of the goto handshake say."""
