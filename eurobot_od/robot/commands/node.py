@@ -140,14 +140,14 @@ def _play(
     """Play the match; status 1 if the strategy raised."""
     from eurobot_od.bus.live import FrameReader
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot.match.stage import Led
+    from eurobot_od.robot.match.stage import play_led
     from eurobot_od.robot.match.summary import FrameCounter
 
     counter = FrameCounter(Protocol.of_devices(run.robot.dialects.load_all(run.dialect), run.robot.catalogue()))
     # A second participant of the bus, as the core's own driver does not hear what it sends itself.
     watch = FrameReader(run.open_bus(), lambda _, frame: counter.count(frame), live.clock, opener=run.open_bus)
     with watch:
-        summary = Led(live, core, vehicle, partial(print, flush=True)).play(options, strategy, counter)
+        summary = play_led(live, core, vehicle, options, strategy, counter, partial(print, flush=True))
     print(f"\n{summary}", flush=True)
     return status_of(summary)
 

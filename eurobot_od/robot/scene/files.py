@@ -22,7 +22,7 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import OURS
-from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, ScoredTask, TouchMark, Truth, record
+from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, TouchMark, Truth, record
 from eurobot_od.robot.scene.scene import PAGE, sheet
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
@@ -125,7 +125,7 @@ def truth_of(world: World) -> Truth:
     """Return what nobody could see on the bus: where our robot was, what it touched, how it made its points."""
     ours = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
     touches = [TouchMark(each.time, Point(each.x, each.y), str(each), each.is_fault_of(OURS)) for each in ours]
-    return Truth([*_thinned(world.path)], touches, [ScoredTask(*score) for score in world.game.scores], world.captions)
+    return Truth([*_thinned(world.path)], touches, world.game.scores, world.captions)
 
 
 def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[PathPoint]:

@@ -21,13 +21,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.model.places import Point, Pose, is_near
 from eurobot_od.robot.model.robot_file import Facts, Field, Task, Worth
-from eurobot_od.robot.model.values import OURS, Caption, Obstacle, Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Caption, Obstacle, Score, Source, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
@@ -90,15 +90,6 @@ class Timeline:
 REACH = 40.0
 REACH_ANGLE = 8.0
 """How far from its place a robot can still do a task: mm and degrees."""
-
-
-class Score(NamedTuple):
-    """Points that a robot has made with a task, and when, in s."""
-
-    time: float
-    robot: str
-    task: str
-    points: int
 
 
 class Game:
