@@ -6,11 +6,14 @@ Rule of this file: a robot that the beacons do not see is unknown, never where t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from functools import partial
 from typing import ClassVar, NamedTuple, Protocol
 
 from eurobot_od.device.bound import BoundObject, setting
 from eurobot_od.device.objects import Store
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Source
@@ -34,6 +37,19 @@ class Beacons(Protocol):
 
     def locate(self, whom: Source, now: float) -> Fix | None:
         """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
+
+
+POSITIONS: Mapping[type[Message], tuple[str, type[messages.PositionResponse]]] = {
+    messages.NaviPositionRequest: ("Navi position", messages.NaviPositionResponse),
+    messages.Enemy1PositionRequest: ("Enemy 1 position", messages.Enemy1PositionResponse),
+    messages.Enemy2PositionRequest: ("Enemy 2 position", messages.Enemy2PositionResponse),
+    messages.ConfederatePositionRequest: ("Confederate position", messages.ConfederatePositionResponse),
+}
+"""The object and the answer that each request asks for."""
+
+
+def _tell(record: str, response: type[messages.PositionResponse], node: Navigation, *_: Message) -> Message:
+    return node.position(record, response)
 
 
 class Navigation(FollowingNode):
@@ -61,9 +77,9 @@ class Navigation(FollowingNode):
         """Return the standard deviations of simulated beacons: mm and degrees."""
         return self.position_noise, self.angle_noise
 
-    def _position(
-        self, record: str, response: type[messages.PositionResponse], whom: Source
-    ) -> messages.PositionResponse:
+    def position(self, record: str, response: type[messages.PositionResponse]) -> messages.PositionResponse:
+        """Tell where a robot is, or that it is unknown, within the limits that an object has for a place."""
+        whom = messages.SOURCES[response]
         # Before the start configuration, any robot may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
         # One measurement at a time, as each has its own noise: an SDO, a PDO and an answer at one moment must agree.
@@ -81,30 +97,12 @@ class Navigation(FollowingNode):
             return response(x + (x == y == AMBIGUOUS), y, None, whom)
         return response(x, y, round(fix.angle) % 360, whom)
 
-    def _own(self) -> messages.PositionResponse:
-        return self._position("Navi position", messages.NaviPositionResponse, Source.INTERNAL)
-
-    def _enemy_1(self) -> messages.PositionResponse:
-        return self._position("Enemy 1 position", messages.Enemy1PositionResponse, Source.ENEMY_1)
-
-    def _enemy_2(self) -> messages.PositionResponse:
-        return self._position("Enemy 2 position", messages.Enemy2PositionResponse, Source.ENEMY_2)
-
-    def _confederate(self) -> messages.PositionResponse:
-        return self._position("Confederate position", messages.ConfederatePositionResponse, Source.CONFEDERATE)
-
     OBJECTS: ClassVar[Objects] = {
-        "Navi position": BoundObject(read=_own),
-        "Enemy 1 position": BoundObject(read=_enemy_1),
-        "Enemy 2 position": BoundObject(read=_enemy_2),
-        "Confederate position": BoundObject(read=_confederate),
+        **{record: BoundObject(read=partial(_tell, record, response)) for record, response in POSITIONS.values()},
         "Start configuration": BoundObject(write=messages.StartConfigurationSet),
     }
     HANDLERS: ClassVar[Handlers] = {
         messages.CheckNaviRequest: lambda *_: messages.CheckNaviResponse(),
         **FollowingNode.COMMANDS,
-        messages.NaviPositionRequest: lambda self, _: self._own(),
-        messages.Enemy1PositionRequest: lambda self, _: self._enemy_1(),
-        messages.Enemy2PositionRequest: lambda self, _: self._enemy_2(),
-        messages.ConfederatePositionRequest: lambda self, _: self._confederate(),
+        **{request: partial(_tell, *what) for request, what in POSITIONS.items()},
     }

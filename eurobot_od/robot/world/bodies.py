@@ -46,7 +46,7 @@ class Body:
 
 
 class Contact(NamedTuple):
-    """How an outline and a disc meet: the direction from the one to the other, and the gap between them, mm."""
+    """How two bodies meet: the direction from the one to the other, and the gap between them, mm."""
 
     x: float
     y: float
@@ -54,7 +54,7 @@ class Contact(NamedTuple):
 
     @classmethod
     def of(cls, corners: list[Point], centre: Point, radius: float) -> Contact:
-        """Work out how a disc meets an outline."""
+        """Work out how an outline meets a disc."""
         near = nearest_on(corners, centre)
         x, y, apart = centre.x - near.x, centre.y - near.y, math.dist(centre, near)
         # With the centre inside the outline, the nearest edge is the way out, so the direction is reversed.
@@ -99,21 +99,16 @@ class RobotBody(Body):
 
     def gap(self, pose: Pose, other: Body) -> float:
         """Return the gap between it at a pose and another body, edge to edge, mm; negative if they overlap."""
-        contact = self._contact(pose, other) if self.shape or other.shape else None
-        return gap(pose, self.radius, other) if contact is None else contact.gap
+        return self._contact(pose, other).gap if self.shape or other.shape else gap(pose, self.radius, other)
 
     def out_of(self, pose: Pose, other: Body) -> Point:
         """Return the nearest place to a pose where it merely touches a body that it overlaps."""
         contact = self._contact(pose, other)
-        if contact is None:
-            return pushed_out(pose.point, self.radius, other)
         return Point(pose.x + contact.gap * contact.x, pose.y + contact.gap * contact.y)
 
     def pushes(self, pose: Pose, other: Body) -> Point:
         """Return the place of a body that it pushes out of itself at a pose."""
         contact = self._contact(pose, other)
-        if contact is None:
-            return pushed_out(other.point, other.radius, Body(self.name, pose.point, self.radius, self.weight))
         return Point(other.point.x - contact.gap * contact.x, other.point.y - contact.gap * contact.y)
 
     def inside(self, pose: Pose, field: Field, margin: float = 0.0) -> Point:
@@ -135,14 +130,17 @@ class RobotBody(Body):
             return nearest_on(corners, towards)
         return Pose(*self.point, self.pose.bearing(towards)).moved(self.radius, 0).point
 
-    def _contact(self, pose: Pose, other: Body) -> Contact | None:
-        """Return how it would meet a body at a pose if either has an outline; with two, the other counts as round."""
+    def _contact(self, pose: Pose, other: Body) -> Contact:
+        """Return how it would meet a body at a pose; if both have an outline, the other counts as round."""
         if corners := self.corners(pose):
             return Contact.of(corners, other.point, other.radius)
         if isinstance(other, RobotBody) and (corners := other.corners(other.pose)):
             x, y, apart = Contact.of(corners, pose.point, self.radius)
             return Contact(-x, -y, apart)
-        return None
+        apart, reach = pose.distance(other.point), self.radius + other.radius
+        if not apart:  # both centres coincide: any direction is as good
+            return Contact(1.0, 0.0, -reach)
+        return Contact((other.point.x - pose.x) / apart, (other.point.y - pose.y) / apart, apart - reach)
 
     def approach(self, other: Body) -> float:
         """Return how fast it drives towards another body, mm/s; negative if away from it."""
@@ -181,16 +179,6 @@ def contains(corners: list[Point], point: Point) -> bool:
 def gap(point: Point | Pose, radius: float, other: Body) -> float:
     """Return the gap between a disc and a body, edge to edge, mm; negative if they overlap."""
     return math.hypot(point.x - other.point.x, point.y - other.point.y) - radius - other.radius
-
-
-def pushed_out(point: Point, radius: float, other: Body) -> Point:
-    """Return the nearest place where a disc merely touches a body that it overlaps."""
-    apart = math.dist(point, other.point)
-    reach = radius + other.radius
-    if not apart:  # both centres coincide: any direction is as good
-        return Point(point.x + reach, point.y)
-    share = reach / apart
-    return Point(other.point.x + (point.x - other.point.x) * share, other.point.y + (point.y - other.point.y) * share)
 
 
 def inside(point: Point, radius: float, field: Field) -> Point:
