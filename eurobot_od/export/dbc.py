@@ -42,13 +42,8 @@ RESERVED = """version ns_ bs_ bu_ bo_ sg_ ev_ cm_ val_ val_table_ ba_ ba_def_ ba
  sig_valtype_ sgtype_ sig_group_ envvar_data_ cat_def_ cat_ filter int hex float string enum vector__xxx"""
 """The keywords of the format."""
 
-ATTRIBUTES = (
-    'BA_DEF_ "BusType" STRING ;',
-    'BA_DEF_ BO_ "Protocol" STRING ;',
-    'BA_DEF_DEF_ "BusType" "CAN";',
-    'BA_DEF_DEF_ "Protocol" "";',
-)
-"""Definitions of the attributes, then their defaults: DBC requires this order."""
+ATTRIBUTES = ('BA_DEF_ "BusType" STRING ;', 'BA_DEF_DEF_ "BusType" "CAN";')
+"""The definition of the attribute, then its default: DBC requires this order."""
 
 
 class DbcMessage(NamedTuple):
@@ -94,11 +89,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
         [f"BO_TX_BU_ {each.identifier} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
         [*_comments(entries), ""],
-        [
-            *ATTRIBUTES,
-            *(f'BA_ "Protocol" BO_ {each.identifier} {_quoted(each.message.group)};' for each in entries),
-            "",
-        ],
+        [*ATTRIBUTES, ""],
         [
             f"VAL_ {id_} {name} {' '.join(f'{raw} {_quoted(text)}' for raw, text in field.named.items())} ;"
             for id_, name, field in signals

@@ -85,7 +85,6 @@ class DescribedMessage(NamedTuple):
     senders: Sequence[str]
     receivers: Sequence[str]
     text: str
-    group: str
     fields: Sequence[DescribedField]
     file: Path
     mapping_index: int
@@ -114,7 +113,6 @@ def _described(binding: Binding) -> DescribedMessage:
         receivers=binding.receivers,
         # Python gives a named tuple without a docstring of its own `Name(x, y)`.
         text="" if text.startswith(f"{binding.type.__name__}(") else text,
-        group=binding.group,
         fields=list(_fields(binding)),
         file=binding.file,
         mapping_index=binding.pdo.mapping_index,

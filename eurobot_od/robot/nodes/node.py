@@ -18,8 +18,8 @@ from eurobot_od.device.timers import START, Ask, Call, Flow, Result, Script
 from eurobot_od.errors import Cause, DictionaryError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import data_type
-from eurobot_od.od.values import Address, Limits, Value
+from eurobot_od.od.objects import Range, limits
+from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.robot_file import Facts
@@ -125,20 +125,16 @@ class RobotNode(Node):
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None, facts: Facts | None = None) -> None:
         self.facts = robot_file.read(robot_file.file_for(dictionary.file)) if facts is None else facts
-        self._coordinates: dict[str, tuple[Limits, Limits]] = {}
+        self._coordinates: dict[str, tuple[Range, Range]] = {}
         super().__init__(dictionary, store=store)
 
-    def coordinates(self, record: str) -> tuple[Limits, Limits]:
+    def coordinates(self, record: str) -> tuple[Range, Range]:
         """Return the limits of x and y that the EDS gives a record such as `Kalman position`, mm."""
         if record not in self._coordinates:
-            dictionary, limits = self.device.dictionary, []
-            for name in (f"{record}.X position", f"{record}.Y position"):
-                variable = dictionary.variable(dictionary.address(name))
-                assert variable is not None  # it has an address
-                type_, low, high = data_type(variable), variable.min, variable.max
-                # Without limits of its own an object has those of its data type.
-                limits.append(Limits(type_.low if low is None else low, type_.high if high is None else high))
-            self._coordinates[record] = limits[0], limits[1]
+            dictionary = self.device.dictionary
+            found = (dictionary.variable(dictionary.address(f"{record}.{side} position")) for side in "XY")
+            x, y = (range_ for each in found if each and (range_ := limits(each)))
+            self._coordinates[record] = x, y
         return self._coordinates[record]
 
     def _application(self, dictionary: Dictionary) -> Application:

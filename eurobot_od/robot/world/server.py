@@ -61,65 +61,6 @@ _WHOM = RequestField(", ".join(WHOM), lambda value: value in tuple(WHOM))
 _TASK = RequestField("the name of a task", lambda value: isinstance(value, str))
 
 
-class _Asked(NamedTuple):
-    """A correct request: whose robot it is about, and its fields."""
-
-    world: World
-    options: MatchOptions
-    robot: str
-    fields: dict[str, Any]
-
-    @property
-    def vehicle(self) -> LocalVehicle:
-        return self.world.vehicle(self.robot)
-
-    def hello(self) -> dict[str, Any]:
-        options = self.options
-        start = {"team": options.team.name.lower(), "enemies": options.enemies, "confederates": options.confederates}
-        return {"version": VERSION, ROBOT: self.robot, **start, "seed": options.seed, "errors": asdict(options.errors)}
-
-    def truth(self) -> dict[str, Any]:
-        world, robot = self.world, self.robot
-        touches = sum(robot in (touch.robot, touch.thing) for touch in world.touches)
-        came_to = {"points": world.game.points(robot), "touches": touches}
-        return {"time": world.clock(), **world.robots[robot].pose._asdict(), **came_to}
-
-    def ahead(self) -> dict[str, Any] | None:
-        seen = self.vehicle.ahead(**self.fields)
-        return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
-
-
-class Request(NamedTuple):
-    """A request: its fields, and the function that answers it."""
-
-    fields: dict[str, RequestField]
-    answer: Callable[[_Asked], Any]
-
-
-REQUESTS = {
-    "hello": Request({}, _Asked.hello),
-    "truth": Request({}, _Asked.truth),
-    "move": Request(
-        {
-            "distance": _number(-10_000, 10_000, "mm"),
-            "turn": _number(-3600, 3600, "degrees"),
-            "seconds": _number(0, 10, "s"),
-        },
-        lambda asked: asked.vehicle.move(
-            Odometry(asked.fields["distance"], asked.fields["turn"]), asked.fields["seconds"]
-        ),
-    ),
-    "pose": Request(
-        {"whom": _WHOM, "age": _number(0, 3600, "s", default=0.0)},
-        lambda asked: (pose := asked.vehicle.pose(WHOM[asked.fields["whom"]], asked.fields["age"])) and pose._asdict(),
-    ),
-    "ahead": Request({"distance": _number(0, 10_000, "mm"), "angle": _number(0, 180, "degrees")}, _Asked.ahead),
-    "begin": Request({"task": _TASK}, lambda asked: asked.vehicle.begin(**asked.fields)),
-    "finish": Request({"task": _TASK}, lambda asked: asked.vehicle.finish(**asked.fields)),
-}
-"""The requests: the methods of a `Vehicle`, who one is, and what is true."""
-
-
 class Channel:
     """The world's end of the side channel; `requests` counts the lines, `refused` the wrong ones.
 
@@ -144,12 +85,62 @@ class Channel:
                 raise UnknownName("request", name, REQUESTS)
             if robot not in tuple(self._matches):
                 raise UnknownName("robot", robot, self._matches)
-            asked = _Asked(self._world, self._matches[robot], robot, _checked(name, given))
-            said = {ANSWER: REQUESTS[name].answer(asked)}
+            said = {ANSWER: REQUESTS[name].answer(self, robot, **_checked(name, given))}
         except EurobotError as error:
             self.refused += 1
             said = {ERROR: str(error)}
         return json.dumps(said).encode() + b"\n"
+
+    def vehicle(self, robot: str) -> LocalVehicle:
+        """Return the vehicle of a robot."""
+        return self._world.vehicle(robot)
+
+    def hello(self, robot: str) -> dict[str, Any]:
+        """Say which match it is for a robot."""
+        options = self._matches[robot]
+        start = {"team": options.team.name.lower(), "enemies": options.enemies, "confederates": options.confederates}
+        return {"version": VERSION, ROBOT: robot, **start, "seed": options.seed, "errors": asdict(options.errors)}
+
+    def truth(self, robot: str) -> dict[str, Any]:
+        """Say what is true of a robot."""
+        world = self._world
+        touches = sum(robot in (touch.robot, touch.thing) for touch in world.touches)
+        came_to = {"points": world.game.points(robot), "touches": touches}
+        return {"time": world.clock(), **world.robots[robot].pose._asdict(), **came_to}
+
+    def pose(self, robot: str, whom: str, age: float) -> dict[str, Any] | None:
+        """Say where a robot was."""
+        pose = self.vehicle(robot).pose(WHOM[whom], age)
+        return None if pose is None else pose._asdict()
+
+    def ahead(self, robot: str, distance: float, angle: float) -> dict[str, Any] | None:
+        """Say what is ahead of a robot."""
+        seen = self.vehicle(robot).ahead(distance, angle)
+        return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
+
+
+class Request(NamedTuple):
+    """A request: its fields, and the function of the channel, the robot, and the fields that answers it."""
+
+    fields: dict[str, RequestField]
+    answer: Callable[..., Any]
+
+
+_WAY = {"distance": _number(-10_000, 10_000, "mm"), "turn": _number(-3600, 3600, "degrees")}
+
+REQUESTS = {
+    "hello": Request({}, Channel.hello),
+    "truth": Request({}, Channel.truth),
+    "move": Request(
+        _WAY | {"seconds": _number(0, 10, "s")},
+        lambda channel, robot, seconds, **way: channel.vehicle(robot).move(Odometry(**way), seconds),
+    ),
+    "pose": Request({"whom": _WHOM, "age": _number(0, 3600, "s", default=0.0)}, Channel.pose),
+    "ahead": Request({"distance": _number(0, 10_000, "mm"), "angle": _number(0, 180, "degrees")}, Channel.ahead),
+    "begin": Request({"task": _TASK}, lambda channel, robot, task: channel.vehicle(robot).begin(task)),
+    "finish": Request({"task": _TASK}, lambda channel, robot, task: channel.vehicle(robot).finish(task)),
+}
+"""The requests: the methods of a `Vehicle`, who one is, and what is true."""
 
 
 def _parsed(line: bytes) -> dict[str, Any]:
