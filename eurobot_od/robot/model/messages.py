@@ -390,15 +390,6 @@ class CheckDriveResponse(NamedTuple):
     """GIP Node Check Response of the drive (document 2.3)."""
 
 
-SOURCES: Mapping[type[Message], Source] = {
-    NaviPositionResponse: Source.INTERNAL,
-    KalmanPositionResponse: Source.INTERNAL,
-    Enemy1PositionResponse: Source.ENEMY_1,
-    Enemy2PositionResponse: Source.ENEMY_2,
-    ConfederatePositionResponse: Source.CONFEDERATE,
-}
-"""Whose position each response has; one that names another source must not be believed."""
-
 StopMessage: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
 PositionResponse: TypeAlias = (
     NaviPositionResponse
@@ -407,5 +398,27 @@ PositionResponse: TypeAlias = (
     | Enemy2PositionResponse
     | ConfederatePositionResponse
 )
+
+
+class Position(NamedTuple):
+    """How a position is asked for and told: the record in the object dictionary that has it, and whose it is."""
+
+    record: str
+    request: Message
+    response: type[PositionResponse]
+    source: Source
+
+
+POSITIONS = (
+    Position("Navi position", NaviPositionRequest(), NaviPositionResponse, Source.INTERNAL),
+    Position("Kalman position", KalmanPositionRequest(), KalmanPositionResponse, Source.INTERNAL),
+    Position("Confederate position", ConfederatePositionRequest(), ConfederatePositionResponse, Source.CONFEDERATE),
+    Position("Enemy 1 position", Enemy1PositionRequest(), Enemy1PositionResponse, Source.ENEMY_1),
+    Position("Enemy 2 position", Enemy2PositionRequest(), Enemy2PositionResponse, Source.ENEMY_2),
+)
+"""All positions, in the order in which the core asks for them."""
+
+SOURCES: Mapping[type[Message], Source] = {each.response: each.source for each in POSITIONS}
+"""Whose position each response has; one that names another source must not be believed."""
 
 __all__ = [each.__name__ for each in CATALOGUE.types]

@@ -42,7 +42,7 @@ from functools import partial
 from math import inf
 from typing import Any, ClassVar, NamedTuple, get_args
 
-from eurobot_od.device.bound import BoundObject, Setting, seconds
+from eurobot_od.device.bound import BoundObject, seconds
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script, Timer, shielded
 from eurobot_od.errors import NoAnswer, StateError
@@ -71,14 +71,10 @@ from eurobot_od.robot.nodes.node import (
 )
 from eurobot_od.support.texts import one_line
 
-POLLED_POSITIONS: tuple[tuple[Message, Setting[float], Source], ...] = (
-    (messages.NaviPositionRequest(), seconds("Position polling.Navi offset"), Source.INTERNAL),
-    (messages.KalmanPositionRequest(), seconds("Position polling.Kalman offset"), Source.INTERNAL),
-    (messages.ConfederatePositionRequest(), seconds("Position polling.Confederate offset"), Source.CONFEDERATE),
-    (messages.Enemy1PositionRequest(), seconds("Position polling.Enemy 1 offset"), Source.ENEMY_1),
-    (messages.Enemy2PositionRequest(), seconds("Position polling.Enemy 2 offset"), Source.ENEMY_2),
-)
-"""What is requested periodically: the request, the setting with its offset, and whose position it is."""
+OFFSETS = {
+    each: seconds(f"Position polling.{each.record.replace('position', 'offset')}") for each in messages.POSITIONS
+}
+"""The setting with the offset at which each position is asked for, again and again."""
 
 SILENCE, QUESTIONS = 2.0, 3
 """In a match, after SILENCE seconds without a word the navigation is asked QUESTIONS times whether it is there: even if
@@ -530,9 +526,9 @@ class Core(CallingNode, CoreSettings):
         self._polling += 1  # an earlier series of requests ends by itself
         begin = confirmed + self.polling_start_delay
         # With the 2014 robot's offsets, so that not all answers come at once.
-        for request, offset, whom in POLLED_POSITIONS:
-            if configuration.includes(whom):
-                self.at(begin + offset.read(self.setting), partial(self._poll, request, self._polling))
+        for position, offset in OFFSETS.items():
+            if configuration.includes(position.source):
+                self.at(begin + offset.read(self.setting), partial(self._poll, position.request, self._polling))
         return confirmed - asked
 
     def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
@@ -822,11 +818,7 @@ class Core(CallingNode, CoreSettings):
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {"Match.Match duration": lambda facts: facts.duration}
     OBJECTS: ClassVar[Objects] = {
         "Goto state": BoundObject(write=messages.GotoStateResponse),
-        "Navi position": BoundObject(write=messages.NaviPositionResponse),
-        "Kalman position": BoundObject(write=messages.KalmanPositionResponse),
-        "Enemy 1 position": BoundObject(write=messages.Enemy1PositionResponse),
-        "Enemy 2 position": BoundObject(write=messages.Enemy2PositionResponse),
-        "Confederate position": BoundObject(write=messages.ConfederatePositionResponse),
+        **{each.record: BoundObject(write=each.response) for each in messages.POSITIONS},
     }
     MEASURED: ClassVar[Mapping[str, Callable[[Any], int]]] = {
         DEVIATION: lambda core: UNKNOWN if core._deviation is None else core._deviation,

@@ -6,7 +6,6 @@ Rule of this file: a robot that the beacons do not see is unknown, never where t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import partial
 from typing import ClassVar, NamedTuple, Protocol
 
@@ -39,17 +38,12 @@ class Beacons(Protocol):
         """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
 
 
-POSITIONS: Mapping[type[Message], tuple[str, type[messages.PositionResponse]]] = {
-    messages.NaviPositionRequest: ("Navi position", messages.NaviPositionResponse),
-    messages.Enemy1PositionRequest: ("Enemy 1 position", messages.Enemy1PositionResponse),
-    messages.Enemy2PositionRequest: ("Enemy 2 position", messages.Enemy2PositionResponse),
-    messages.ConfederatePositionRequest: ("Confederate position", messages.ConfederatePositionResponse),
-}
-"""The object and the answer that each request asks for."""
+POSITIONS = [each for each in messages.POSITIONS if each.response is not messages.KalmanPositionResponse]
+"""All positions but the filtered one, which is the drive's."""
 
 
-def _tell(record: str, response: type[messages.PositionResponse], node: Navigation, *_: Message) -> Message:
-    return node.position(record, response)
+def _tell(position: messages.Position, node: Navigation, *_: Message) -> Message:
+    return node.position(position)
 
 
 class Navigation(FollowingNode):
@@ -77,9 +71,9 @@ class Navigation(FollowingNode):
         """Return the standard deviations of simulated beacons: mm and degrees."""
         return self.position_noise, self.angle_noise
 
-    def position(self, record: str, response: type[messages.PositionResponse]) -> messages.PositionResponse:
+    def position(self, asked: messages.Position) -> messages.PositionResponse:
         """Tell where a robot is, or that it is unknown, within the limits that an object has for a place."""
-        whom = messages.SOURCES[response]
+        record, _, response, whom = asked
         # Before the start configuration, any robot may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
         # One measurement at a time, as each has its own noise: an SDO, a PDO and an answer at one moment must agree.
@@ -98,11 +92,11 @@ class Navigation(FollowingNode):
         return response(x, y, round(fix.angle) % 360, whom)
 
     OBJECTS: ClassVar[Objects] = {
-        **{record: BoundObject(read=partial(_tell, record, response)) for record, response in POSITIONS.values()},
+        **{each.record: BoundObject(read=partial(_tell, each)) for each in POSITIONS},
         "Start configuration": BoundObject(write=messages.StartConfigurationSet),
     }
     HANDLERS: ClassVar[Handlers] = {
         messages.CheckNaviRequest: lambda *_: messages.CheckNaviResponse(),
         **FollowingNode.COMMANDS,
-        **{request: partial(_tell, *what) for request, what in POSITIONS.items()},
+        **{type(each.request): partial(_tell, each) for each in POSITIONS},
     }

@@ -209,10 +209,7 @@ class Recorder:
 
 HANDLERS: Mapping[type[Message], Callable[[Recorder, float, Any], None]] = {
     messages.StartConfigurationSet: Recorder.configure,
-    messages.KalmanPositionResponse: Recorder.see,
-    messages.Enemy1PositionResponse: Recorder.see,
-    messages.Enemy2PositionResponse: Recorder.see,
-    messages.ConfederatePositionResponse: Recorder.see,
+    **{each.response: Recorder.see for each in messages.POSITIONS if each.record != "Navi position"},
     messages.GotoXY: Recorder.goto,
     messages.GotoStateResponse: Recorder.state,
     **dict.fromkeys(get_args(messages.StopMessage), Recorder.stop),

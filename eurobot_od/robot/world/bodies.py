@@ -241,28 +241,24 @@ class Touch(NamedTuple):
         return f"{self.robot} at {self.speed:.0f} mm/s touched {self.thing}{met}"
 
 
+@dataclass
 class Contacts:
     """Moves `robots` among `things`; calls `touched` with each touch, and `pushed` with each thing that was pushed."""
 
-    def __init__(
-        self,
-        field: Field,
-        things: list[Body],
-        robots: Mapping[str, RobotBody],
-        clock: Callable[[], float],
-        touched: Callable[[Touch], None],
-        pushed: Callable[[Body], None],
-    ) -> None:
-        self.field, self.things = field, things
-        self._robots, self._clock, self._touched, self._pushed = robots, clock, touched, pushed
+    field: Field
+    things: list[Body]
+    robots: Mapping[str, RobotBody]
+    clock: Callable[[], float]
+    touched: Callable[[Touch], None]
+    pushed: Callable[[Body], None]
 
     def move(self, body: RobotBody, wanted: Pose) -> None:
         """Move a robot to a pose, or as near to it as possible."""
         there = self._clear(body, wanted)
-        body.go(there.point, there.angle, self._clock())
+        body.go(there.point, there.angle, self.clock())
         if body.touching:
             # A contact is over only RELEASED mm away: a robot that jitters at an edge touches it once.
-            bodies = [*self.things, *self._robots.values()]
+            bodies = [*self.things, *self.robots.values()]
             near = {each.name for each in bodies if body.gap(body.pose, each) < RELEASED}
             if body.inside(body.pose, self.field, RELEASED) != body.point:
                 near.add(BORDER)
@@ -270,7 +266,7 @@ class Contacts:
 
     def stir(self) -> None:
         """Note that something has moved."""
-        for robot in self._robots.values():
+        for robot in self.robots.values():
             robot.room = 0.0
 
     def _clear(self, body: RobotBody, wanted: Pose) -> Pose:
@@ -279,7 +275,7 @@ class Contacts:
         if point != wanted.point:
             self._touch(body, BORDER, wanted.point)
         pose = Pose(*point, wanted.angle)
-        near: list[Body] = [each for each in self._robots.values() if each is not body]
+        near: list[Body] = [each for each in self.robots.values() if each is not body]
         body.room -= body.pose.distance(point)
         if body.room <= 0:  # something that stands may be in reach: measure the room again, and look at everything
             body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
@@ -301,7 +297,7 @@ class Contacts:
         if other.weight is Weight.LIGHT:
             other.point = inside(body.pushes(pose, other), 0, self.field)
             self.stir()  # it may now lie where another robot counts on room
-            self._pushed(other)
+            self.pushed(other)
             return pose.point
         if isinstance(other, RobotBody):
             # It yields a little, and its wheels do not notice. Only a share: its motors brake, and it is heavy.
@@ -310,7 +306,7 @@ class Contacts:
             fixed = [each for each in self.things if each.weight is Weight.FIXED]
             # Not into a wall: a robot shoved against something fixed stays put, and stops the other one.
             if all(other.gap(there, each) >= 0 for each in fixed):
-                other.go(other.inside(there, self.field), other.angle, self._clock())
+                other.go(other.inside(there, self.field), other.angle, self.clock())
                 other.room = 0.0
         return body.out_of(pose, other)
 
@@ -320,12 +316,12 @@ class Contacts:
             return
         body.touching.add(thing)
         place = body.edge(towards)
-        other, speed, met = self._robots.get(thing), abs(body.speed), 0.0
+        other, speed, met = self.robots.get(thing), abs(body.speed), 0.0
         # Both touch: otherwise the other one's next step would report the same contact again.
         if other is not None:
             other.touching.add(body.name)
             speed, met = body.approach(other), other.approach(body)
-        self._touched(Touch(self._clock(), body.name, thing, speed, met, *place))
+        self.touched(Touch(self.clock(), body.name, thing, speed, met, *place))
 
 
 # A thing that falls over in front of our robot: once in a match, it has to stop for an object

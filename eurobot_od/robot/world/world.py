@@ -73,15 +73,16 @@ class MatchEvent:
         return f"{self.time:9.3f} s  {self.kind.value:<10} {self.text}"
 
 
+@dataclass(frozen=True)
 class Timeline:
     """Where events go; `show` is called with each as it comes. `clock` is the match's: seconds since power-on."""
 
-    def __init__(self, clock: Callable[[], float], show: Callable[[MatchEvent], None]) -> None:
-        self.clock, self._show = clock, show
+    clock: Callable[[], float]
+    show: Callable[[MatchEvent], None]
 
     def tell(self, kind: EventKind, text: str, **data: Any) -> None:
         """Add an event that happens now."""
-        self._show(MatchEvent(self.clock(), kind, text, data))
+        self.show(MatchEvent(self.clock(), kind, text, data))
 
 
 # The game, as the world referees it
