@@ -31,11 +31,6 @@ def _imported(module: str, name: str) -> Any:
     return getattr(import_module(f"{__package__}.{module}"), name)
 
 
-def _called(module: str, name: str, *arguments: object) -> Any:
-    """Call a function of this package, which is imported then."""
-    return _imported(module, name)(*arguments)
-
-
 def own_robot(
     folder: str | Path, name: str, catalogue: Catalogue, nodes: Mapping[str, type[Node]] = MappingProxyType({})
 ) -> Plugin:
@@ -104,9 +99,9 @@ ROBOT = Plugin(
     },
     faults=partial(_imported, "faults", "FAULTS"),
     suites=HERE / "check" / "suites",
-    partners=partial(_called, "check", "partners"),
+    partners=lambda *nodes: _imported("check", "partners")(*nodes),
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
-    drawings=partial(_called, "scene.files", "drawings"),
+    drawings=lambda protocol: _imported("scene.files", "drawings")(protocol),
     reports=partial(_imported, "season", "REPORTS"),
     watchers=lambda: (_imported("check.diagnosis", "EurobotWatcher"),),
     stage=partial(_imported, "commands.node", "NodeOptions"),

@@ -68,6 +68,7 @@ from eurobot_od.robot.nodes.node import (
     Handlers,
     Loss,
     Objects,
+    Readiness,
 )
 from eurobot_od.support.texts import one_line
 
@@ -134,9 +135,8 @@ class Core(CallingNode, CoreSettings):
         self.at_match_end: Callable[[], object] = lambda: None
         self.told: list[Callable[[str], object]] = []
         self._forget()
-        for part in self.COMPONENTS.values():
-            if part.confirm is not None:
-                self.on(part.confirm, lambda confirm: self.readiness.confirms.add(type(confirm)))
+        for _, confirm in self.confirming():
+            self.on(confirm, lambda heard: self.readiness.confirms.add(type(heard)))
 
     def _forget(self) -> None:
         self.configuration: messages.StartConfigurationSet | None = None
@@ -151,8 +151,7 @@ class Core(CallingNode, CoreSettings):
         self._missing: Flow[None] | None = None
         self._looking: Timer | None = None
         self._stopped: messages.StopMessage | None = None
-        self.readiness = flows.Readiness(self.parts)
-        self._absent: dict[str, Flow[None]] = {}
+        self.readiness, self._absent = Readiness(self.parts), {}
         self._lost = ""
         self._twins = Twins()
         self._place: Place | None = None
@@ -190,11 +189,6 @@ class Core(CallingNode, CoreSettings):
         """The number of calls that have not ended, without the flows that nobody has called for."""
         return super().open_calls - len(self._absent)
 
-    @property
-    def without(self) -> tuple[str, ...]:
-        """The nodes that are lost in a match, and that the robot does without until they answer again."""
-        return tuple(sorted(self._absent))
-
     # Calls
 
     def check_nodes(self) -> Call[dict[str, float]]:
@@ -203,7 +197,7 @@ class Core(CallingNode, CoreSettings):
         NoAnswer names the node check that nobody answered: the start is then blocked (document 5.1). DialectMismatch
         names a node that is loaded from the EDS of another dialect. A team's own nodes come after the two.
         """
-        return self.begin(flows.check_nodes(self, self.readiness.checked)).call
+        return self.begin(flows.check_nodes(self)).call
 
     def configure_start(
         self,
@@ -515,7 +509,7 @@ class Core(CallingNode, CoreSettings):
         asked: float = yield START
         before, self._lost = self._lost, ""  # a node that is lost from here on may not have heard of it
         try:
-            confirmed = yield from flows.configure(self, configuration, self.readiness, self.without)
+            confirmed = yield from flows.configure(self, configuration)
         except BaseException:
             self._lost = self._lost or before
             raise
@@ -595,14 +589,14 @@ class Core(CallingNode, CoreSettings):
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         """Check the nodes again after one was lost, and make sure that the drive knows where it is."""
         self._astray = True
-        yield from flows.check_nodes(self, self.readiness.checked, self.without)
+        yield from flows.check_nodes(self, self.without)
         here = yield from flows.drive_position(self)
         # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
         # its place is left alone.
         if here.x is None or not self.readiness.configured:
             yield from self._configure(configuration)
         else:
-            yield from flows.tell_others(self, configuration, self.without)
+            yield from flows.tell_others(self, configuration)
         self._lost = ""
         yield from self._find_place(configuration, self._place)
 
@@ -638,7 +632,7 @@ class Core(CallingNode, CoreSettings):
 
     def _take_back(self, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
         try:
-            yield from flows.take_back(self, node, configuration, self.readiness.checked)
+            yield from flows.take_back(self, node, configuration)
             self._heard = self.now  # a navigation that is back gets its time to be heard
             self.alarm(f"the {node} is back")
         except flows.DialectMismatch as error:
@@ -668,7 +662,6 @@ class Core(CallingNode, CoreSettings):
     def _look_away(self) -> None:
         if self._looking is not None:
             self._looking.cancel()
-            self._looking = None
 
     def _read_sensor(self) -> Script[Detection | None]:
         now: float = yield START

@@ -6,7 +6,7 @@ Besides: nodes with calls, the core's settings and equipment, and what follows t
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import Future
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
@@ -177,11 +177,36 @@ DEVIATION, UNKNOWN = "Arrival deviation.Deviation", 0xFFFF
 """The object by which the drive says how well it knows its place, mm; its value while the place is unknown."""
 
 
+class Readiness:
+    """What has to be there before the first goto: all `nodes` checked, a start configuration confirmed.
+
+    `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since.
+    `configured` tells whether the latest start configuration was confirmed, `confirms` by which messages of a team's.
+    """
+
+    def __init__(self, nodes: Iterable[str]) -> None:
+        self.nodes = tuple(nodes)
+        self.checked: set[str] = set()
+        self.confirms: set[type[Message]] = set()
+        self.configured = False
+
+    def missing(self, without: Collection[str]) -> str:
+        """Say what is missing and what to call, '' if nothing is; nodes to do `without` need no check."""
+        unchecked = [f"the {node}" for node in self.nodes if node not in {*self.checked, *without}]
+        texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
+        texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
+        return "; ".join(texts)
+
+
 class CoreSettings(RobotNode):
     """The settings of the core, for its scripts; what a master writes counts from the next question on.
 
-    `COMPONENTS` are a team's own nodes that are part of the start, by the names of their EDS files.
+    `COMPONENTS` are a team's own nodes that are part of the start, by the names of their EDS files. `readiness` says
+    what a goto still needs.
     """
+
+    readiness: Readiness
+    _absent: dict[str, Flow[None]]
 
     COMPONENTS: ClassVar[Mapping[str, Component]] = {}
 
@@ -212,9 +237,19 @@ class CoreSettings(RobotNode):
     keeps_place = setting(KEEP_PLACE)
 
     @property
+    def without(self) -> tuple[str, ...]:
+        """The nodes that are lost in a match, and that the robot does without until they answer again."""
+        return tuple(sorted(self._absent))
+
+    @property
     def parts(self) -> Mapping[str, Component]:
         """All nodes that are part of the start, in the order in which they are checked."""
         return {**NODES, **self.COMPONENTS}
+
+    def confirming(self) -> list[tuple[str, type[Message]]]:
+        """Return a team's own nodes that have to confirm the start configuration, and by which message."""
+        own = ((node, part.confirm) for node, part in self.COMPONENTS.items() if node not in self._absent)
+        return [(node, confirm) for node, confirm in own if confirm is not None]
 
     def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
         """Ask the drive as often, and wait as long, as the settings of the goto handshake say."""

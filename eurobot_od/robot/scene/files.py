@@ -144,21 +144,21 @@ FRAME = "field"
 
 MILLIMETRES = 1000
 
-NUMBER = {"type": "number"}
 TIME = {"type": "object", "title": "time", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 
 
-def _numbers(*names: str) -> dict[str, Any]:
-    return {"type": "object", "properties": dict.fromkeys(names, NUMBER)}
+def _object(**properties: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties}
+
+
+def _numbers(names: str) -> dict[str, Any]:
+    return _object(**{name: {"type": "number"} for name in names})
 
 
 PROPERTIES: Mapping[str, Any] = {
     "timestamp": TIME,
     "frame_id": {"type": "string"},
-    "pose": {
-        "type": "object",
-        "properties": {"position": _numbers("x", "y", "z"), "orientation": _numbers("x", "y", "z", "w")},
-    },
+    "pose": _object(position=_numbers("xyz"), orientation=_numbers("xyzw")),
 }
 
 
