@@ -11,7 +11,7 @@ from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od.od import Dialects
 from eurobot_od.plugin import Command, Faults, Plugin
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from eurobot_od.pdo.kinds import Catalogue
 
 HERE = Path(__file__).parent
-
-Value = TypeVar("Value")
 
 
 def _imported(module: str, name: str) -> Any:
@@ -53,7 +51,7 @@ def own_robot(
         return type(kind.__name__, (kind,), own)
 
     kinds: dict[str, Callable[[], type[Node]]] = {role: partial(speaking, role) for role in ROBOT.nodes}
-    kinds |= {role: partial(_itself, kind) for role, kind in nodes.items()}
+    kinds |= {role: partial(nodes.__getitem__, role) for role in nodes}
 
     @cache
     def faults() -> Faults:
@@ -70,17 +68,13 @@ def own_robot(
     return ROBOT._replace(
         name=name,
         dialects=dialects_here,
-        catalogue=partial(_itself, catalogue),
+        catalogue=lambda: catalogue,
         nodes=kinds,
         faults=faults,
         suites=home / "checks",
         table=home / "eds" / "protocol.yaml",
         folder=home,
     )
-
-
-def _itself(value: Value) -> Value:
-    return value
 
 
 COMMANDS = {

@@ -246,7 +246,7 @@ def blame(report: Report, nodes: Iterable[Node]) -> str:
         return ""
     # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.
     at = next((place_of(type(each)) for each in nodes if each.name == report.name), report.name)
-    return f"{report.name}: {complaint(report.error, at, is_foreign)}"
+    return f"{report.name}: {complaint(report.error, at, lambda frame: is_foreign(frame.f_code.co_filename))}"
 
 
 def _rival(options: MatchOptions) -> MatchOptions:
