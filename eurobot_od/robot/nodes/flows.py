@@ -177,7 +177,7 @@ def configure(core: CoreSettings, configuration: messages.StartConfigurationSet)
     yield Ask(configuration, messages.StartConfigurationConfirm, wait, transmissions)
     confirmed = core.now
     for node, confirm in core.confirming():
-        end = core.now + core.configuration_wait
+        end = core.now + wait
         while confirm not in core.readiness.confirms and core.now < end:
             yield Pause(CONFIRMING)
         if confirm not in core.readiness.confirms:
