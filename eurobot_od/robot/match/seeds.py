@@ -338,10 +338,10 @@ class Figure(NamedTuple):
         """Return a line of the table; None is for a figure that no match has."""
         if spread is None:
             return f"{self.name:<22} {'none':>8}"
-        quartiles = (spread.lower, spread.median, spread.upper)
-        least, *middle, most = (f"{each:8.{self.decimals}f}" for each in (spread.least, *quartiles, spread.most))
+        (least, at_least), (most, at_most) = spread.least, spread.most
+        low, *middle, high = (f"{each:8.{self.decimals}f}" for each in (least, *spread.quartiles, most))
         mean = f"{spread.mean:8.{max(self.decimals, 1)}f}"
-        return f"{self.name:<22} {mean} {least} {spread.least_seed:>6} {' '.join(middle)} {most} {spread.most_seed:>6}"
+        return f"{self.name:<22} {mean} {low} {at_least:>6} {' '.join(middle)} {high} {at_most:>6}"
 
 
 def _once(figure: Callable[[PlayedMatch, Summary], float]) -> Callable[[PlayedMatch], Iterable[float]]:
@@ -365,16 +365,12 @@ FIGURES = (
 
 
 class Spread(NamedTuple):
-    """Mean, least, quartiles and greatest of a figure, and the first seeds with the extremes."""
+    """Mean, quartiles, least and greatest of a figure, and the first seeds with the extremes."""
 
     mean: float
-    least: float
-    least_seed: int
-    lower: float
-    median: float
-    upper: float
-    most: float
-    most_seed: int
+    least: tuple[float, int]
+    quartiles: list[float]
+    most: tuple[float, int]
 
 
 def endings(matches: Sequence[PlayedMatch]) -> list[tuple[str, int, int]]:
@@ -411,9 +407,8 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
         return None
     values = [value for value, _ in pairs]
     # Inclusive: the seeds are everything that was played, and the extremes are among them.
-    lower, median, upper = quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
-    least, most = min(pairs, key=itemgetter(0)), max(pairs, key=itemgetter(0))
-    return Spread(fmean(values), *least, lower, median, upper, *most)
+    quartiles = quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
+    return Spread(fmean(values), min(pairs, key=itemgetter(0)), quartiles, max(pairs, key=itemgetter(0)))
 
 
 # In words

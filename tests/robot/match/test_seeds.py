@@ -193,12 +193,16 @@ def test_touches_are_counted_by_what_and_by_whose_fault() -> None:
 @pytest.mark.parametrize(
     ("figure", "matches", "expected"),
     [
-        (DISTANCE, [FINE, STOPPED, LOST], Spread(5.0, 1.0, 2, 3.25, 5.0, 6.75, 9.0, 3)),
-        (POINTS, [FINE, STOPPED, LOST], Spread(34 / 3, 4, 3, 7, 10, 15, 20, 1)),
-        (DISTANCE, [match(8, arrived(5.0)), match(9, arrived(5.0))], Spread(5, 5, 8, 5, 5, 5, 5, 8)),  # the first seed
-        (POINTS, [LOST], Spread(4, 4, 3, 4, 4, 4, 4, 3)),
+        (DISTANCE, [FINE, STOPPED, LOST], Spread(5.0, (1.0, 2), [3.25, 5.0, 6.75], (9.0, 3))),
+        (POINTS, [FINE, STOPPED, LOST], Spread(34 / 3, (4, 3), [7, 10, 15], (20, 1))),
+        (
+            DISTANCE,
+            [match(8, arrived(5.0)), match(9, arrived(5.0))],
+            Spread(5, (5, 8), [5, 5, 5], (5, 8)),
+        ),  # the first seed
+        (POINTS, [LOST], Spread(4, (4, 3), [4, 4, 4], (4, 3))),
         (DISTANCE, [FAILED], None),
-        (DISTANCE, [FAILED, FINE], Spread(5.0, 4.0, 1, 4.5, 5.0, 5.5, 6.0, 1)),
+        (DISTANCE, [FAILED, FINE], Spread(5.0, (4.0, 1), [4.5, 5.0, 5.5], (6.0, 1))),
     ],
 )
 def test_spread(figure: Figure, matches: list[PlayedMatch], expected: Spread | None) -> None:
