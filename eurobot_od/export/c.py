@@ -78,11 +78,6 @@ class Member(NamedTuple):
             return f"int{self.bits}_t"
         return "bool" if self.field.width == 1 else self.raw_type
 
-    @property
-    def low_bits(self) -> int:
-        """All bits of a signed value but its sign, as a mask."""
-        return (1 << (self.field.width - 1)) - 1
-
     def number(self, value: int) -> str:
         """Write a number of its type."""
         if self.field.numeral is description.Numeral.SIGNED:
@@ -98,8 +93,8 @@ class Member(NamedTuple):
         if width == self.bits or self.type == "bool":
             return ""
         if self.field.numeral is description.Numeral.SIGNED:
-            low, high = (_signed(limit, self.bits) for limit in (-self.low_bits - 1, self.low_bits))
-            return f"{value} < {low} || {value} > {high}"
+            sign = 1 << (width - 1)
+            return f"{value} < {_signed(-sign, self.bits)} || {value} > {_signed(sign - 1, self.bits)}"
         return f"{value} > {_unsigned((1 << width) - 1, self.bits)}"
 
     @property
@@ -111,9 +106,10 @@ class Member(NamedTuple):
         if self.field.numeral is not description.Numeral.SIGNED:
             return raw
         # Converting an unsigned number that the signed type cannot hold is implementation-defined (C99, 6.3.1.3).
-        low, sign = _unsigned(self.low_bits, self.bits), _unsigned(self.low_bits + 1, self.bits)
-        negative = f"({self.type})({raw} & {low}) - {_signed(self.low_bits, self.bits)} - 1"
-        return f"({self.type})(({raw} & {sign}) != 0u ? {negative} : ({self.type})({raw} & {low}))"
+        sign_bit = 1 << (self.field.width - 1)
+        low = f"({self.type})({raw} & {_unsigned(sign_bit - 1, self.bits)})"
+        negative = f"{low} - {_signed(sign_bit - 1, self.bits)} - 1"
+        return f"({self.type})(({raw} & {_unsigned(sign_bit, self.bits)}) != 0u ? {negative} : {low})"
 
 
 class MessageBlock(NamedTuple):
@@ -258,13 +254,13 @@ def _pack(block: MessageBlock) -> Iterator[str]:
     # static inline: any number of source files may include the header, and none has to be compiled for it.
     yield f"static inline size_t {block.name}_pack(uint8_t *data, size_t size, const {block.name}_t *message)"
     yield "{"
-    for name, raw_type, is_real in ((each.name, each.raw_type, each.is_real) for each in block.members):
-        if is_real:
+    for each in block.members:
+        if each.is_real:
             # By memcpy, as a union or a cast of pointers is undefined behaviour in C++ (strict aliasing).
-            yield f"    {raw_type} raw_{name};"
-            yield f"    memcpy(&raw_{name}, &message->{name}, sizeof raw_{name});"
+            yield f"    {each.raw_type} raw_{each.name};"
+            yield f"    memcpy(&raw_{each.name}, &message->{each.name}, sizeof raw_{each.name});"
         else:
-            yield f"    const {raw_type} raw_{name} = ({raw_type})message->{name};"
+            yield f"    const {each.raw_type} raw_{each.name} = ({each.raw_type})message->{each.name};"
     # All of them before the first byte is written: a message that does not fit leaves `data` as it was.
     for condition in (f"size < {length}u", *filter(None, (each.too_wide for each in block.members))):
         yield f"    if ({condition}) return 0;"

@@ -6,7 +6,7 @@ is an error.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from eurobot_od.errors import MappingError
@@ -42,30 +42,18 @@ RESERVED = """version ns_ bs_ bu_ bo_ sg_ ev_ cm_ val_ val_table_ ba_ ba_def_ ba
  sig_valtype_ sgtype_ sig_group_ envvar_data_ cat_def_ cat_ filter int hex float string enum vector__xxx"""
 """The keywords of the format."""
 
-ATTRIBUTES = (
-    'BA_DEF_ "BusType" STRING ;',
-    'BA_DEF_ BO_ "Protocol" STRING ;',
-    'BA_DEF_DEF_ "BusType" "CAN";',
-    'BA_DEF_DEF_ "Protocol" "";',
-)
-"""Definitions of the attributes, then their defaults: DBC requires this order."""
-
-
-class Signal(NamedTuple):
-    """A field, and its name in the file."""
-
-    name: str
-    field: DescribedField
+ATTRIBUTES = ('BA_DEF_ "BusType" STRING ;', 'BA_DEF_DEF_ "BusType" "CAN";')
+"""The definition of the attribute, then its default: DBC requires this order."""
 
 
 class DbcMessage(NamedTuple):
-    """A message with the names that message, nodes and fields have in the file."""
+    """A message with the names that message, nodes and fields have in the file; `signals` are the fields by theirs."""
 
     name: str
     message: DescribedMessage
     senders: Sequence[str]
     receivers: Sequence[str]
-    signals: Sequence[Signal]
+    signals: Mapping[str, DescribedField]
 
     @property
     def identifier(self) -> int:
@@ -76,7 +64,7 @@ class DbcMessage(NamedTuple):
         """Yield the message and its signals."""
         yield f"BO_ {self.identifier} {self.name}: {self.message.length} {next(iter(self.senders), NOBODY)}"
         receivers = ",".join(self.receivers) or NOBODY
-        for name, field in self.signals:
+        for name, field in self.signals.items():
             order, start = _place(self.message, field)
             low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits  # equal ones mean that there are none
             bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
@@ -93,7 +81,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     """Return the DBC file of messages; raises MappingError."""
     nodes: dict[str, str] = {}
     entries = list(_named(messages, nodes))
-    signals = [(each.identifier, signal.name, signal.field) for each in entries for signal in each.signals]
+    signals = [(each.identifier, name, field) for each in entries for name, field in each.signals.items()]
     parts = [  # in the order of DBC's grammar
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
         *([*each.lines(), ""] for each in entries),
@@ -101,11 +89,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
         [f"BO_TX_BU_ {each.identifier} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
         [*_comments(entries), ""],
-        [
-            *ATTRIBUTES,
-            *(f'BA_ "Protocol" BO_ {each.identifier} {_quoted(each.message.group)};' for each in entries),
-            "",
-        ],
+        [*ATTRIBUTES, ""],
         [
             f"VAL_ {id_} {name} {' '.join(f'{raw} {_quoted(text)}' for raw, text in field.named.items())} ;"
             for id_, name, field in signals
@@ -134,23 +118,17 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
             each,
             [nodes[node] for node in each.senders],
             [nodes[node] for node in each.receivers],
-            [Signal(of_signals.new(field.name), field) for field in each.fields],
+            {of_signals.new(field.name): field for field in each.fields},
         )
 
 
 def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
     """Yield comments for what the names cannot say: real names of messages and objects, allowed values."""
     for each in entries:
-        text = ": ".join(filter(None, (each.message.name, each.message.text)))
-        yield from _comment(f"BO_ {each.identifier}", text)
-        for name, field in each.signals:
-            said = "; ".join(filter(None, (", ".join(field.objects), field.allowed)))
-            yield from _comment(f"SG_ {each.identifier} {name}", said)
-
-
-def _comment(of: str, text: str) -> Iterator[str]:
-    if text:
-        yield f"CM_ {of} {_quoted(text)};"
+        said = {f"BO_ {each.identifier}": ": ".join(filter(None, (each.message.name, each.message.text)))}
+        for name, field in each.signals.items():
+            said[f"SG_ {each.identifier} {name}"] = "; ".join(filter(None, (", ".join(field.objects), field.allowed)))
+        yield from (f"CM_ {of} {_quoted(text)};" for of, text in said.items() if text)
 
 
 def _quoted(text: str) -> str:

@@ -10,7 +10,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
-from itertools import count
+from itertools import count, groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,15 +67,9 @@ class DescribedField(NamedTuple):
     @property
     def chunks(self) -> list[Chunk]:
         """The field's bits byte by byte, from its lowest bit."""
-        found: list[Chunk] = []
-        for shift, place in enumerate(self.places):
-            byte, bit = divmod(place, 8)
-            last = found[-1] if found else None
-            if last and (byte, bit) == (last.byte, last.bit + last.bits):
-                found[-1] = last._replace(bits=last.bits + 1)
-            else:
-                found.append(Chunk(byte, bit, shift, 1))
-        return found
+        runs = groupby(enumerate(self.places), key=lambda each: (each[1] // 8, each[1] - each[0]))
+        firsts = ((*next(run), 1 + sum(1 for _ in run)) for _, run in runs)
+        return [Chunk(place // 8, place % 8, shift, bits) for shift, place, bits in firsts]
 
 
 class DescribedMessage(NamedTuple):
@@ -91,7 +85,6 @@ class DescribedMessage(NamedTuple):
     senders: Sequence[str]
     receivers: Sequence[str]
     text: str
-    group: str
     fields: Sequence[DescribedField]
     file: Path
     mapping_index: int
@@ -106,25 +99,27 @@ def described(protocol: Protocol) -> list[DescribedMessage]:
     """Return all messages, most urgent first; raises LocalError if there is none."""
     if not protocol.bindings:
         raise LocalError("no messages: none of the loaded files has a valid PDO")
-    found = []
-    for binding in protocol.bindings:
-        text = " ".join((inspect.getdoc(binding.type) or "").split())
-        message = DescribedMessage(
-            name=binding.name,
-            cob_id=binding.cob_id,
-            length=binding.layout.length,
-            shortest=binding.lengths[0],
-            senders=binding.senders,
-            receivers=binding.receivers,
-            # Python gives a named tuple without a docstring of its own `Name(x, y)`.
-            text="" if text.startswith(f"{binding.type.__name__}(") else text,
-            group=binding.group,
-            fields=list(_fields(binding)),
-            file=binding.file,
-            mapping_index=binding.pdo.mapping_index,
-        )
-        found.append(message)
-    return found
+    return [_described(each) for each in protocol.bindings]
+
+
+def _described(binding: Binding) -> DescribedMessage:
+    text = " ".join((inspect.getdoc(binding.type) or "").split())
+    return DescribedMessage(
+        name=binding.name,
+        cob_id=binding.cob_id,
+        length=binding.layout.length,
+        shortest=binding.lengths[0],
+        senders=binding.senders,
+        receivers=binding.receivers,
+        # Python gives a named tuple without a docstring of its own `Name(x, y)`.
+        text="" if text.startswith(f"{binding.type.__name__}(") else text,
+        fields=list(_fields(binding)),
+        file=binding.file,
+        mapping_index=binding.pdo.mapping_index,
+    )
+
+
+NUMERALS = {True: Numeral.SIGNED, False: Numeral.UNSIGNED}
 
 
 def _fields(binding: Binding) -> Iterator[DescribedField]:
@@ -136,7 +131,7 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
         yield DescribedField(
             name=name,
             width=binding.layout.widths[name],
-            numeral=numeral(binding, name),
+            numeral=Numeral.REAL if isinstance(kind, Real) else NUMERALS[name in binding.layout.signed],
             limits=kind.measured(limits),
             unit=kind.raw_unit,
             allowed=kind.allowed(limits),
@@ -146,13 +141,6 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
             unknown=kind.unknown_as_a_whole,
             objects=objects[name],
         )
-
-
-def numeral(binding: Binding, field: str) -> Numeral:
-    """Return the kind of number in a field's bits."""
-    if isinstance(binding.kinds[field], Real):
-        return Numeral.REAL
-    return Numeral.SIGNED if field in binding.layout.signed else Numeral.UNSIGNED
 
 
 # Names and texts of files, made fit for other languages

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
@@ -243,13 +244,9 @@ def _message(message: DescribedMessage) -> Iterator[DocBlock]:
     head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
     rows = []
     for field in message.fields:
-        runs: list[list[int]] = []  # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one
-        for place in field.places:
-            if runs and place == runs[-1][-1] + 1:
-                runs[-1].append(place)
-            else:
-                runs.append([place])
-        ends = (dict.fromkeys((run[0], run[-1])) for run in runs)
+        # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one run.
+        runs = (list(run) for _, run in groupby(enumerate(field.places), key=lambda each: each[1] - each[0]))
+        ends = (dict.fromkeys((run[0][1], run[-1][1])) for run in runs)
         bits = ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in run) for run in ends)
         limits = "" if field.numeral is Numeral.REAL else f"{field.limits.low}..{field.limits.high}"
         named = ", ".join(f"{raw} {name}" for raw, name in field.named.items())

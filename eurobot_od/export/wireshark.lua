@@ -1,3 +1,10 @@
+-- Wireshark takes all fields of a protocol at once, as one list.
+local PROTO_FIELDS = {}
+for _, message in pairs(MESSAGES) do
+    for _, field in ipairs(message.fields) do PROTO_FIELDS[#PROTO_FIELDS + 1] = field.proto end
+end
+network.fields = PROTO_FIELDS
+
 -- What is the same for every network: raw values out of the bytes, numbers out of raw values, items in the tree.
 -- A raw value is kept in two halves of 32 bits, as a number of Lua 5.2 holds 53 bits.
 

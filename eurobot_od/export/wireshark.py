@@ -67,13 +67,6 @@ def _table(messages: list[DescribedMessage], short: str) -> Iterator[str]:
         yield ""
         yield from _message(each, f"{short}.{of_messages.new(each.name).lower()}")
     yield ""
-    # Wireshark takes all fields of a protocol at once, as one list.
-    yield "local PROTO_FIELDS = {}"
-    yield "for _, message in pairs(MESSAGES) do"
-    yield "    for _, field in ipairs(message.fields) do PROTO_FIELDS[#PROTO_FIELDS + 1] = field.proto end"
-    yield "end"
-    yield "network.fields = PROTO_FIELDS"
-    yield ""
 
 
 def _message(message: DescribedMessage, filters: str) -> Iterator[str]:

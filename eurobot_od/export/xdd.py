@@ -71,6 +71,11 @@ def _element(tag: str, attributes: Mapping[str, str | None], *children: Element,
     return made
 
 
+def _texts(texts: Mapping[str, str | None]) -> list[Element]:
+    """Return an element for each text."""
+    return [_element(tag, {}, text=text) for tag, text in texts.items()]
+
+
 def _boolean(flag: bool) -> str:
     return "true" if flag else "false"
 
@@ -113,15 +118,10 @@ class _XddWriter:
     # Profiles
 
     def _profile(self, class_id: str, title: str, content: list[Element]) -> Element:
-        reference = (("ISO15745Part", "1"), ("ISO15745Edition", "1"), ("ProfileTechnology", "CANopen"))
-        head = (
-            _element("ProfileIdentification", {}, text=title),
-            _element("ProfileRevision", {}, text="1.1"),
-            _element("ProfileName", {}),
-            _element("ProfileSource", {}),
-            _element("ProfileClassID", {}, text=class_id),
-            _element("ISO15745Reference", {}, *(_element(tag, {}, text=text) for tag, text in reference)),
-        )
+        unnamed = dict.fromkeys(("ProfileName", "ProfileSource"))
+        named = {"ProfileIdentification": title, "ProfileRevision": "1.1", **unnamed, "ProfileClassID": class_id}
+        reference = _texts({"ISO15745Part": "1", "ISO15745Edition": "1", "ProfileTechnology": "CANopen"})
+        head = [*_texts(named), _element("ISO15745Reference", {}, *reference)]
         body = {"xsi:type": f"co:ProfileBody_{class_id}_CANopen", "formatName": "CANopen", "formatVersion": "1.0"}
         # As CiA 306 writes them: `11-23-2013`, `09:45PM`.
         day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
@@ -143,14 +143,14 @@ class _XddWriter:
 
     def _device_parts(self) -> list[Element]:
         # Numbers are decimal: CANopenEditor reads no others here.
-        texts = (
-            ("vendorName", self._file("deviceinfo", "vendorname")),
-            ("vendorID", str(self._info("vendornumber"))),
-            ("productName", self._file("deviceinfo", "productname")),
-            ("productID", str(self._info("productnumber"))),
-            ("orderNumber", self._file("deviceinfo", "ordercode")),
-        )
-        identity = _element("co:DeviceIdentity", {}, *(_element(f"co:{tag}", {}, text=text) for tag, text in texts))
+        texts = {
+            "co:vendorName": self._file("deviceinfo", "vendorname"),
+            "co:vendorID": str(self._info("vendornumber")),
+            "co:productName": self._file("deviceinfo", "productname"),
+            "co:productID": str(self._info("productnumber")),
+            "co:orderNumber": self._file("deviceinfo", "ordercode"),
+        }
+        identity = _element("co:DeviceIdentity", {}, *_texts(texts))
         # The schema requires at least one characteristic: the name of the source file.
         about = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._dictionary.file.name))
         parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in about)

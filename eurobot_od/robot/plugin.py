@@ -11,7 +11,7 @@ from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od.od import Dialects
 from eurobot_od.plugin import Command, Faults, Plugin
@@ -23,17 +23,10 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 
-Value = TypeVar("Value")
-
 
 def _imported(module: str, name: str) -> Any:
     """Return something of this package, which is imported when it is asked for first."""
     return getattr(import_module(f"{__package__}.{module}"), name)
-
-
-def _called(module: str, name: str, *arguments: object) -> Any:
-    """Call a function of this package, which is imported then."""
-    return _imported(module, name)(*arguments)
 
 
 def own_robot(
@@ -58,7 +51,7 @@ def own_robot(
         return type(kind.__name__, (kind,), own)
 
     kinds: dict[str, Callable[[], type[Node]]] = {role: partial(speaking, role) for role in ROBOT.nodes}
-    kinds |= {role: partial(_itself, kind) for role, kind in nodes.items()}
+    kinds |= {role: partial(nodes.__getitem__, role) for role in nodes}
 
     @cache
     def faults() -> Faults:
@@ -75,17 +68,13 @@ def own_robot(
     return ROBOT._replace(
         name=name,
         dialects=dialects_here,
-        catalogue=partial(_itself, catalogue),
+        catalogue=lambda: catalogue,
         nodes=kinds,
         faults=faults,
         suites=home / "checks",
         table=home / "eds" / "protocol.yaml",
         folder=home,
     )
-
-
-def _itself(value: Value) -> Value:
-    return value
 
 
 COMMANDS = {
@@ -104,9 +93,9 @@ ROBOT = Plugin(
     },
     faults=partial(_imported, "faults", "FAULTS"),
     suites=HERE / "check" / "suites",
-    partners=partial(_called, "check", "partners"),
+    partners=lambda *nodes: _imported("check", "partners")(*nodes),
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
-    drawings=partial(_called, "scene.files", "drawings"),
+    drawings=lambda protocol: _imported("scene.files", "drawings")(protocol),
     reports=partial(_imported, "season", "REPORTS"),
     watchers=lambda: (_imported("check.diagnosis", "EurobotWatcher"),),
     stage=partial(_imported, "commands.node", "NodeOptions"),

@@ -10,7 +10,7 @@ from eurobot_od.check.values import LONGEST_NOTATION, FieldValues, NotSaved, Sca
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity
-from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
+from eurobot_od.robot.model.messages import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source
 from tests.rows import rows
 

@@ -218,7 +218,6 @@ def test_no_line_of_a_drivers_log_stands_before_the_error() -> None:
     [
         (["drive", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["drive", "--team", "red"], 2, "--team is for the core, not for the drive"),
-        (["core", "--beacons"], 2, "--beacons is for the navigation, not for the core"),
         (["drive", "--store", "README.md"], 2, "README.md: "),
         (["drive", "-i", "nosuch"], 3, "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
         (["drive", "-i", "socketcan", "-c", "nosuch0"], 3, "cannot open the socketcan bus nosuch0: "),

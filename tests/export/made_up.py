@@ -146,9 +146,7 @@ def _renamed(message: DescribedMessage, name: str) -> DescribedMessage:
     named = {0: name, 1: name}
     fields = [each._replace(name=name, unit=name, allowed=name, named=named) for each in message.fields]
     file = Path('* ]] --[[ ".eds')
-    return message._replace(
-        name=name, fields=fields, senders=[name, "a"], receivers=[name], text=name, group=name, file=file
-    )
+    return message._replace(name=name, fields=fields, senders=[name, "a"], receivers=[name], text=name, file=file)
 
 
 def many() -> list[DescribedMessage]:

@@ -11,7 +11,7 @@ import pytest
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import REAL32, Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity, Real
-from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
+from eurobot_od.robot.model.messages import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source, TeamColour
 from tests.rows import rows
 

@@ -22,15 +22,6 @@ HEARS_WITHIN = 0.05
 STANDS = 20
 """Millimetres by which two measured positions of a robot that stands may differ."""
 
-SOURCES = {
-    messages.NaviPositionResponse: Source.INTERNAL,
-    messages.KalmanPositionResponse: Source.INTERNAL,
-    messages.ConfederatePositionResponse: Source.CONFEDERATE,
-    messages.Enemy1PositionResponse: Source.ENEMY_1,
-    messages.Enemy2PositionResponse: Source.ENEMY_2,
-}
-"""Whose position each message has (document, Table 2)."""
-
 
 class EurobotRule(IncidentRule):
     """The rules for the robot of 2014."""
@@ -71,11 +62,12 @@ class EurobotWatcher(Watcher):
             is_under_way = bool(message.time) and not isinstance(message.time, GotoFault | OutOfRange)
             if self._stop and is_under_way and time - self._stop[0] > HEARS_WITHIN:
                 self._not_obeyed(time, meaning, f"says that {message.time} ms of its goto remain")
-        elif type(message) in SOURCES:
+        elif isinstance(message, messages.PositionResponse):
             self._position(time, meaning, message)
 
-    def _position(self, time: float, meaning: Meaning, message: object) -> None:
-        x, y, source, wanted = (*(getattr(message, each) for each in ("x", "y", "source")), SOURCES[type(message)])  # type: ignore[index]
+    def _position(self, time: float, meaning: Meaning, message: messages.PositionResponse) -> None:
+        x, y, _, source = message
+        wanted = messages.SOURCES[type(message)]
         if isinstance(source, Source) and source is not wanted:
             text = f"{meaning.name} comes from {source.name.lower()}, not from {wanted.name.lower()}".replace("_", " ")
             self.bus.found(EurobotRule.POSITION_SOURCE, meaning.sender, text, meaning.name)

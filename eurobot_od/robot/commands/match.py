@@ -26,12 +26,14 @@ from eurobot_od.robot.match import MatchEvent, stage
 from eurobot_od.robot.match.referee import StrategyFiles
 from eurobot_od.robot.model.options import UNITS, Errors, MatchOptions
 from eurobot_od.robot.world import World
-from eurobot_od.support.files import check_writable
+from eurobot_od.support.files import check_writable, write_whole
 from eurobot_od.support.progress import folded, in_colour
 from eurobot_od.traffic.recorder import END, GO_ON, recording
 
 if TYPE_CHECKING:
     import can
+
+    from eurobot_od.robot.scene.files import SeenMatch
 
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
@@ -307,7 +309,6 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
 
 def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
-    from eurobot_od.robot.match.referee import StrategyFiles
     from eurobot_od.robot.match.seeds import compared, farthest_apart, picture_of, play_many
 
     asked.refuse(("speed", "seed", "strategy", "log", *OF_A_BUS), "does not go with --compare")
@@ -338,21 +339,21 @@ def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     return ExitStatus.FOUND if any(match.wrong for matches in played.values() for match in matches) else ExitStatus.FINE
 
 
-def _append(frames: list[tuple[float, Frame]], time: float, frame: Frame) -> None:
-    frames.append((time, frame))
+def _seen(options: MatchOptions, strategies: StrategyFiles) -> SeenMatch:
+    from eurobot_od.robot.scene.files import seen_match
+
+    frames: list[tuple[float, Frame]] = []
+    with redirect_stdout(sys.stderr):
+        _, world = stage.play_simulated(
+            options, lambda _: None, lambda *frame: frames.append(frame), None, *strategies.load()
+        )
+    return seen_match(frames, options, world)
 
 
 def _draw_side_by_side(asked: AskedMatch, options: MatchOptions) -> None:
     """Play a seed once more with each strategy, which gives the same frames, and write the page with all of them."""
-    from eurobot_od.robot.scene.files import seen_match, side_by_side
-    from eurobot_od.support.files import write_whole
+    from eurobot_od.robot.scene.files import side_by_side
 
-    matches = {}
-    for file in asked.compare:
-        seen: list[tuple[float, Frame]] = []
-        watch, players = partial(_append, seen), StrategyFiles(file, asked.against).load()
-        with redirect_stdout(sys.stderr):
-            _, world = stage.play_simulated(options, lambda _: None, watch, None, *players)
-        matches[file.stem] = seen_match(seen, options, world)
     assert asked.field is not None
+    matches = {file.stem: _seen(options, StrategyFiles(file, asked.against)) for file in asked.compare}
     write_whole(asked.field, side_by_side(matches, f"Match, seed {options.seed}"))

@@ -22,8 +22,14 @@ FILES = Path(__file__).parents[1] / "new_robot"
 
 SUFFIX = ".new"
 
-OF_PACKAGE = ("pyproject.toml", "eurobot-od.yaml", "__init__.py")
+OF_PACKAGE = ("pyproject.toml",)
 """Files of a package, which pip installs."""
+
+OF_ONE_LINE = {
+    "__init__.py": '"""NAME, a robot for eurobot-od."""\n',
+    "eurobot-od.yaml": "robot: PACKAGE  # an installed robot: commands here are about it, also beside others\n",
+}
+"""More files of a package."""
 
 OF_FOLDER = ("conftest.py",)
 """Files of a folder, which `--robot` names."""
@@ -100,14 +106,15 @@ def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, s
         "SETUP": "pip install -e ." if package else 'export EUROBOT_OD_ROBOT="$PWD"',
         "NAME": name,
     }
-    for file in sorted(FILES.rglob(f"*{SUFFIX}")):
-        path = file.relative_to(FILES).as_posix().removesuffix(SUFFIX)
-        if path in (OF_FOLDER if package else OF_PACKAGE):
+    there = {file.relative_to(FILES).as_posix().removesuffix(SUFFIX): file for file in FILES.rglob(f"*{SUFFIX}")}
+    templates = {path: file.read_text(encoding="utf-8") for path, file in there.items()} | OF_ONE_LINE
+    for path, template in sorted(templates.items()):
+        if path in (OF_FOLDER if package else (*OF_PACKAGE, *OF_ONE_LINE)):
             continue
-        text = re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], file.read_text(encoding="utf-8"))
+        text = re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], template)
         yield at_root.get(path, f"{inside}{path}"), text
-        if file.stem == "protocol.yaml":
-            made = make_files(read_table(text, file, plugin.table_of))
+        if path == "eds/protocol.yaml":
+            made = make_files(read_table(text, there[path], plugin.table_of))
             yield from ((f"{inside}eds/{path}", content) for path, content in made.items())
     facts = table.with_name("robot.yaml") if table else None
     if facts and facts.is_file():

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from eurobot_od.robot.match.referee import Strategy
     from eurobot_od.robot.world.server import RemoteVehicle
 
-ONLY = {"team": "core", "drill": "core", "strategy": "core", "beacons": "navigation"}
-"""Options that make sense for one node only."""
+OF_THE_CORE = ("team", "drill", "strategy")
+"""Options that make sense for the core only."""
 
-APART = (("world", "beacons"), ("strategy", "team"), ("strategy", "drill"))
+APART = (("strategy", "team"), ("strategy", "drill"))
 """Options that do not go together."""
 
 SHIPPED = "shipped"
@@ -47,23 +47,21 @@ class NodeOptions:
 
     team: core only: check the nodes and configure the start
     drill: core only: do what the core does when it is checked
-    beacons: navigation only: simulated beacons for a red robot
     world: wheels, beacons, sensor in `world`
     strategy: core in a world: play a match by a strategy file, or `shipped`, then end; --duration: the match's
     """
 
     team: TeamColour | None = None
     drill: bool = False
-    beacons: bool = False
     world: Annotated[WorldAddress | None, Option(metavar="[TOKEN@]HOST:PORT", read=WorldAddress.parse)] = None
     strategy: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None
 
     def check(self, role: str) -> None:
         """Raise LocalError for options that do not fit a node, or each other."""
         spoken = f"the {role}" if role else "devices that do not belong to the robot"
-        for option, only in ONLY.items():
-            if self._has(option) and role != only:
-                raise LocalError(f"--{option} is for the {only}, not for {spoken}")
+        for option in OF_THE_CORE:
+            if self._has(option) and role != "core":
+                raise LocalError(f"--{option} is for the core, not for {spoken}")
         if self.world and not role:
             raise LocalError(f"--world is for the robot's nodes, not for {spoken}")
         for one, other in APART:
@@ -104,10 +102,6 @@ class NodeScene:
     def play(self, live: Live) -> ExitStatus | None:
         """Do what a core does by the options; None if the node is to go on. Raises BusError, NoAnswer."""
         end = inf if self.run.duration is None else live.clock() + self.run.duration
-        if self.options.beacons:
-            from eurobot_od.robot.world.world import assemble
-
-            assemble([self.node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
         if not isinstance(self.node, Core):
             return None
         if self.strategy and self.world:
@@ -140,14 +134,14 @@ def _play(
     """Play the match; status 1 if the strategy raised."""
     from eurobot_od.bus.live import FrameReader
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot.match.stage import Led
+    from eurobot_od.robot.match.stage import play_led
     from eurobot_od.robot.match.summary import FrameCounter
 
     counter = FrameCounter(Protocol.of_devices(run.robot.dialects.load_all(run.dialect), run.robot.catalogue()))
     # A second participant of the bus, as the core's own driver does not hear what it sends itself.
     watch = FrameReader(run.open_bus(), lambda _, frame: counter.count(frame), live.clock, opener=run.open_bus)
     with watch:
-        summary = Led(live, core, vehicle, partial(print, flush=True)).play(options, strategy, counter)
+        summary = play_led(live, core, vehicle, options, strategy, counter, partial(print, flush=True))
     print(f"\n{summary}", flush=True)
     return status_of(summary)
 

@@ -78,7 +78,7 @@ def world(
     # 127.0.0.1 is reached only by programs of this machine; any other address by the whole network.
     if not where.token and not is_local(where.address.host):
         where = where._replace(token=secrets.token_hex(TOKEN_BYTES))
-    channel = Channel(truth, {OURS: options}, where.token)
+    channel = Channel(truth, options, where.token)
 
     def show(event: MatchEvent) -> None:
         print(json.dumps(event.as_data()) if as_json else event, flush=True)

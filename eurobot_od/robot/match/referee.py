@@ -19,7 +19,6 @@ from inspect import iscoroutinefunction, signature
 from math import ceil, inf
 from pathlib import Path
 from threading import get_ident
-from types import FrameType
 from typing import Any, NamedTuple, TypeAlias, cast
 
 from eurobot_od.bus.live.event_loop import Hang, Terminated, caller, exited
@@ -148,19 +147,15 @@ PLACE = re.compile(r'^  File "(.+)", line ([0-9]+)', re.MULTILINE)
 """File and line of a call in a traceback."""
 
 
-def _is_foreign(file: str) -> bool:
+def is_foreign(file: str) -> bool:
+    """Whether a file is a team's own."""
     return not file.startswith("<") and PACKAGE not in Path(file).resolve().parents
-
-
-def is_foreign(frame: FrameType) -> bool:
-    """Whether a call is in a team's own file."""
-    return _is_foreign(frame.f_code.co_filename)
 
 
 def _last_lines(error: BaseException) -> str:
     """Return the end of a traceback, without calls in this package or generated code, unless there are no others."""
     told = traceback.TracebackException.from_exception(error)
-    foreign = [frame for frame in told.stack if frame.line and _is_foreign(frame.filename)]
+    foreign = [frame for frame in told.stack if frame.line and is_foreign(frame.filename)]
     told.stack = traceback.StackSummary.from_list(foreign or told.stack)
     lines = "".join(told.format()).strip().splitlines()
     return "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])

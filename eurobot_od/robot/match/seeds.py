@@ -327,24 +327,6 @@ LOWEST = 3
 """Number of seeds with the fewest points that are worth a look as well."""
 
 
-class EndingCount(NamedTuple):
-    """A way for gotos to end: in how many matches, and for how many gotos."""
-
-    name: str
-    matches: int
-    gotos: int
-
-
-class TouchCount(NamedTuple):
-    """What was touched: in how many matches, how often, how often we drove into it, and how often it drove into us."""
-
-    name: str
-    matches: int
-    touches: int
-    at_fault: int
-    driven_into: int
-
-
 class Figure(NamedTuple):
     """A figure whose spread a team wants to know: one for each match, or for each of its arrivals."""
 
@@ -356,10 +338,10 @@ class Figure(NamedTuple):
         """Return a line of the table; None is for a figure that no match has."""
         if spread is None:
             return f"{self.name:<22} {'none':>8}"
-        quartiles = (spread.lower, spread.median, spread.upper)
-        least, *middle, most = (f"{each:8.{self.decimals}f}" for each in (spread.least, *quartiles, spread.most))
+        (least, at_least), (most, at_most) = spread.least, spread.most
+        low, *middle, high = (f"{each:8.{self.decimals}f}" for each in (least, *spread.quartiles, most))
         mean = f"{spread.mean:8.{max(self.decimals, 1)}f}"
-        return f"{self.name:<22} {mean} {least} {spread.least_seed:>6} {' '.join(middle)} {most} {spread.most_seed:>6}"
+        return f"{self.name:<22} {mean} {low} {at_least:>6} {' '.join(middle)} {high} {at_most:>6}"
 
 
 def _once(figure: Callable[[PlayedMatch, Summary], float]) -> Callable[[PlayedMatch], Iterable[float]]:
@@ -383,45 +365,39 @@ FIGURES = (
 
 
 class Spread(NamedTuple):
-    """Mean, least, quartiles and greatest of a figure, and the first seeds with the extremes."""
+    """Mean, quartiles, least and greatest of a figure, and the first seeds with the extremes."""
 
     mean: float
-    least: float
-    least_seed: int
-    lower: float
-    median: float
-    upper: float
-    most: float
-    most_seed: int
+    least: tuple[float, int]
+    quartiles: list[float]
+    most: tuple[float, int]
 
 
-def endings(matches: Sequence[PlayedMatch]) -> list[EndingCount]:
-    """Count how gotos ended: those that arrived, those whose end nobody wanted, then every other way to end."""
+def endings(matches: Sequence[PlayedMatch]) -> list[tuple[str, int, int]]:
+    """Count how gotos ended: those that arrived, those whose end nobody wanted, then every other way to end.
+
+    Each way has its name, in how many matches it came, and for how many gotos.
+    """
     ends = [[goto.end for goto in match.gotos] for match in matches]
     gotos, in_matches = Counter(chain(*ends)), Counter(chain(*map(set, ends)))
     names = [ARRIVED, *UNMEANT, *sorted(gotos.keys() - {ARRIVED, *UNMEANT})]
-    return [EndingCount(name, in_matches[name], gotos[name]) for name in names]
+    return [(name, in_matches[name], gotos[name]) for name in names]
 
 
 FORCED = "forced barrier"
 
 
-def touch_counts(matches: Iterable[PlayedMatch]) -> list[TouchCount]:
-    """Count what was touched, and by whose fault; a barrier flagged as forced counts only as that."""
-    found: dict[str, list[tuple[int, RobotTouch]]] = {name: [] for name in (FORCED, *(kind.value for kind in Touched))}
-    for match in matches:
-        for touch in match.touches:
-            found[FORCED if touch.forced else touch.kind.value].append((match.seed, touch))
-    return [
-        TouchCount(
-            name,
-            len({seed for seed, _ in touches}),
-            len(touches),
-            sum(each.at_fault for _, each in touches),
-            sum(each.driven_into for _, each in touches),
-        )
-        for name, touches in found.items()
-    ]
+def touch_counts(matches: Iterable[PlayedMatch]) -> Iterator[tuple[str, int, int, int, int]]:
+    """Count what was touched, and by whose fault; a barrier flagged as forced counts only as that.
+
+    Each kind of thing has its name, in how many matches it was touched, how often, how often we drove into it, and how
+    often it drove into us.
+    """
+    found = [(match.seed, touch) for match in matches for touch in match.touches]
+    for name in (FORCED, *(kind.value for kind in Touched)):
+        own = [(seed, each) for seed, each in found if name == (FORCED if each.forced else each.kind.value)]
+        at_fault, driven_into = (sum(getattr(each, whose) for _, each in own) for whose in ("at_fault", "driven_into"))
+        yield name, len({seed for seed, _ in own}), len(own), at_fault, driven_into
 
 
 def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
@@ -431,9 +407,8 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
         return None
     values = [value for value, _ in pairs]
     # Inclusive: the seeds are everything that was played, and the extremes are among them.
-    lower, median, upper = quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
-    least, most = min(pairs, key=itemgetter(0)), max(pairs, key=itemgetter(0))
-    return Spread(fmean(values), *least, lower, median, upper, *most)
+    quartiles = quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
+    return Spread(fmean(values), min(pairs, key=itemgetter(0)), quartiles, max(pairs, key=itemgetter(0)))
 
 
 # In words
@@ -444,12 +419,12 @@ NO_TASKS = "no task was done in any match: `await core.act(task)` does one of th
 def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]:
     """Yield lines that sum up the matches, at least one; `marks` are the characters of the histogram."""
     yield f"{'gotos':<30} {'matches':>8} {'gotos':>8}"
-    for ending in endings(matches):
-        yield f"{ending.name:<30} {ending.matches:>8} {ending.gotos:>8}"
+    for end, in_matches, gotos in endings(matches):
+        yield f"{end:<30} {in_matches:>8} {gotos:>8}"
     yield ""
     yield f"{'touched':<21} {'matches':>8} {'touches':>8} {'our fault':>10} {'driven into':>12}"
-    for row in touch_counts(matches):
-        yield f"{row.name:<21} {row.matches:>8} {row.touches:>8} {row.at_fault:>10} {row.driven_into:>12}"
+    for thing, in_matches, touches, at_fault, driven_into in touch_counts(matches):
+        yield f"{thing:<21} {in_matches:>8} {touches:>8} {at_fault:>10} {driven_into:>12}"
     yield ""
     headings = f"{'mean':>8} {'least':>8} {'seed':>6} {'25 %':>8} {'median':>8} {'75 %':>8} {'most':>8} {'seed':>6}"
     yield f"{'':<22} {headings}"

@@ -20,9 +20,8 @@ import can
 
 from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
-from eurobot_od.bus.live import BITRATE, Live
+from eurobot_od.bus.live import Live
 from eurobot_od.bus.live.event_loop import EndedBySigterm, Watchdog, apart, passing, run, run_in, watched_loop
-from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated import loop as simulated_loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time
 from eurobot_od.device.objects import MemoryStore
@@ -132,7 +131,7 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
 
 
 class Performance:
-    """A match of one robot, ready to be played with any clock and bus: its nodes, its observers and counters.
+    """A match of one robot, ready to be played with any clock and bus: its nodes, referee, observers and counters.
 
     Raises LocalError for contradictory options.
     """
@@ -150,14 +149,9 @@ class Performance:
         core, self.nodes = cast_for(options, files, world, name)
         self._counter, self._timeline = FrameCounter(files.protocol), Timeline(world.clock, show)
         self._observer = Observer(core, self._timeline, self._truth)
-        self._referee = Referee(core, options, self._timeline, self._truth)
+        self.referee = Referee(core, options, self._timeline, self._truth)
         self._watch = watch
         world.watchers.append(self._tell_touch)
-
-    @property
-    def failure(self) -> str | None:
-        """The last lines of the traceback if the strategy raised."""
-        return self._referee.failure
 
     def _truth(self) -> Pose:
         return self._world.robots[self.name].pose
@@ -177,7 +171,7 @@ class Performance:
         where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self._dialect}"
         self._timeline.tell(EventKind.START, f"{who} at {where}")
         await asyncio.sleep(POWER_UP)
-        await self._referee.play(strategy)
+        await self.referee.play(strategy)
 
     def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> Summary:
         """Return the summary of the match, `seconds` after power-on."""
@@ -189,7 +183,7 @@ class Performance:
             points={self.name: self._world.game.points(self.name)},
             touches=counts(touches),
             at_fault=sum(touch.at_fault for touch in touches),
-            failure=self.failure,
+            failure=self.referee.failure,
         )
 
 
@@ -232,7 +226,7 @@ def play_simulated(
         simulated_loop.run(clock, _together(plays))
     summary = match.result(clock.now, bitrate, networks[0].reports)
     points = {side.name: world.game.points(side.name) for side in sides}
-    failures = [side.failure for side in sides if side.failure] or [watchdog.hang]
+    failures = [each.referee.failure for each in sides if each.referee.failure] or [watchdog.hang]
     return replace(summary, points=points, failure="\n".join(failures) or None), world
 
 
@@ -252,7 +246,7 @@ def blame(report: Report, nodes: Iterable[Node]) -> str:
         return ""
     # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.
     at = next((place_of(type(each)) for each in nodes if each.name == report.name), report.name)
-    return f"{report.name}: {complaint(report.error, at, is_foreign)}"
+    return f"{report.name}: {complaint(report.error, at, lambda frame: is_foreign(frame.f_code.co_filename))}"
 
 
 def _rival(options: MatchOptions) -> MatchOptions:
@@ -319,36 +313,36 @@ LOOKS = 0.1
 """Seconds between two checks whether the bus has failed."""
 
 
-class Led:
-    """A core running on a bus, with the truth about its robot from the world; `show` gets the timeline."""
+def play_led(
+    live: Live,
+    core: Core,
+    vehicle: RemoteVehicle,
+    options: MatchOptions,
+    strategy: Strategy,
+    counter: FrameCounter,
+    show: ShowEvent,
+) -> Summary:
+    """Play a match from the node checks to its end, with a core running on a bus, and the truth from the world.
 
-    def __init__(self, live: Live, core: Core, vehicle: RemoteVehicle, show: Callable[[MatchEvent], None]) -> None:
-        begin = live.clock()
-        self._live, self._core, self._vehicle = live, core, vehicle
-        self._points: dict[str, int] = {}
-        self._timeline = Timeline(lambda: live.clock() - begin, show)
+    `counter` counts the frames. An arrival for which the world did not answer has no position error. Raises BusError,
+    NoAnswer.
+    """
+    begin, points = live.clock(), dict[str, int]()
 
-    def play(self, options: MatchOptions, strategy: Strategy, counter: FrameCounter) -> Summary:
-        """Play a match from the node checks to its end.
-
-        `counter` counts the frames. An arrival for which the world did not answer has no position error. Raises
-        BusError, NoAnswer.
-        """
-        observer = Observer(self._core, self._timeline, self._truth)
-        referee = Referee(self._core, options, self._timeline, self._truth)
-        run(_as_long_as_it_runs(self._live, referee.play(strategy)))
-        self._truth()  # the points at the end, unless the world has gone
-        errors = [error for error in observer.errors if not isnan(error)]
-        summary = counter.summary(self._timeline.clock(), BITRATE)
-        return replace(summary, errors=errors, points=self._points, failure=referee.failure)
-
-    def _truth(self) -> Pose:
+    def truth() -> Pose:
         try:
-            truth = self._vehicle.truth()
+            seen = vehicle.truth()
         except WorldError:
             return NOWHERE
-        self._points = {OURS: truth.points}
-        return truth.pose
+        points[OURS] = seen.points
+        return seen.pose
+
+    timeline = Timeline(lambda: live.clock() - begin, show)
+    observer, referee = Observer(core, timeline, truth), Referee(core, options, timeline, truth)
+    run(_as_long_as_it_runs(live, referee.play(strategy)))
+    truth()  # the points at the end, unless the world has gone
+    summary, errors = counter.summary(timeline.clock(), runtime.BITRATE), [x for x in observer.errors if not isnan(x)]
+    return replace(summary, errors=errors, points=points, failure=referee.failure)
 
 
 async def _as_long_as_it_runs(live: Live, playing: Coroutine[Any, Any, None]) -> None:
@@ -418,7 +412,7 @@ def _rehearse(
         network.run(POWER_UP)
         with Watchdog(passing(lambda: network.now), partial(print, file=sys.stderr)) as watchdog:
             try:
-                result = loop.run(network, strategy(core))
+                result = simulated_loop.run(network, strategy(core))
             except BaseException:
                 # As on the robot: however a program ends, the drive is stopped, and gets the time it needs.
                 if core.leave() is not None:

@@ -113,11 +113,6 @@ KINDS = {each.value: each for each in Touched} | dict.fromkeys(("ours", "enemy",
 """The kinds of things, by the first words of their names."""
 
 
-def kind_of(thing: str) -> Touched:
-    """Return the kind of a thing by its name: `fire 2`, `border`, `enemy 1`."""
-    return KINDS.get(thing.partition(" ")[0], Touched.OTHER)
-
-
 class RobotTouch(NamedTuple):
     """A touch from the side of one of the two: when, in seconds, what it touched, who drove into whom.
 
@@ -133,8 +128,8 @@ class RobotTouch(NamedTuple):
 
     @property
     def kind(self) -> Touched:
-        """What kind of thing it is."""
-        return kind_of(self.thing)
+        """What kind of thing it is, by its name: `fire 2`, `border`, `enemy 1`."""
+        return KINDS.get(self.thing.partition(" ")[0], Touched.OTHER)
 
     @property
     def is_wrong(self) -> bool:

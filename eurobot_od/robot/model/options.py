@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od import plugin
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support.connections import Address, parse
@@ -52,25 +54,22 @@ class Errors:
     """Rate of measurements that miss something."""
 
     def changed_by(self, values: Iterable[tuple[str, str]]) -> Errors:
-        """Return a copy with some errors changed, each given by name and value as text; see `changed`."""
-        errors = self
-        for name, text in values:
-            errors = errors.changed(name, text)
-        return errors
+        """Return a copy with some errors changed, each given by name and value as text.
 
-    def changed(self, name: str, text: str) -> Errors:
-        """Return a copy with one error changed; raises UnknownName, LocalError for anything but a number from 0 up."""
-        names = [each.name for each in fields(self)]
-        if name not in names:
-            raise UnknownName("error of the world", name, names)
-        try:
-            value = float(text)
-        except ValueError:
-            value = -1.0
-        # Written so that "nan" fails as well: no comparison with it is true.
-        if not 0.0 <= value < float("inf"):
-            raise LocalError(f"{name}={text}: not a number from 0 on")
-        return replace(self, **{name: value})
+        Raises UnknownName, LocalError for anything but a number from 0 up.
+        """
+        changes: dict[str, float] = {}
+        for name, text in values:
+            if name not in vars(self):
+                raise UnknownName("error of the world", name, vars(self))
+            try:
+                changes[name] = float(text)
+            except ValueError:
+                changes[name] = -1.0
+            # Written so that "nan" fails as well: no comparison with it is true.
+            if not 0.0 <= changes[name] < inf:
+                raise LocalError(f"{name}={text}: not a number from 0 on")
+        return replace(self, **changes)
 
 
 UNITS = {
@@ -139,22 +138,16 @@ class MatchOptions:
     @property
     def of_nodes(self) -> tuple[tuple[str, str], ...]:
         """The settings of our nodes."""
-        from eurobot_od.robot.model import robot_file
-
         return tuple(each for each in self.settings if not robot_file.is_fact(each[0]))
 
 
 def facts_for(eds: Path, settings: Iterable[tuple[str, str]]) -> Facts:
     """Return the facts beside EDS files, changed by the settings that are facts; raises as `robot_file.read`."""
-    from eurobot_od.robot.model import robot_file  # YAML, which `--help` does without
-
     return robot_file.read(robot_file.file_for(eds), [each for each in settings if robot_file.is_fact(each[0])])
 
 
 def facts_given(settings: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
     """Yield settings that must be facts; raises UnknownName for one that is not."""
-    from eurobot_od.robot.model import robot_file
-
     for name, value in settings:
         if not robot_file.is_fact(name):
             raise UnknownName("fact", name.partition(".")[0], robot_file.SECTIONS)

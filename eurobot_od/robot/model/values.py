@@ -82,6 +82,15 @@ class Caption(NamedTuple):
     words: str
 
 
+class Score(NamedTuple):
+    """Points made with a task: when, in s, by whom, which task, how many."""
+
+    time: float
+    robot: str
+    task: str
+    points: int
+
+
 class RobotError(IntEnum):
     """Emergency error codes of the robot's own nodes (CiA 301, Table 26: 0xFF00 and up are the device's)."""
 

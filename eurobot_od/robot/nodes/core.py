@@ -40,9 +40,9 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping
 from functools import partial
 from math import inf
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar, NamedTuple, get_args
 
-from eurobot_od.device.bound import BoundObject, Setting, seconds
+from eurobot_od.device.bound import BoundObject, seconds
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script, Timer, shielded
 from eurobot_od.errors import NoAnswer, StateError
@@ -68,17 +68,14 @@ from eurobot_od.robot.nodes.node import (
     Handlers,
     Loss,
     Objects,
+    Readiness,
 )
 from eurobot_od.support.texts import one_line
 
-POLLED_POSITIONS: tuple[tuple[Message, Setting[float], Source], ...] = (
-    (messages.NaviPositionRequest(), seconds("Position polling.Navi offset"), Source.INTERNAL),
-    (messages.KalmanPositionRequest(), seconds("Position polling.Kalman offset"), Source.INTERNAL),
-    (messages.ConfederatePositionRequest(), seconds("Position polling.Confederate offset"), Source.CONFEDERATE),
-    (messages.Enemy1PositionRequest(), seconds("Position polling.Enemy 1 offset"), Source.ENEMY_1),
-    (messages.Enemy2PositionRequest(), seconds("Position polling.Enemy 2 offset"), Source.ENEMY_2),
-)
-"""What is requested periodically: the request, the setting with its offset, and whose position it is."""
+OFFSETS = {
+    each: seconds(f"Position polling.{each.record.replace('position', 'offset')}") for each in messages.POSITIONS
+}
+"""The setting with the offset at which each position is asked for, again and again."""
 
 SILENCE, QUESTIONS = 2.0, 3
 """In a match, after SILENCE seconds without a word the navigation is asked QUESTIONS times whether it is there: even if
@@ -97,6 +94,12 @@ CALLS: Mapping[type[Message], str] = {
 
 ANSWER_WAIT = 0.5
 """Seconds to answer a message of a team's own, by default."""
+
+
+class _Lost(NamedTuple):
+    """A team's own node was lost: what flows hear that wait for it."""
+
+    node: str
 
 
 class _Ended(Exception):
@@ -131,11 +134,9 @@ class Core(CallingNode, CoreSettings):
         self.observe: Callable[[messages.GotoXY | str, Call[Any]], None] = lambda _what, _call: None
         self.at_match_end: Callable[[], object] = lambda: None
         self.told: list[Callable[[str], object]] = []
-        self._losses: list[Call[str]] = []
         self._forget()
-        for part in self.COMPONENTS.values():
-            if part.confirm is not None:
-                self.on(part.confirm, lambda confirm: self.readiness.confirms.add(type(confirm)))
+        for _, confirm in self.confirming():
+            self.on(confirm, lambda heard: self.readiness.confirms.add(type(heard)))
 
     def _forget(self) -> None:
         self.configuration: messages.StartConfigurationSet | None = None
@@ -147,12 +148,10 @@ class Core(CallingNode, CoreSettings):
         self._standing: Flow[Standstill] | None = None
         self._keeping_on: Flow[Standstill] | None = None
         self._acting: Flow[int] | None = None
-        self._taking_back: Flow[None] | None = None
         self._missing: Flow[None] | None = None
         self._looking: Timer | None = None
         self._stopped: messages.StopMessage | None = None
-        self.readiness = flows.Readiness(self.COMPONENTS)
-        self._absent: dict[str, Flow[None]] = {}
+        self.readiness, self._absent = Readiness(self.parts), {}
         self._lost = ""
         self._twins = Twins()
         self._place: Place | None = None
@@ -168,15 +167,9 @@ class Core(CallingNode, CoreSettings):
         """Give up whatever is going on and forget everything, as after power-on; a goto under way is stopped."""
         driving = self.is_commanding
         super().reset()
-        self._tell_losses(lambda call: call.set_exception(StateError("the core was reset")))
         self._forget()
         if driving:
             self._halt(messages.StopDrive())
-
-    def switched_off(self) -> None:
-        """End all calls, as nobody else would."""
-        super().switched_off()
-        self._tell_losses(lambda call: call.set_exception(StateError(LEAVING)))
 
     @property
     def is_commanding(self) -> bool:
@@ -196,11 +189,6 @@ class Core(CallingNode, CoreSettings):
         """The number of calls that have not ended, without the flows that nobody has called for."""
         return super().open_calls - len(self._absent)
 
-    @property
-    def without(self) -> tuple[str, ...]:
-        """The nodes that the robot does without: the navigation, while it is lost in a match; a team's own."""
-        return (*(("navigation",) if self._taking_back is not None else ()), *sorted(self._absent))
-
     # Calls
 
     def check_nodes(self) -> Call[dict[str, float]]:
@@ -209,7 +197,7 @@ class Core(CallingNode, CoreSettings):
         NoAnswer names the node check that nobody answered: the start is then blocked (document 5.1). DialectMismatch
         names a node that is loaded from the EDS of another dialect. A team's own nodes come after the two.
         """
-        return self.begin(flows.check_nodes(self, self.readiness.checked)).call
+        return self.begin(flows.check_nodes(self)).call
 
     def configure_start(
         self,
@@ -318,11 +306,14 @@ class Core(CallingNode, CoreSettings):
 
     def loss(self) -> Call[str]:
         """Wait for the loss of a team's own node, or its reboot; the result is the node's name (see `COMPONENTS`)."""
-        call: Call[str] = Call()
         with self.guard:
             self.check_present()
-            self._losses.append(call)
-        return call
+            return self.begin(self._await_loss()).call
+
+    def _await_loss(self) -> Script[str]:
+        yield START
+        lost: _Lost = yield Ask(None, _Lost, inf, 1)
+        return lost.node
 
     def obstacle(self) -> Call[Detection | None]:
         """Read the distance sensor: what it sees ahead; None if it sees nothing, or there is no sensor."""
@@ -518,7 +509,7 @@ class Core(CallingNode, CoreSettings):
         asked: float = yield START
         before, self._lost = self._lost, ""  # a node that is lost from here on may not have heard of it
         try:
-            confirmed = yield from flows.configure(self, configuration, self.readiness, self.without)
+            confirmed = yield from flows.configure(self, configuration)
         except BaseException:
             self._lost = self._lost or before
             raise
@@ -529,9 +520,9 @@ class Core(CallingNode, CoreSettings):
         self._polling += 1  # an earlier series of requests ends by itself
         begin = confirmed + self.polling_start_delay
         # With the 2014 robot's offsets, so that not all answers come at once.
-        for request, offset, whom in POLLED_POSITIONS:
-            if configuration.includes(whom):
-                self.at(begin + offset.read(self.setting), partial(self._poll, request, self._polling))
+        for position, offset in OFFSETS.items():
+            if configuration.includes(position.source):
+                self.at(begin + offset.read(self.setting), partial(self._poll, position.request, self._polling))
         return confirmed - asked
 
     def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
@@ -577,13 +568,18 @@ class Core(CallingNode, CoreSettings):
         return GotoReport(goto, end.outcome, confirmed, self.now - started, end.why, self._deviation)
 
     def _ask_deviation(self) -> Script[int | None]:
-        if not self._tells_deviation:
+        """Ask the drive how well it knows its place, mm; None if it does not know, or does not say."""
+        channel = flows.SdoClientParameter.to("drive", self.device)
+        if channel is None or not self._tells_deviation:
             return None
+        address = self.device.dictionary.address(DEVIATION)
         try:
-            return (yield from flows.arrival_deviation(self))
+            answer = yield Ask(channel.ask(address), channel.answer, self.identity_wait, 1)
         except NoAnswer:
             self._tells_deviation = False  # a drive without SDO would cost each goto this wait
             return None
+        deviation = flows.number_in(answer, address)
+        return None if deviation == UNKNOWN else deviation
 
     @property
     def _has_to_recover(self) -> bool:
@@ -593,14 +589,14 @@ class Core(CallingNode, CoreSettings):
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         """Check the nodes again after one was lost, and make sure that the drive knows where it is."""
         self._astray = True
-        yield from flows.check_nodes(self, self.readiness.checked, self.without)
+        yield from flows.check_nodes(self, self.without)
         here = yield from flows.drive_position(self)
         # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
         # its place is left alone.
         if here.x is None or not self.readiness.configured:
             yield from self._configure(configuration)
         else:
-            yield from flows.tell_others(self, configuration, self.without)
+            yield from flows.tell_others(self, configuration)
         self._lost = ""
         yield from self._find_place(configuration, self._place)
 
@@ -627,31 +623,22 @@ class Core(CallingNode, CoreSettings):
     def _miss_navigation(self) -> Script[None]:
         """Ask a navigation that has been silent for long during a match whether it is there."""
         yield START
-        node, request, answer = flows.NODE_CHECKS[1]
         try:
-            yield Ask(request, answer, self.check_wait, QUESTIONS)
+            yield Ask(messages.CheckNaviRequest(), messages.CheckNaviResponse, self.check_wait, QUESTIONS)
             self._heard = self.now
         except NoAnswer:
-            self.readiness.checked.discard(node)
-            self._do_without_navigation("it does not answer")
+            self.readiness.checked.discard("navigation")
+            self._do_without("navigation", "it does not answer")
 
-    def _take_navigation_back(self, configuration: messages.StartConfigurationSet) -> Script[None]:
+    def _take_back(self, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
         try:
-            yield from flows.take_back(self, "navigation", flows.NAVIGATION, configuration, self.readiness.checked)
-        except flows.DialectMismatch as error:
-            self.alarm(str(error))
-            # A navigation with another dialect is of no use: the next goto begins with the checks, which say so.
-            self._lost = str(error)
-        else:
-            self._heard = self.now
-            self.alarm("the navigation is back")
-
-    def _take_part_back(self, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
-        try:
-            yield from flows.take_back(self, node, self.COMPONENTS[node], configuration, self.readiness.checked)
+            yield from flows.take_back(self, node, configuration)
+            self._heard = self.now  # a navigation that is back gets its time to be heard
             self.alarm(f"the {node} is back")
         except flows.DialectMismatch as error:
             self.alarm(str(error))
+            # A node with another dialect is of no use: the next goto begins with the checks, which say so.
+            self._lost = str(error)
         finally:
             self._absent.pop(node, None)
 
@@ -675,7 +662,6 @@ class Core(CallingNode, CoreSettings):
     def _look_away(self) -> None:
         if self._looking is not None:
             self._looking.cancel()
-            self._looking = None
 
     def _read_sensor(self) -> Script[Detection | None]:
         now: float = yield START
@@ -704,12 +690,10 @@ class Core(CallingNode, CoreSettings):
 
     def _end_match(self, _: float) -> None:
         self.match_over = True
-        if self._taking_back is not None:  # no longer asked for: the next goto recovers it first
+        if "navigation" in self._absent:  # no longer asked for: the next goto recovers it first
             self._lost = "the navigation is lost"
-            self.end(self._taking_back, StateError(MATCH_OVER))
-        for flow in [*self._absent.values()]:
+        for flow in (*self._absent.values(), self._acting):
             self.end(flow, StateError(MATCH_OVER))
-        self.end(self._acting, StateError(MATCH_OVER))
         self._stop(messages.StopDrive(), Outcome.STOPPED, MATCH_OVER)
         self.at_match_end()
 
@@ -720,7 +704,7 @@ class Core(CallingNode, CoreSettings):
             return
         self.offer(request)
         is_silent = self._is_in_match and self.now - self._heard >= SILENCE
-        if is_silent and not self.without and self._missing is None:
+        if is_silent and "navigation" not in self._absent and self._missing is None:
             self._missing = self.begin(self._miss_navigation())
         # From when it was due, so that delays do not add up. A counter that wrapped around made 655 ms of the 2014
         # robot's 600.
@@ -732,11 +716,8 @@ class Core(CallingNode, CoreSettings):
     def heartbeat_lost(self, node_id: int) -> None:
         """Stop the drive if it is silent, or if the navigation is silent before the match."""
         why = f"node {node_id} has fallen silent"
-        if self._goes_on_without(node_id, why):
-            return
-        self._lost = why
-        if self._stopped is not None:
-            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
+        if not self._goes_on_without(node_id, why):
+            self._lose(why)
 
     def booted(self, node_id: int) -> None:
         """Have a node that has booted configured before the next goto; a drive that has booted has lost its goto."""
@@ -744,52 +725,48 @@ class Core(CallingNode, CoreSettings):
         if self._goes_on_without(node_id, why):
             return
         self._lost = why
-        if self.is_commanding and self._part(node_id):  # it has forgotten what it was told
-            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
-        # A booting navigation forgets nothing that the drive needs; a drive forgets goto, place and configuration.
-        if self.is_commanding and self._is("drive", node_id):
-            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
+        # A booting navigation forgets nothing that the drive needs; a drive forgets goto, place and configuration, and
+        # a node of a team's what it was told.
+        if self.is_commanding and self._node(node_id) not in ("", "navigation"):
+            self._lose(why)
 
-    def _is(self, node: str, node_id: int) -> bool:
-        # Only the EDS says which node has which ID: its SDO client parameters (CiA 301, 7.5.2.34).
-        channel = flows.SdoClientParameter.to(node, self.device)
-        return channel is not None and channel.node_id == node_id
+    def _node(self, node_id: int) -> str:
+        """Return the name of a node that is part of the start; '' for any other."""
+        for node in self.parts:
+            # Only the EDS says which node has which ID: its SDO client parameters (CiA 301, 7.5.2.34).
+            channel = flows.SdoClientParameter.to(node, self.device)
+            if channel is not None and channel.node_id == node_id:
+                return node
+        return ""
 
     def _goes_on_without(self, node_id: int, why: str) -> bool:
-        """Cancel a node's check; tell whether it is the navigation, and the robot goes on without it."""
-        self.readiness.checked -= {node for node in self.readiness.checked if self._is(node, node_id)}
-        if part := self._part(node_id):
-            self._tell_losses(lambda call: call.set_result(part))
-            if self._is_in_match and self.COMPONENTS[part].loss is Loss.GO_ON:
-                self.alarm(f"the {part} is lost, and the robot goes on without it: {why}")
-                if part not in self._absent and self.configuration is not None:
-                    self._absent[part] = self.begin(self._take_part_back(part, self.configuration))
-                return True
-        if not self._is_in_match or not self._is("navigation", node_id):
+        """Cancel a node's check, and tell who waits for its loss; return whether the robot goes on without it."""
+        node = self._node(node_id)
+        self.readiness.checked.discard(node)
+        if node in self.COMPONENTS:
+            self.answered(_Lost(node))
+        if not node or not self._is_in_match or self.parts[node].loss is not Loss.GO_ON:
             return False
-        self._do_without_navigation(why)
+        self._do_without(node, why)
         return True
 
-    def _tell_losses(self, tell: Callable[[Call[str]], object]) -> None:
-        calls, self._losses = self._losses, []
-        for call in calls:
-            if call.set_running_or_notify_cancel():  # False if its caller has given it up
-                tell(call)
-
-    def _part(self, node_id: int) -> str:
-        """Return the name of a team's own node that is part of the start; '' for any other."""
-        return next((node for node in self.COMPONENTS if self._is(node, node_id)), "")
+    def _lose(self, why: str) -> None:
+        """Have the next goto begin with a recovery, and stop a drive that was ever sent anywhere."""
+        self._lost = why
+        if self._stopped is not None:
+            self._stop(messages.StopDrive(), Outcome.LOST, why)
 
     @property
     def _is_in_match(self) -> bool:
         under_way = self._match_end is not None and not self.match_over and not self.shut_down
         return under_way and self.configuration is not None
 
-    def _do_without_navigation(self, why: str) -> None:
-        if self._taking_back is None and self.configuration is not None:
+    def _do_without(self, node: str, why: str) -> None:
+        if node not in self._absent and self.configuration is not None:
             # Stopping would cost the rest of the match; the drive stops by itself when its place is too uncertain.
-            self.alarm(f"the navigation is lost, and the robot goes on by its wheels: {why}")
-            self._taking_back = self.begin(self._take_navigation_back(self.configuration))
+            how = "by its wheels" if node == "navigation" else "without it"
+            self.alarm(f"the {node} is lost, and the robot goes on {how}: {why}")
+            self._absent[node] = self.begin(self._take_back(node, self.configuration))
 
     def halted(self) -> None:
         """Stop the drive when a master takes the node out of OPERATIONAL: it cannot ask for its state any more."""
@@ -798,9 +775,7 @@ class Core(CallingNode, CoreSettings):
 
     def cut_off(self) -> None:
         """Stop the drive as soon as the bus is back; the next goto begins with a recovery."""
-        self._lost = "the bus was lost"
-        if self._stopped is not None:
-            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
+        self._lose("the bus was lost")
 
     # Messages
 
@@ -831,16 +806,12 @@ class Core(CallingNode, CoreSettings):
         else:
             self._heard = self.now
 
-    NOBODYS = ("_keeping_on", "_taking_back", "_missing")
+    NOBODYS = ("_keeping_on", "_missing")
     ONE_AT_A_TIME = ("_driving", "_configuring", "_standing", "_acting", *NOBODYS)
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {"Match.Match duration": lambda facts: facts.duration}
     OBJECTS: ClassVar[Objects] = {
         "Goto state": BoundObject(write=messages.GotoStateResponse),
-        "Navi position": BoundObject(write=messages.NaviPositionResponse),
-        "Kalman position": BoundObject(write=messages.KalmanPositionResponse),
-        "Enemy 1 position": BoundObject(write=messages.Enemy1PositionResponse),
-        "Enemy 2 position": BoundObject(write=messages.Enemy2PositionResponse),
-        "Confederate position": BoundObject(write=messages.ConfederatePositionResponse),
+        **{each.record: BoundObject(write=each.response) for each in messages.POSITIONS},
     }
     MEASURED: ClassVar[Mapping[str, Callable[[Any], int]]] = {
         DEVIATION: lambda core: UNKNOWN if core._deviation is None else core._deviation,

@@ -18,7 +18,7 @@ from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.kinds import Remaining
+from eurobot_od.robot.model.messages import Remaining
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source

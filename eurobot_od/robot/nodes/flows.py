@@ -10,7 +10,7 @@ answers with another revision speaks another dialect, and is not driven.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from math import inf
 from typing import NamedTuple
@@ -22,12 +22,11 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import Address
-from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
-from eurobot_od.robot.nodes.node import DEVIATION, KEEP_PLACE, UNKNOWN, Component, CoreSettings
+from eurobot_od.robot.nodes.node import KEEP_PLACE, Component, CoreSettings
 from eurobot_od.sdo.client import TransferError, download, upload
 
 # The dialect of another node
@@ -111,12 +110,6 @@ def number_in(answer: Frame, address: Address) -> int | None:
 # The startup
 
 
-NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
-    ("drive", messages.CheckDriveRequest(), messages.CheckDriveResponse),
-    ("navigation", messages.CheckNaviRequest(), messages.CheckNaviResponse),
-)
-"""The nodes in the order in which they are checked (2014 robot: drive first)."""
-
 CONFIRMING = 0.01
 """How often it is looked whether a team's own node has confirmed, s."""
 
@@ -124,54 +117,32 @@ CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Ene
 """The sub-indices of the object `Start configuration`, in the order of the message's fields."""
 
 
-class Readiness:
-    """What has to be there before the first goto: all `nodes` checked, a start configuration confirmed.
+def check_nodes(core: CoreSettings, without: Collection[str] = ()) -> Script[dict[str, float]]:
+    """Check the nodes, but those to do `without`; return the seconds that each took to answer.
 
-    `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since.
-    `configured` tells whether the latest start configuration was confirmed, `confirms` by which messages of a team's.
-    """
-
-    def __init__(self, nodes: Iterable[str] = ()) -> None:
-        self.nodes = (*(node for node, *_ in NODE_CHECKS), *nodes)
-        self.checked: set[str] = set()
-        self.confirms: set[type[Message]] = set()
-        self.configured = False
-
-    def missing(self, without: Collection[str] = ()) -> str:
-        """Say what is missing and what to call, '' if nothing is; nodes to do `without` need no check."""
-        unchecked = [f"the {node}" for node in self.nodes if node not in {*self.checked, *without}]
-        texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
-        texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
-        return "; ".join(texts)
-
-
-def check_nodes(core: CoreSettings, checked: set[str], without: Collection[str] = ()) -> Script[dict[str, float]]:
-    """Check both nodes; return the seconds that each took to answer. Raises NoAnswer, DialectMismatch.
-
-    `checked` is filled with the nodes that have answered in the dialect of this core. Nodes to do `without` are not
-    checked.
+    Raises NoAnswer, DialectMismatch.
     """
     took = {}
     # Before anything is asked: a node that does not answer now must not count as checked from before.
-    checked.clear()
+    core.readiness.checked.clear()
     yield START
-    for node, request, answer in (*NODE_CHECKS, *((node, *part[:2]) for node, part in core.COMPONENTS.items())):
+    for node, part in core.parts.items():
         if node in without:
             continue
         # Answers are told apart by their identifiers: in 2014 either node's answer satisfied either check.
         asked = core.now
-        yield _check_of(core, node, request, answer)
+        yield _check_of(core, node, part)
         took[node] = core.now - asked
         yield from _compare(core, node)
-        checked.add(node)
+        core.readiness.checked.add(node)
     return took
 
 
-def _check_of(core: CoreSettings, node: str, request: Message | None, answer: type[Message] | None) -> Ask:
-    if request is None or answer is None:
+def _check_of(core: CoreSettings, node: str, part: Component) -> Ask:
+    if part.check is None or part.answer is None:
         channel = _channel(core, node)
         return Ask(channel.ask(REVISION), channel.answer, core.check_wait, core.check_attempts)
-    return Ask(request, answer, core.check_wait, core.check_attempts)
+    return Ask(part.check, part.answer, core.check_wait, core.check_attempts)
 
 
 def _channel(core: CoreSettings, node: str) -> SdoClientParameter:
@@ -193,83 +164,53 @@ def _compare(core: CoreSettings, node: str) -> Script[None]:
             raise DialectMismatch(node, channel.node_id, theirs, ours)
 
 
-def configure(
-    core: CoreSettings,
-    configuration: messages.StartConfigurationSet,
-    readiness: Readiness,
-    without: Collection[str] = (),
-) -> Script[float]:
+def configure(core: CoreSettings, configuration: messages.StartConfigurationSet) -> Script[float]:
     """Set the start configuration, and check both nodes again; return the time of its confirm.
 
     Raises NoAnswer, DialectMismatch.
     """
     yield START
     # Until the confirm, nobody knows which configuration the nodes use.
-    readiness.configured = False
-    readiness.confirms.clear()
-    yield Ask(
-        configuration,
-        messages.StartConfigurationConfirm,
-        core.configuration_wait,
-        core.configuration_transmissions,
-    )
+    core.readiness.configured = False
+    core.readiness.confirms.clear()
+    wait, transmissions = core.configuration_wait, core.configuration_transmissions
+    yield Ask(configuration, messages.StartConfigurationConfirm, wait, transmissions)
     confirmed = core.now
-    for node, part in core.COMPONENTS.items():
-        if part.confirm is not None and node not in without:
-            yield from _confirmed_by(core, node, part.confirm, configuration, readiness)
+    for node, confirm in core.confirming():
+        end = core.now + wait
+        while confirm not in core.readiness.confirms and core.now < end:
+            yield Pause(CONFIRMING)
+        if confirm not in core.readiness.confirms:
+            # By SDO, as a second Start Configuration Set would have the drive start over once more.
+            yield from tell(core, node, configuration)
     # One confirm may be anybody's, and two equal ones merge on the wire, so both nodes are asked once more.
-    yield from check_nodes(core, readiness.checked, without)
-    readiness.configured = True
+    yield from check_nodes(core, core.without)
+    core.readiness.configured = True
     return confirmed
 
 
-def _confirmed_by(
-    core: CoreSettings,
-    node: str,
-    confirm: type[Message],
-    configuration: messages.StartConfigurationSet,
-    readiness: Readiness,
-) -> Script[None]:
-    """Wait until a team's own node has confirmed the start configuration; raises NoAnswer."""
-    end = core.now + core.configuration_wait
-    while confirm not in readiness.confirms and core.now < end:
-        yield Pause(CONFIRMING)
-    if confirm not in readiness.confirms:
-        # By SDO, as a second Start Configuration Set would have the drive start over once more.
-        yield from tell(core, node, configuration)
-
-
-NAVIGATION = Component(*NODE_CHECKS[1][1:])
-"""How the navigation is checked."""
-
-
-def take_back(
-    core: CoreSettings, node: str, part: Component, configuration: messages.StartConfigurationSet, checked: set[str]
-) -> Script[None]:
+def take_back(core: CoreSettings, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
     """Ask a lost node until it answers, and configure it, while the drive keeps driving; raises DialectMismatch."""
     yield START
     while True:
         with suppress(NoAnswer):
-            yield _check_of(core, node, part.check, part.answer)
+            yield _check_of(core, node, core.parts[node])
             break
     yield from _compare(core, node)
     # No SDO, or a file that has the configuration in other pieces.
     with suppress(NoAnswer, StateError, DictionaryError):
         yield from tell(core, node, configuration)
-    checked.add(node)
+    core.readiness.checked.add(node)
 
 
-def tell_others(
-    core: CoreSettings, configuration: messages.StartConfigurationSet, without: Collection[str]
-) -> Script[None]:
+def tell_others(core: CoreSettings, configuration: messages.StartConfigurationSet) -> Script[None]:
     """Configure all nodes that take a start configuration but the drive."""
-    if "navigation" not in without:
+    if "navigation" not in core.without:
         # No SDO, or a file that has the configuration in other pieces.
         with suppress(NoAnswer, StateError, DictionaryError):
             yield from tell(core, "navigation", configuration)
-    for node, part in core.COMPONENTS.items():
-        if part.confirm is not None and node not in without:
-            yield from tell(core, node, configuration)
+    for node, _ in core.confirming():
+        yield from tell(core, node, configuration)
 
 
 def tell(core: CoreSettings, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
@@ -330,17 +271,6 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
             odd.clear()
         yield Pause(core.state_request_period)
     return End(Outcome.LOST, odd[-1])
-
-
-def arrival_deviation(core: CoreSettings) -> Script[int | None]:
-    """Ask the drive how well it knows its place, mm; None if it does not know. Raises NoAnswer: it has no SDO."""
-    channel = SdoClientParameter.to("drive", core.device)
-    if channel is None:
-        return None
-    address = core.device.dictionary.address(DEVIATION)
-    answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, 1)
-    deviation = number_in(answer, address)
-    return None if deviation == UNKNOWN else deviation
 
 
 def drive_position(core: CoreSettings) -> Script[messages.KalmanPositionResponse]:

@@ -6,11 +6,13 @@ Rule of this file: a robot that the beacons do not see is unknown, never where t
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import ClassVar, NamedTuple, Protocol
 
 from eurobot_od.device.bound import BoundObject, setting
 from eurobot_od.device.objects import Store
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Source
@@ -34,6 +36,14 @@ class Beacons(Protocol):
 
     def locate(self, whom: Source, now: float) -> Fix | None:
         """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
+
+
+POSITIONS = [each for each in messages.POSITIONS if each.response is not messages.KalmanPositionResponse]
+"""All positions but the filtered one, which is the drive's."""
+
+
+def _tell(position: messages.Position, node: Navigation, *_: Message) -> Message:
+    return node.position(position)
 
 
 class Navigation(FollowingNode):
@@ -61,9 +71,9 @@ class Navigation(FollowingNode):
         """Return the standard deviations of simulated beacons: mm and degrees."""
         return self.position_noise, self.angle_noise
 
-    def _position(
-        self, record: str, response: type[messages.PositionResponse], whom: Source
-    ) -> messages.PositionResponse:
+    def position(self, asked: messages.Position) -> messages.PositionResponse:
+        """Tell where a robot is, or that it is unknown, within the limits that an object has for a place."""
+        record, _, response, whom = asked
         # Before the start configuration, any robot may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
         # One measurement at a time, as each has its own noise: an SDO, a PDO and an answer at one moment must agree.
@@ -81,30 +91,12 @@ class Navigation(FollowingNode):
             return response(x + (x == y == AMBIGUOUS), y, None, whom)
         return response(x, y, round(fix.angle) % 360, whom)
 
-    def _own(self) -> messages.PositionResponse:
-        return self._position("Navi position", messages.NaviPositionResponse, Source.INTERNAL)
-
-    def _enemy_1(self) -> messages.PositionResponse:
-        return self._position("Enemy 1 position", messages.Enemy1PositionResponse, Source.ENEMY_1)
-
-    def _enemy_2(self) -> messages.PositionResponse:
-        return self._position("Enemy 2 position", messages.Enemy2PositionResponse, Source.ENEMY_2)
-
-    def _confederate(self) -> messages.PositionResponse:
-        return self._position("Confederate position", messages.ConfederatePositionResponse, Source.CONFEDERATE)
-
     OBJECTS: ClassVar[Objects] = {
-        "Navi position": BoundObject(read=_own),
-        "Enemy 1 position": BoundObject(read=_enemy_1),
-        "Enemy 2 position": BoundObject(read=_enemy_2),
-        "Confederate position": BoundObject(read=_confederate),
+        **{each.record: BoundObject(read=partial(_tell, each)) for each in POSITIONS},
         "Start configuration": BoundObject(write=messages.StartConfigurationSet),
     }
     HANDLERS: ClassVar[Handlers] = {
         messages.CheckNaviRequest: lambda *_: messages.CheckNaviResponse(),
         **FollowingNode.COMMANDS,
-        messages.NaviPositionRequest: lambda self, _: self._own(),
-        messages.Enemy1PositionRequest: lambda self, _: self._enemy_1(),
-        messages.Enemy2PositionRequest: lambda self, _: self._enemy_2(),
-        messages.ConfederatePositionRequest: lambda self, _: self._confederate(),
+        **{type(each.request): partial(_tell, each) for each in POSITIONS},
     }

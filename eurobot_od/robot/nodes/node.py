@@ -6,7 +6,7 @@ Besides: nodes with calls, the core's settings and equipment, and what follows t
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import Future
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
@@ -18,8 +18,8 @@ from eurobot_od.device.timers import START, Ask, Call, Flow, Result, Script
 from eurobot_od.errors import Cause, DictionaryError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import data_type
-from eurobot_od.od.values import Address, Limits, Value
+from eurobot_od.od.objects import Range, limits
+from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.robot_file import Facts
@@ -106,6 +106,13 @@ class Component(NamedTuple):
     loss: Loss = Loss.STOP
 
 
+NODES: Mapping[str, Component] = {
+    "drive": Component(messages.CheckDriveRequest(), messages.CheckDriveResponse),
+    "navigation": Component(messages.CheckNaviRequest(), messages.CheckNaviResponse, loss=Loss.GO_ON),
+}
+"""The two nodes that every core has beside it, in the order in which they are checked (2014 robot: drive first)."""
+
+
 class RobotNode(Node):
     """A node of the robot; `facts` are those of the robot and its match, by default from the file beside the EDS.
 
@@ -118,20 +125,16 @@ class RobotNode(Node):
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None, facts: Facts | None = None) -> None:
         self.facts = robot_file.read(robot_file.file_for(dictionary.file)) if facts is None else facts
-        self._coordinates: dict[str, tuple[Limits, Limits]] = {}
+        self._coordinates: dict[str, tuple[Range, Range]] = {}
         super().__init__(dictionary, store=store)
 
-    def coordinates(self, record: str) -> tuple[Limits, Limits]:
+    def coordinates(self, record: str) -> tuple[Range, Range]:
         """Return the limits of x and y that the EDS gives a record such as `Kalman position`, mm."""
         if record not in self._coordinates:
-            dictionary, limits = self.device.dictionary, []
-            for name in (f"{record}.X position", f"{record}.Y position"):
-                variable = dictionary.variable(dictionary.address(name))
-                assert variable is not None  # it has an address
-                type_, low, high = data_type(variable), variable.min, variable.max
-                # Without limits of its own an object has those of its data type.
-                limits.append(Limits(type_.low if low is None else low, type_.high if high is None else high))
-            self._coordinates[record] = limits[0], limits[1]
+            dictionary = self.device.dictionary
+            found = (dictionary.variable(dictionary.address(f"{record}.{side} position")) for side in "XY")
+            x, y = (range_ for each in found if each and (range_ := limits(each)))
+            self._coordinates[record] = x, y
         return self._coordinates[record]
 
     def _application(self, dictionary: Dictionary) -> Application:
@@ -174,11 +177,36 @@ DEVIATION, UNKNOWN = "Arrival deviation.Deviation", 0xFFFF
 """The object by which the drive says how well it knows its place, mm; its value while the place is unknown."""
 
 
+class Readiness:
+    """What has to be there before the first goto: all `nodes` checked, a start configuration confirmed.
+
+    `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since.
+    `configured` tells whether the latest start configuration was confirmed, `confirms` by which messages of a team's.
+    """
+
+    def __init__(self, nodes: Iterable[str]) -> None:
+        self.nodes = tuple(nodes)
+        self.checked: set[str] = set()
+        self.confirms: set[type[Message]] = set()
+        self.configured = False
+
+    def missing(self, without: Collection[str]) -> str:
+        """Say what is missing and what to call, '' if nothing is; nodes to do `without` need no check."""
+        unchecked = [f"the {node}" for node in self.nodes if node not in {*self.checked, *without}]
+        texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
+        texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
+        return "; ".join(texts)
+
+
 class CoreSettings(RobotNode):
     """The settings of the core, for its scripts; what a master writes counts from the next question on.
 
-    `COMPONENTS` are a team's own nodes that are part of the start, by the names of their EDS files.
+    `COMPONENTS` are a team's own nodes that are part of the start, by the names of their EDS files. `readiness` says
+    what a goto still needs.
     """
+
+    readiness: Readiness
+    _absent: dict[str, Flow[None]]
 
     COMPONENTS: ClassVar[Mapping[str, Component]] = {}
 
@@ -207,6 +235,21 @@ class CoreSettings(RobotNode):
     standstill_turn = setting("Standstill.Standstill turn")
     displacement = setting("Recovery.Displacement")  # mm
     keeps_place = setting(KEEP_PLACE)
+
+    @property
+    def without(self) -> tuple[str, ...]:
+        """The nodes that are lost in a match, and that the robot does without until they answer again."""
+        return tuple(sorted(self._absent))
+
+    @property
+    def parts(self) -> Mapping[str, Component]:
+        """All nodes that are part of the start, in the order in which they are checked."""
+        return {**NODES, **self.COMPONENTS}
+
+    def confirming(self) -> list[tuple[str, type[Message]]]:
+        """Return a team's own nodes that have to confirm the start configuration, and by which message."""
+        own = ((node, part.confirm) for node, part in self.COMPONENTS.items() if node not in self._absent)
+        return [(node, confirm) for node, confirm in own if confirm is not None]
 
     def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
         """Ask the drive as often, and wait as long, as the settings of the goto handshake say."""

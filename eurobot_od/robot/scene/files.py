@@ -22,7 +22,7 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import OURS
-from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, ScoredTask, TouchMark, Truth, record
+from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, TouchMark, Truth, record
 from eurobot_od.robot.scene.scene import PAGE, sheet
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
@@ -125,7 +125,7 @@ def truth_of(world: World) -> Truth:
     """Return what nobody could see on the bus: where our robot was, what it touched, how it made its points."""
     ours = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
     touches = [TouchMark(each.time, Point(each.x, each.y), str(each), each.is_fault_of(OURS)) for each in ours]
-    return Truth([*_thinned(world.path)], touches, [ScoredTask(*score) for score in world.game.scores], world.captions)
+    return Truth([*_thinned(world.path)], touches, world.game.scores, world.captions)
 
 
 def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[PathPoint]:
@@ -144,21 +144,21 @@ FRAME = "field"
 
 MILLIMETRES = 1000
 
-NUMBER = {"type": "number"}
 TIME = {"type": "object", "title": "time", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 
 
-def _numbers(*names: str) -> dict[str, Any]:
-    return {"type": "object", "properties": dict.fromkeys(names, NUMBER)}
+def _object(**properties: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties}
+
+
+def _numbers(names: str) -> dict[str, Any]:
+    return _object(**{name: {"type": "number"} for name in names})
 
 
 PROPERTIES: Mapping[str, Any] = {
     "timestamp": TIME,
     "frame_id": {"type": "string"},
-    "pose": {
-        "type": "object",
-        "properties": {"position": _numbers("x", "y", "z"), "orientation": _numbers("x", "y", "z", "w")},
-    },
+    "pose": _object(position=_numbers("xyz"), orientation=_numbers("xyzw")),
 }
 
 

@@ -18,8 +18,8 @@ from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import OURS, Outcome, Route
 from eurobot_od.robot.nodes.estimate import SPREAD, TOP_SPEED
-from eurobot_od.robot.nodes.flows import NODE_CHECKS
 from eurobot_od.robot.nodes.motion import Clearances, find_route
+from eurobot_od.robot.nodes.node import NODES
 from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.recording import RecordedGoto, RecordedStop, Recorder, Truth, at, read_truth
 from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, MatchScene, ground, legend, looks, way_mark
@@ -105,8 +105,8 @@ class FieldPanel(Panel):
             return ""
         if self._shut_down:
             return "no goto: an Emergency Shutdown has ended all of them until a Start Configuration Set"
-        for node, request, answer in NODE_CHECKS:
-            if not self._answers(request, answer, control):
+        for node, part in NODES.items():
+            if part.check is None or part.answer is None or not self._answers(part.check, part.answer, control):
                 return f"no goto: the {node} does not answer its check"
             if not control.is_as_in_its_file(node):
                 return f"no goto: the {node} speaks another dialect than the page's EDS files"

@@ -17,7 +17,7 @@ from eurobot_od.errors import FileError, LocalError
 from eurobot_od.pdo.kinds import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import FAULT_OUTCOME, Caption, GotoFault, Outcome, TeamColour
+from eurobot_od.robot.model.values import FAULT_OUTCOME, Caption, GotoFault, Outcome, Score, TeamColour
 from eurobot_od.support.files import read_whole, write_whole
 
 
@@ -80,15 +80,6 @@ class TouchMark(NamedTuple):
     at_fault: bool
 
 
-class ScoredTask(NamedTuple):
-    """Points made with a task: when, in s, by whom, which task, how many."""
-
-    time: float
-    robot: str
-    task: str
-    points: int
-
-
 class Truth(NamedTuple):
     """What nobody can see on the bus, with times by its clock: our true poses, touches, who made which points, and what
     the strategies said.
@@ -96,7 +87,7 @@ class Truth(NamedTuple):
 
     path: Sequence[PathPoint] = ()
     touches: Sequence[TouchMark] = ()
-    scores: Sequence[ScoredTask] = ()
+    scores: Sequence[Score] = ()
     captions: Sequence[Caption] = ()
 
     def later(self, by: float) -> Truth:
@@ -218,10 +209,7 @@ class Recorder:
 
 HANDLERS: Mapping[type[Message], Callable[[Recorder, float, Any], None]] = {
     messages.StartConfigurationSet: Recorder.configure,
-    messages.KalmanPositionResponse: Recorder.see,
-    messages.Enemy1PositionResponse: Recorder.see,
-    messages.Enemy2PositionResponse: Recorder.see,
-    messages.ConfederatePositionResponse: Recorder.see,
+    **{each.response: Recorder.see for each in messages.POSITIONS if each.record != "Navi position"},
     messages.GotoXY: Recorder.goto,
     messages.GotoStateResponse: Recorder.state,
     **dict.fromkeys(get_args(messages.StopMessage), Recorder.stop),
@@ -292,6 +280,6 @@ def _truth(data: Any) -> Truth:
     return Truth(
         [PathPoint(*map(float, place)) for place in data["path"]],
         [TouchMark(float(time), Point(*place), str(words), bool(ours)) for time, place, words, ours in data["touches"]],
-        [ScoredTask(float(time), str(robot), str(task), int(points)) for time, robot, task, points in data["scores"]],
+        [Score(float(time), str(robot), str(task), int(points)) for time, robot, task, points in data["scores"]],
         [Caption(float(time), str(robot), str(words)) for time, robot, words in data.get("captions", ())],
     )

@@ -15,9 +15,9 @@ from typing import NamedTuple
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Barrier, Facts, Field, Start
-from eurobot_od.robot.model.values import OURS, Outcome, TeamColour
+from eurobot_od.robot.model.values import OURS, Outcome, Score, TeamColour
 from eurobot_od.robot.scene import style
-from eurobot_od.robot.scene.recording import PathPoint, RecordedGoto, RecordedStop, Recording, ScoredTask, TouchMark, at
+from eurobot_od.robot.scene.recording import PathPoint, RecordedGoto, RecordedStop, Recording, TouchMark, at
 from eurobot_od.support import svg
 from eurobot_od.support.svg import PaperPoint
 from eurobot_od.support.texts import amount
@@ -495,7 +495,7 @@ def _point_texts(recording: Recording, x: Callable[[float], float]) -> Iterator[
     yield from _names([each for each in scores if each.robot == OURS], x)
 
 
-def _names(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:
+def _names(scores: Sequence[Score], x: Callable[[float], float]) -> Iterator[str]:
     """Write what brought points below its time, in the first row that has room; one without room is left out."""
     free = dict.fromkeys(NAME_ROWS, 0.0)
     for each in scores:

@@ -46,7 +46,7 @@ class Body:
 
 
 class Contact(NamedTuple):
-    """How an outline and a disc meet: the direction from the one to the other, and the gap between them, mm."""
+    """How two bodies meet: the direction from the one to the other, and the gap between them, mm."""
 
     x: float
     y: float
@@ -54,7 +54,7 @@ class Contact(NamedTuple):
 
     @classmethod
     def of(cls, corners: list[Point], centre: Point, radius: float) -> Contact:
-        """Work out how a disc meets an outline."""
+        """Work out how an outline meets a disc."""
         near = nearest_on(corners, centre)
         x, y, apart = centre.x - near.x, centre.y - near.y, math.dist(centre, near)
         # With the centre inside the outline, the nearest edge is the way out, so the direction is reversed.
@@ -99,21 +99,16 @@ class RobotBody(Body):
 
     def gap(self, pose: Pose, other: Body) -> float:
         """Return the gap between it at a pose and another body, edge to edge, mm; negative if they overlap."""
-        contact = self._contact(pose, other) if self.shape or other.shape else None
-        return gap(pose, self.radius, other) if contact is None else contact.gap
+        return self._contact(pose, other).gap if self.shape or other.shape else gap(pose, self.radius, other)
 
     def out_of(self, pose: Pose, other: Body) -> Point:
         """Return the nearest place to a pose where it merely touches a body that it overlaps."""
         contact = self._contact(pose, other)
-        if contact is None:
-            return pushed_out(pose.point, self.radius, other)
         return Point(pose.x + contact.gap * contact.x, pose.y + contact.gap * contact.y)
 
     def pushes(self, pose: Pose, other: Body) -> Point:
         """Return the place of a body that it pushes out of itself at a pose."""
         contact = self._contact(pose, other)
-        if contact is None:
-            return pushed_out(other.point, other.radius, Body(self.name, pose.point, self.radius, self.weight))
         return Point(other.point.x - contact.gap * contact.x, other.point.y - contact.gap * contact.y)
 
     def inside(self, pose: Pose, field: Field, margin: float = 0.0) -> Point:
@@ -135,14 +130,17 @@ class RobotBody(Body):
             return nearest_on(corners, towards)
         return Pose(*self.point, self.pose.bearing(towards)).moved(self.radius, 0).point
 
-    def _contact(self, pose: Pose, other: Body) -> Contact | None:
-        """Return how it would meet a body at a pose if either has an outline; with two, the other counts as round."""
+    def _contact(self, pose: Pose, other: Body) -> Contact:
+        """Return how it would meet a body at a pose; if both have an outline, the other counts as round."""
         if corners := self.corners(pose):
             return Contact.of(corners, other.point, other.radius)
         if isinstance(other, RobotBody) and (corners := other.corners(other.pose)):
             x, y, apart = Contact.of(corners, pose.point, self.radius)
             return Contact(-x, -y, apart)
-        return None
+        apart, reach = pose.distance(other.point), self.radius + other.radius
+        if not apart:  # both centres coincide: any direction is as good
+            return Contact(1.0, 0.0, -reach)
+        return Contact((other.point.x - pose.x) / apart, (other.point.y - pose.y) / apart, apart - reach)
 
     def approach(self, other: Body) -> float:
         """Return how fast it drives towards another body, mm/s; negative if away from it."""
@@ -181,16 +179,6 @@ def contains(corners: list[Point], point: Point) -> bool:
 def gap(point: Point | Pose, radius: float, other: Body) -> float:
     """Return the gap between a disc and a body, edge to edge, mm; negative if they overlap."""
     return math.hypot(point.x - other.point.x, point.y - other.point.y) - radius - other.radius
-
-
-def pushed_out(point: Point, radius: float, other: Body) -> Point:
-    """Return the nearest place where a disc merely touches a body that it overlaps."""
-    apart = math.dist(point, other.point)
-    reach = radius + other.radius
-    if not apart:  # both centres coincide: any direction is as good
-        return Point(point.x + reach, point.y)
-    share = reach / apart
-    return Point(other.point.x + (point.x - other.point.x) * share, other.point.y + (point.y - other.point.y) * share)
 
 
 def inside(point: Point | Pose, radius: float, field: Field) -> Point:
@@ -253,27 +241,23 @@ class Touch(NamedTuple):
         return f"{self.robot} at {self.speed:.0f} mm/s touched {self.thing}{met}"
 
 
+@dataclass
 class Contacts:
     """Moves `robots` among `things`; calls `touched` with each touch, and `pushed` with each thing that was pushed."""
 
-    def __init__(
-        self,
-        field: Field,
-        things: list[Body],
-        robots: Mapping[str, RobotBody],
-        clock: Callable[[], float],
-        touched: Callable[[Touch], None],
-        pushed: Callable[[Body], None],
-    ) -> None:
-        self.field, self.things = field, things
-        self._robots, self._clock, self._touched, self._pushed = robots, clock, touched, pushed
+    field: Field
+    things: list[Body]
+    robots: Mapping[str, RobotBody]
+    clock: Callable[[], float]
+    touched: Callable[[Touch], None]
+    pushed: Callable[[Body], None]
 
     def move(self, body: RobotBody, wanted: Pose) -> None:
         """Move a robot to a pose, or as near to it as possible."""
-        body.go(self._clear(body, wanted), self._clock())
+        body.go(self._clear(body, wanted), self.clock())
         if body.touching:
             # A contact is over only RELEASED mm away: a robot that jitters at an edge touches it once.
-            bodies = [*self.things, *self._robots.values()]
+            bodies = [*self.things, *self.robots.values()]
             near = {each.name for each in bodies if body.gap(body.pose, each) < RELEASED}
             if body.inside(body.pose, self.field, RELEASED) != body.point:
                 near.add(BORDER)
@@ -281,7 +265,7 @@ class Contacts:
 
     def stir(self) -> None:
         """Note that something has moved."""
-        for robot in self._robots.values():
+        for robot in self.robots.values():
             robot.room = 0.0
 
     def _clear(self, body: RobotBody, wanted: Pose) -> Pose:
@@ -290,7 +274,7 @@ class Contacts:
         if point != wanted[:2]:
             self._touch(body, BORDER, wanted.point)
         pose = Pose(*point, wanted.angle)
-        near: list[Body] = [each for each in self._robots.values() if each is not body]
+        near: list[Body] = [each for each in self.robots.values() if each is not body]
         body.room -= math.dist(body.point, point)
         if body.room <= 0:  # something that stands may be in reach: measure the room again, and look at everything
             body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
@@ -312,7 +296,7 @@ class Contacts:
         if other.weight is Weight.LIGHT:
             other.point = inside(body.pushes(pose, other), 0, self.field)
             self.stir()  # it may now lie where another robot counts on room
-            self._pushed(other)
+            self.pushed(other)
             return pose.point
         if isinstance(other, RobotBody):
             # It yields a little, and its wheels do not notice. Only a share: its motors brake, and it is heavy.
@@ -321,7 +305,7 @@ class Contacts:
             fixed = [each for each in self.things if each.weight is Weight.FIXED]
             # Not into a wall: a robot shoved against something fixed stays put, and stops the other one.
             if all(other.gap(there, each) >= 0 for each in fixed):
-                other.go(Pose(*other.inside(there, self.field), other.angle), self._clock())
+                other.go(Pose(*other.inside(there, self.field), other.angle), self.clock())
                 other.room = 0.0
         return body.out_of(pose, other)
 
@@ -331,12 +315,12 @@ class Contacts:
             return
         body.touching.add(thing)
         place = body.edge(towards)
-        other, speed, met = self._robots.get(thing), abs(body.speed), 0.0
+        other, speed, met = self.robots.get(thing), abs(body.speed), 0.0
         # Both touch: otherwise the other one's next step would report the same contact again.
         if other is not None:
             other.touching.add(body.name)
             speed, met = body.approach(other), other.approach(body)
-        self._touched(Touch(self._clock(), body.name, thing, speed, met, *place))
+        self.touched(Touch(self.clock(), body.name, thing, speed, met, *place))
 
 
 # A thing that falls over in front of our robot: once in a match, it has to stop for an object

@@ -11,7 +11,7 @@ import json
 import re
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 from math import inf
 from threading import Lock
@@ -23,17 +23,16 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import OURS, Obstacle, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.node import Detection
-from eurobot_od.robot.world.world import EventKind, LocalVehicle, MatchEvent, World
+from eurobot_od.robot.world.world import EventKind, MatchEvent, World
 from eurobot_od.support.connections import Address, is_token
 
-VERSION = 1
+VERSION = 2
 """The version of requests and answers; a client refuses any other."""
 
 LINE_LIMIT = 4096
 """Most bytes in a line."""
 
 REQUEST = "request"
-ROBOT = "robot"
 TOKEN = "token"
 ANSWER = "answer"
 ERROR = "error"
@@ -61,95 +60,79 @@ _WHOM = RequestField(", ".join(WHOM), lambda value: value in tuple(WHOM))
 _TASK = RequestField("the name of a task", lambda value: isinstance(value, str))
 
 
-class _Asked(NamedTuple):
-    """A correct request: whose robot it is about, and its fields."""
-
-    world: World
-    options: MatchOptions
-    robot: str
-    fields: dict[str, Any]
-
-    @property
-    def vehicle(self) -> LocalVehicle:
-        return self.world.vehicle(self.robot)
-
-    def hello(self) -> dict[str, Any]:
-        options = self.options
-        start = {"team": options.team.name.lower(), "enemies": options.enemies, "confederates": options.confederates}
-        return {"version": VERSION, ROBOT: self.robot, **start, "seed": options.seed, "errors": asdict(options.errors)}
-
-    def truth(self) -> dict[str, Any]:
-        world, robot = self.world, self.robot
-        touches = sum(robot in (touch.robot, touch.thing) for touch in world.touches)
-        came_to = {"points": world.game.points(robot), "touches": touches}
-        return {"time": world.clock(), **world.robots[robot].pose._asdict(), **came_to}
-
-    def ahead(self) -> dict[str, Any] | None:
-        seen = self.vehicle.ahead(**self.fields)
-        return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
-
-
-class Request(NamedTuple):
-    """A request: its fields, and the function that answers it."""
-
-    fields: dict[str, RequestField]
-    answer: Callable[[_Asked], Any]
-
-
-REQUESTS = {
-    "hello": Request({}, _Asked.hello),
-    "truth": Request({}, _Asked.truth),
-    "move": Request(
-        {
-            "distance": _number(-10_000, 10_000, "mm"),
-            "turn": _number(-3600, 3600, "degrees"),
-            "seconds": _number(0, 10, "s"),
-        },
-        lambda asked: asked.vehicle.move(
-            Odometry(asked.fields["distance"], asked.fields["turn"]), asked.fields["seconds"]
-        ),
-    ),
-    "pose": Request(
-        {"whom": _WHOM, "age": _number(0, 3600, "s", default=0.0)},
-        lambda asked: (pose := asked.vehicle.pose(WHOM[asked.fields["whom"]], asked.fields["age"])) and pose._asdict(),
-    ),
-    "ahead": Request({"distance": _number(0, 10_000, "mm"), "angle": _number(0, 180, "degrees")}, _Asked.ahead),
-    "begin": Request({"task": _TASK}, lambda asked: asked.vehicle.begin(**asked.fields)),
-    "finish": Request({"task": _TASK}, lambda asked: asked.vehicle.finish(**asked.fields)),
-}
-"""The requests: the methods of a `Vehicle`, who one is, and what is true."""
-
-
 class Channel:
     """The world's end of the side channel; `requests` counts the lines, `refused` the wrong ones.
 
-    `matches` has, for each robot driven by nodes, the match from its side. With a `token`, a request without it is
-    refused.
+    `options` are those of the world's match. With a `token`, a request without it is refused.
     """
 
-    def __init__(self, world: World, matches: Mapping[str, MatchOptions], token: str = "") -> None:
+    def __init__(self, world: World, options: MatchOptions, token: str = "") -> None:
         self.requests = self.refused = 0
-        self._world, self._matches, self._token = world, matches, token
+        self.vehicle = world.vehicle()
+        self._world, self._options, self._token = world, options, token
 
     def answer(self, line: bytes) -> bytes:
         """Return the answer to a line; the line has no line end, its answer has one."""
         self.requests += 1
         try:
             given = _parsed(line)
-            name, robot, token = given.pop(REQUEST, None), given.pop(ROBOT, OURS), str(given.pop(TOKEN, ""))
+            name, token = given.pop(REQUEST, None), str(given.pop(TOKEN, ""))
             if self._token and not is_token(token, self._token):
                 raise LocalError("the token is missing or wrong: give the address as the world printed it")
             # In a tuple, as JSON may bring a list, which is not hashable.
             if name not in tuple(REQUESTS):
                 raise UnknownName("request", name, REQUESTS)
-            if robot not in tuple(self._matches):
-                raise UnknownName("robot", robot, self._matches)
-            asked = _Asked(self._world, self._matches[robot], robot, _checked(name, given))
-            said = {ANSWER: REQUESTS[name].answer(asked)}
+            said = {ANSWER: REQUESTS[name].answer(self, **_checked(name, given))}
         except EurobotError as error:
             self.refused += 1
             said = {ERROR: str(error)}
         return json.dumps(said).encode() + b"\n"
+
+    def hello(self) -> dict[str, Any]:
+        """Say which match it is."""
+        options = self._options
+        start = {"team": options.team.name.lower(), "enemies": options.enemies, "confederates": options.confederates}
+        return {"version": VERSION, **start, "seed": options.seed, "errors": asdict(options.errors)}
+
+    def truth(self) -> dict[str, Any]:
+        """Say what is true of our robot."""
+        world = self._world
+        touches = sum(OURS in (touch.robot, touch.thing) for touch in world.touches)
+        return {"time": world.clock(), **world.robot._asdict(), "points": world.game.points(OURS), "touches": touches}
+
+    def pose(self, whom: str, age: float) -> dict[str, Any] | None:
+        """Say where a robot was."""
+        pose = self.vehicle.pose(WHOM[whom], age)
+        return None if pose is None else pose._asdict()
+
+    def ahead(self, distance: float, angle: float) -> dict[str, Any] | None:
+        """Say what is ahead of our robot."""
+        seen = self.vehicle.ahead(distance, angle)
+        return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
+
+
+class Request(NamedTuple):
+    """A request: its fields, and the function of the channel and the fields that answers it."""
+
+    fields: dict[str, RequestField]
+    answer: Callable[..., Any]
+
+
+_WAY = {"distance": _number(-10_000, 10_000, "mm"), "turn": _number(-3600, 3600, "degrees")}
+
+REQUESTS = {
+    "hello": Request({}, Channel.hello),
+    "truth": Request({}, Channel.truth),
+    "move": Request(
+        _WAY | {"seconds": _number(0, 10, "s")},
+        lambda channel, seconds, **way: channel.vehicle.move(Odometry(**way), seconds),
+    ),
+    "pose": Request({"whom": _WHOM, "age": _number(0, 3600, "s", default=0.0)}, Channel.pose),
+    "ahead": Request({"distance": _number(0, 10_000, "mm"), "angle": _number(0, 180, "degrees")}, Channel.ahead),
+    "begin": Request({"task": _TASK}, lambda channel, task: channel.vehicle.begin(task)),
+    "finish": Request({"task": _TASK}, lambda channel, task: channel.vehicle.finish(task)),
+}
+"""The requests: the methods of a `Vehicle`, who one is, and what is true."""
 
 
 def _parsed(line: bytes) -> dict[str, Any]:
@@ -346,15 +329,15 @@ class _Connection:
 
 
 class RemoteVehicle:
-    """One robot of a world in another process (see `instruments.Vehicle`); any thread may call it.
+    """Our robot in a world of another process (see `instruments.Vehicle`); any thread may call it.
 
     `report` is called once when the world can no longer be reached, and once when it is back. A restarted world is
     found again.
     """
 
-    def __init__(self, where: WorldAddress, report: Callable[[str], None], robot: str = OURS) -> None:
+    def __init__(self, where: WorldAddress, report: Callable[[str], None]) -> None:
         self._address, self._report = where.address, report
-        self._given = {ROBOT: robot} | ({TOKEN: where.token} if where.token else {})
+        self._given = {TOKEN: where.token} if where.token else {}
         self._connection, self._lock = _Connection(where.address), Lock()
         self._is_away = False
 

@@ -21,13 +21,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.model.places import Point, Pose, is_near
-from eurobot_od.robot.model.robot_file import Facts, Field, Task, Worth
-from eurobot_od.robot.model.values import OURS, Caption, Obstacle, Source, TeamColour
+from eurobot_od.robot.model.robot_file import Facts, Field, RobotShape, Task, Worth
+from eurobot_od.robot.model.values import OURS, Caption, Obstacle, Score, Source, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
@@ -73,15 +73,16 @@ class MatchEvent:
         return f"{self.time:9.3f} s  {self.kind.value:<10} {self.text}"
 
 
+@dataclass(frozen=True)
 class Timeline:
     """Where events go; `show` is called with each as it comes. `clock` is the match's: seconds since power-on."""
 
-    def __init__(self, clock: Callable[[], float], show: Callable[[MatchEvent], None]) -> None:
-        self.clock, self._show = clock, show
+    clock: Callable[[], float]
+    show: Callable[[MatchEvent], None]
 
     def tell(self, kind: EventKind, text: str, **data: Any) -> None:
         """Add an event that happens now."""
-        self._show(MatchEvent(self.clock(), kind, text, data))
+        self.show(MatchEvent(self.clock(), kind, text, data))
 
 
 # The game, as the world referees it
@@ -90,15 +91,6 @@ class Timeline:
 REACH = 40.0
 REACH_ANGLE = 8.0
 """How far from its place a robot can still do a task: mm and degrees."""
-
-
-class Score(NamedTuple):
-    """Points that a robot has made with a task, and when, in s."""
-
-    time: float
-    robot: str
-    task: str
-    points: int
 
 
 class Game:
@@ -144,13 +136,6 @@ class Game:
         return points
 
 
-def task_of(tasks: dict[str, Task], name: str) -> Task:
-    """Return a task by its name; raises UnknownName."""
-    if name not in tasks:
-        raise UnknownName("task", name, tasks)
-    return tasks[name]
-
-
 # Patrols: the other robots when nobody plays them
 
 
@@ -175,14 +160,11 @@ class Patrol:
 
     def __init__(self, points: Sequence[Point], speed: float, careless: bool = False) -> None:
         self._points, self.speed, self.careless = tuple(points), speed, careless
+        # How near it lets a robot come that is in its way, mm from edge to edge.
+        self.look_out = BUMPED if careless else LOOK_OUT
         self._leg, self._step = 1, 1
         self._waited = 0.0
         self.pose = Pose(*self._points[0], Pose(*self._points[0], 0).bearing(self._points[1]))
-
-    @property
-    def look_out(self) -> float:
-        """How near it lets a robot come that is in its way, mm from edge to edge."""
-        return BUMPED if self.careless else LOOK_OUT
 
     def held_up(self, here: Point, dt: float) -> Pose:
         """Wait `here` for what is in the way, and turn round if that takes too long; return the pose it wants."""
@@ -278,11 +260,11 @@ class World:
             )
         self._fallen = bodies.FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
-        self._put(OURS)
+        self._start(OURS)
         who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
         for source in who:
             if rival and NAMES[source] == RIVAL:
-                self._put(RIVAL)
+                self._start(RIVAL)
             else:
                 self._send(source)
 
@@ -290,33 +272,26 @@ class World:
         """Return a random stream of its own: with one for all, one more question would change all that follows."""
         return random.Random(f"{self._options.seed} {name}")
 
-    def _put(self, name: str) -> None:
+    def _start(self, name: str) -> None:
         """Put a robot that is driven by nodes where its team starts."""
         start = self.facts.start(self._teams[name])
         # Our stream has no robot's name in it, and must stay so: with another name, every seed would be another match.
         chance = self._stream(f"placement {name}" if name != OURS else "placement")
-        spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
-        shape = self.facts.body
-        body = bodies.RobotBody(
-            name, Point(0, 0), shape.radius, bodies.Weight.ROBOT, shape=shape if shape.outline else None
-        )
-        body.place(Pose(*(exact + chance.gauss(0, by) for exact, by in zip(start, spreads))))
-        body.trace.append((0.0, body.pose))
-        self.robots[name] = body
+        spreads, shape = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE), self.facts.body
+        pose = Pose(*(exact + chance.gauss(0, by) for exact, by in zip(start, spreads)))
+        self._put(name, pose, shape.radius, shape if shape.outline else None)
 
     def _send(self, source: Source) -> None:
         """Send a robot on its rounds."""
         name = NAMES[source]
         patrol = Patrol.of(source, self.facts, self._options.team, self._stream(f"patrol {source.name}"))
-        body = bodies.RobotBody(name, Point(0, 0), self.facts.others[source].radius, bodies.Weight.ROBOT)
-        body.place(patrol.pose)
-        body.trace.append((0.0, body.pose))
-        self.robots[name], self._patrols[name] = body, patrol
+        self._put(name, patrol.pose, self.facts.others[source].radius)
+        self._patrols[name] = patrol
 
-    @property
-    def driven(self) -> list[str]:
-        """The names of the robots that nodes drive."""
-        return [name for name in self.robots if name not in self._patrols]
+    def _put(self, name: str, pose: Pose, radius: float, shape: RobotShape | None = None) -> None:
+        body = bodies.RobotBody(name, pose.point, radius, bodies.Weight.ROBOT, shape, pose.angle)
+        body.trace.append((0.0, pose))
+        self.robots[name] = body
 
     @property
     def robot(self) -> Pose:
@@ -402,14 +377,18 @@ class World:
 
     def begin(self, name: str, task: str) -> float:
         """Begin a task; return how many seconds it takes. Raises UnknownName."""
-        return task_of(self.facts.tasks(self._teams[name]), task).seconds
+        return self._task(name, task).seconds
 
     def finish(self, name: str, task: str) -> int:
-        """Finish a task where the robot truly is; return its result."""
+        """Finish a task where the robot truly is; return its result. Raises UnknownName."""
         self._catch_up()
-        return self.game.finish(
-            name, task_of(self.facts.tasks(self._teams[name]), task), self.robots[name].pose, self.clock()
-        )
+        return self.game.finish(name, self._task(name, task), self.robots[name].pose, self.clock())
+
+    def _task(self, name: str, task: str) -> Task:
+        tasks = self.facts.tasks(self._teams[name])
+        if task not in tasks:
+            raise UnknownName("task", task, tasks)
+        return tasks[task]
 
 
 class LocalVehicle:

@@ -207,7 +207,6 @@ WORLD = ["--world", "127.0.0.1:9"]
             "--strategy goes with --world only: a match is played in a world",
         ),
         (["node", "drive", "--strategy", "shipped", *WORLD], 2, "--strategy is for the core, not for the drive"),
-        (["node", "navigation", "--beacons", *WORLD], 2, "--world and --beacons do not go together"),
         (
             ["node", "core", "--strategy", "a.py", "--team", "red", *WORLD],
             2,

@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match.stage import Led
+from eurobot_od.robot.match.stage import play_led
 from eurobot_od.robot.match.summary import FrameCounter
 from eurobot_od.robot.model.options import MatchOptions, WorldAddress
 from eurobot_od.robot.nodes import Core, Drive, Navigation
@@ -45,7 +45,8 @@ def test_where_the_truth_is_not_known_there_is_no_position_error(core: Live) -> 
     assert isinstance(node, Core)
     vehicle = RemoteVehicle(NOWHERE, lambda _: None)
     options = MatchOptions(enemies=0, confederates=0, duration=1.0)
-    summary = Led(core, node, vehicle, events.append).play(options, short_way, FrameCounter(EurobotProtocol.load()))
+    counter = FrameCounter(EurobotProtocol.load())
+    summary = play_led(core, node, vehicle, options, short_way, counter, events.append)
     assert [event.kind for event in events if event.kind in (EventKind.ARRIVED, EventKind.END)] == [
         EventKind.ARRIVED,
         EventKind.END,

@@ -18,13 +18,11 @@ from eurobot_od.robot.match.seeds import (
     FORCED,
     MOST_LISTED,
     NO_TASKS,
-    EndingCount,
     Figure,
     PlayedGoto,
     PlayedMatch,
     PlayedTask,
     Spread,
-    TouchCount,
     endings,
     play,
     play_many,
@@ -179,28 +177,32 @@ def test_endings(matches: list[PlayedMatch], rows: dict[str, tuple[int, int]]) -
 
 def test_what_is_wrong_is_a_row_even_if_it_never_was() -> None:
     names = ["not possible", "replaced", "lost"]
-    assert endings([FINE])[1:4] == [EndingCount(name, 0, 0) for name in names]
+    assert endings([FINE])[1:4] == [(name, 0, 0) for name in names]
 
 
 def test_touches_are_counted_by_what_and_by_whose_fault() -> None:
     forced, rammed = POOL._replace(forced=True), RobotTouch(3.0, "enemy 1", False, True)
     counted = touch_counts([FINE, match(5, touches=(POOL, forced)), match(6, touches=(POOL, POOL, rammed))])
-    assert [each for each in counted if each.touches] == [
-        TouchCount(FORCED, 1, 1, 1, 0),
-        TouchCount("pool", 2, 3, 3, 0),
-        TouchCount("robot", 1, 1, 0, 1),
+    assert [each for each in counted if each[2]] == [
+        (FORCED, 1, 1, 1, 0),
+        ("pool", 2, 3, 3, 0),
+        ("robot", 1, 1, 0, 1),
     ]
 
 
 @pytest.mark.parametrize(
     ("figure", "matches", "expected"),
     [
-        (DISTANCE, [FINE, STOPPED, LOST], Spread(5.0, 1.0, 2, 3.25, 5.0, 6.75, 9.0, 3)),
-        (POINTS, [FINE, STOPPED, LOST], Spread(34 / 3, 4, 3, 7, 10, 15, 20, 1)),
-        (DISTANCE, [match(8, arrived(5.0)), match(9, arrived(5.0))], Spread(5, 5, 8, 5, 5, 5, 5, 8)),  # the first seed
-        (POINTS, [LOST], Spread(4, 4, 3, 4, 4, 4, 4, 3)),
+        (DISTANCE, [FINE, STOPPED, LOST], Spread(5.0, (1.0, 2), [3.25, 5.0, 6.75], (9.0, 3))),
+        (POINTS, [FINE, STOPPED, LOST], Spread(34 / 3, (4, 3), [7, 10, 15], (20, 1))),
+        (
+            DISTANCE,
+            [match(8, arrived(5.0)), match(9, arrived(5.0))],
+            Spread(5, (5, 8), [5, 5, 5], (5, 8)),
+        ),  # the first seed
+        (POINTS, [LOST], Spread(4, (4, 3), [4, 4, 4], (4, 3))),
         (DISTANCE, [FAILED], None),
-        (DISTANCE, [FAILED, FINE], Spread(5.0, 4.0, 1, 4.5, 5.0, 5.5, 6.0, 1)),
+        (DISTANCE, [FAILED, FINE], Spread(5.0, (4.0, 1), [4.5, 5.0, 5.5], (6.0, 1))),
     ],
 )
 def test_spread(figure: Figure, matches: list[PlayedMatch], expected: Spread | None) -> None:
@@ -256,7 +258,7 @@ def test_the_report_counts_touches_by_what_was_touched() -> None:
     lines = [line.split() for line in report([STOPPED, LOST])]
     heading = lines.index(["touched", "matches", "touches", "our", "fault", "driven", "into"])
     assert lines[heading + 1 : lines.index([], heading)] == [
-        [*each.name.split(), *(str(number) for number in each[1:])] for each in touch_counts([STOPPED, LOST])
+        [*name.split(), *map(str, numbers)] for name, *numbers in touch_counts([STOPPED, LOST])
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.robot.match.summary import RobotTouch, Touched, counts, kind_of, touches_of
+from eurobot_od.robot.match.summary import RobotTouch, Touched, counts, touches_of
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.world.bodies import BORDER, Touch, standing
@@ -18,11 +18,11 @@ FAST, STANDS = 300.0, 0.0
 
 @rows("name", [*(each.name for each in standing(FACTS.barriers)), BORDER, OURS, *NAMES.values()])
 def test_everything_on_the_field_has_a_kind(name: str) -> None:
-    assert kind_of(name) is not Touched.OTHER
+    assert RobotTouch(0.0, name, False, False).kind is not Touched.OTHER
 
 
 def test_what_has_no_kind_is_something_else() -> None:
-    assert kind_of("fallen thing") is Touched.OTHER
+    assert RobotTouch(0.0, "fallen thing", False, False).kind is Touched.OTHER
 
 
 @pytest.mark.parametrize(

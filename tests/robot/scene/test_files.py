@@ -9,13 +9,12 @@ import pytest
 
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.values import OURS
+from eurobot_od.robot.model.values import OURS, Score
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.scene.files import STEP as STEP_OF_PATH
 from eurobot_od.robot.scene.files import truth_of
-from eurobot_od.robot.scene.recording import ScoredTask
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import RIVAL, Score
+from eurobot_od.robot.world.world import RIVAL
 
 STEP = 5.0
 
@@ -50,7 +49,7 @@ def test_the_path_is_our_robots_and_scores_keep_their_robot() -> None:
     world = driven(Pose(1500, 1000, 0), 30)
     world.game.scores.append(Score(3.0, RIVAL, "mammoth", 8))
     truth = truth_of(world)
-    assert list(truth.scores) == [ScoredTask(3.0, RIVAL, "mammoth", 8)]
+    assert list(truth.scores) == [Score(3.0, RIVAL, "mammoth", 8)]
     steps = [round((after - before) / STEP_OF_PATH, 1) for before, after in pairwise(each.time for each in truth.path)]
     assert set(steps) <= {1.0, 1.1}, "thinned, as the world has a place every 10 ms"
     assert {tuple(each) for each in truth.path} < {(time, *pose) for time, pose in world.path}

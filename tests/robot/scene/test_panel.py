@@ -15,10 +15,10 @@ from eurobot_od.robot.model.messages import (
     StartConfigurationSet,
 )
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import OURS, Barriers, Obstacle, Passage, Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Barriers, Obstacle, Passage, Score, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.scene.panel import KEPT, FieldPanel, true_path, truth_events
-from eurobot_od.robot.scene.recording import PathPoint, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.scene.recording import PathPoint, TouchMark, Truth
 from eurobot_od.web.events import PageEvent
 
 HERE = KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)
@@ -113,7 +113,7 @@ def test_what_the_world_knows_besides() -> None:
     truth = Truth(
         [PathPoint(-1.0, 1, 2, 3), PathPoint(1.0, 200, 1800, 0)],
         [TouchMark(2.0, Point(620, 1400), "ours touched fire 1", True)],
-        [ScoredTask(4.0, OURS, "frescos", 6)],
+        [Score(4.0, OURS, "frescos", 6)],
     )
     touch, points = truth_events(truth, FieldPanel.facts())
     assert (touch.time, touch.wrong, touch.mark, layers(touch)) == (2.0, True, "✶", {"marks": [(2.0, None)]})

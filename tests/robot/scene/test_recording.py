@@ -24,14 +24,13 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import OURS, Caption, GotoFault, Obstacle, Outcome, Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Caption, GotoFault, Obstacle, Outcome, Score, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol, decoder
 from eurobot_od.robot.scene.files import SeenMatch
 from eurobot_od.robot.scene.recording import (
     NOTHING,
     PathPoint,
     Recording,
-    ScoredTask,
     TouchMark,
     Truth,
     at,
@@ -137,7 +136,7 @@ def test_team() -> None:
 
 
 def test_what_the_world_knows_has_the_clock_of_the_messages() -> None:
-    touch, score = TouchMark(101.0, Point(5, 6), "ours touched fire 1", True), ScoredTask(102.0, OURS, "tree 1", 3)
+    touch, score = TouchMark(101.0, Point(5, 6), "ours touched fire 1", True), Score(102.0, OURS, "tree 1", 3)
     said = Caption(103.0, OURS, "done")
     recording = record([(100.0, ONE)], Truth([PathPoint(100.5, 1, 2, 3)], [touch], [score], [said]))
     assert recording.truth.path == [(0.5, 1, 2, 3)]
@@ -171,7 +170,7 @@ def test_where_the_robot_was_at_a_time(time: float, expected: PathPoint) -> None
 TRUTH = Truth(
     [PathPoint(10.0, 1.0, 2.0, 3.0), PathPoint(10.5, 4.0, 5.0, 6.0)],
     [TouchMark(11.0, Point(7.0, 8.0), "ours and enemy 1", True)],
-    [ScoredTask(12.5, "ours", "fruit", 4)],
+    [Score(12.5, "ours", "fruit", 4)],
     [Caption(10.25, "ours", "to the tree")],
 )
 

@@ -23,11 +23,11 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import OURS, Barriers, Obstacle, Passage, Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Barriers, Obstacle, Passage, Score, Source, TeamColour
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.files import SeenMatch, form, save
-from eurobot_od.robot.scene.recording import PathPoint, ScoredTask, TouchMark, Truth, record
+from eurobot_od.robot.scene.recording import PathPoint, TouchMark, Truth, record
 from eurobot_od.robot.scene.scene import PAGE, SPACING, sheet
 from eurobot_od.support import svg
 
@@ -53,9 +53,9 @@ TOUCHES = [
     TouchMark(5.0, Point(700, 500), "enemy 1 at 200 mm/s touched ours", False),
 ]
 SCORES = [
-    ScoredTask(5.0, OURS, "frescos", 6),
-    ScoredTask(8.0, "enemy 1", "mammoth", 10),
-    ScoredTask(15.0, OURS, "tree 1", 3),
+    Score(5.0, OURS, "frescos", 6),
+    Score(8.0, "enemy 1", "mammoth", 10),
+    Score(15.0, OURS, "tree 1", 3),
 ]
 KNOWN = Truth([PathPoint(1.0, 200, 1800, 0), PathPoint(15.0, 1000, 500, 0)], TOUCHES, SCORES)
 """What the world knows of the events."""
@@ -229,7 +229,7 @@ def test_points_stand_along_the_time_with_what_brought_them() -> None:
 
 
 def test_names_of_tasks_that_would_overlap_are_left_out() -> None:
-    scores = [ScoredTask(8.0 + number / 100, OURS, f"fire {number}", 1) for number in range(9)]
+    scores = [Score(8.0 + number / 100, OURS, f"fire {number}", 1) for number in range(9)]
     named = [each for each in words(drawn(truth=Truth(scores=scores))) if re.fullmatch(r"fire \d \+1", each)]
     assert named == ["fire 0 +1", "fire 1 +1"]
 

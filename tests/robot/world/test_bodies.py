@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, gap, inside, pushed_out, standing
+from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, gap, inside, standing
 
 FACTS = robot_file.read()
 
@@ -30,7 +30,7 @@ def test_gap(point: Point, radius: float, expected: float, why: str) -> None:
 
 @pytest.mark.parametrize("point", [Point(1200, 1000), Point(1000, 810), Point(900, 1100), Point(1000, 1000)])
 def test_what_is_pushed_out_only_touches(point: Point) -> None:
-    out = pushed_out(point, 100.0, POOL)
+    out = RobotBody("ours", point, 100.0, Weight.ROBOT).out_of(Pose(*point, 0), POOL)
     assert gap(out, 100.0, POOL) == pytest.approx(0.0, abs=1e-9)
     if point != POOL.point:  # along the line of the centres
         before, after = (math.atan2(each.y - 1000, each.x - 1000) for each in (point, out))

@@ -32,7 +32,7 @@ def make_world() -> World:
 
 
 def make_channel(world: World) -> Channel:
-    return Channel(world, {OURS: OPTIONS})
+    return Channel(world, OPTIONS)
 
 
 def ask(channel: Channel, line: str | bytes) -> Any:
@@ -61,7 +61,7 @@ SAME: list[tuple[str, Callable[[LocalVehicle], Any]]] = [
     ('{"request": "pose", "whom": "enemy_1", "age": 2}', lambda it: pose_data(it.pose(Source.ENEMY_1, 2.0))),
     ('{"request": "begin", "task": "mammoth"}', lambda it: it.begin("mammoth")),
     ('{"request": "finish", "task": "mammoth"}', lambda it: it.finish("mammoth")),
-    (' {"robot": "ours", "task": "mammoth", "request": "finish"}\r', lambda it: it.finish("mammoth")),
+    (' {"task": "mammoth", "request": "finish"}\r', lambda it: it.finish("mammoth")),
 ]
 
 
@@ -86,7 +86,7 @@ def test_hello_says_which_match_it_is() -> None:
     answer = ask(make_channel(make_world()), '{"request": "hello"}')["answer"]
     assert answer.pop("errors")["beacon_dropouts"] == 0.5
     start = {"team": "yellow", "enemies": 1, "confederates": 1, "seed": 7}
-    assert answer == {"version": VERSION, "robot": "ours", **start}
+    assert answer == {"version": VERSION, **start}
 
 
 def test_the_truth_is_where_the_robot_is_and_what_it_came_to() -> None:
@@ -98,14 +98,6 @@ def test_the_truth_is_where_the_robot_is_and_what_it_came_to() -> None:
     place = world.robot._asdict()
     truth = {"time": 3.0, **place, "points": points, "touches": 1}
     assert ask(channel, '{"request": "truth"}') == {"answer": truth}
-
-
-def test_a_rival_asks_for_itself() -> None:
-    world = World(OPTIONS, lambda: 3.0, rival=True)
-    channel = Channel(world, {OURS: OPTIONS, RIVAL: MatchOptions(TeamColour.RED)})
-    assert ask(channel, '{"request": "hello", "robot": "enemy 1"}')["answer"]["team"] == "red"
-    whose = '{"request": "pose", "whom": "internal", "robot": "enemy 1"}'
-    assert ask(channel, whose)["answer"] == world.robots[RIVAL].pose._asdict()
 
 
 # What is wrong is answered with what is wrong, and changes nothing
@@ -124,8 +116,6 @@ REFUSED: list[tuple[str | bytes, str]] = [
     ("{}", "unknown request None; known: hello, truth"),
     ('{"request": "mov"}', "unknown request 'mov'; did you mean move?"),
     ('{"request": ["move"]}', "unknown request ['move']"),
-    ('{"request": "hello", "robot": "enemy 1"}', "unknown robot 'enemy 1'; known: ours"),
-    ('{"request": "hello", "robot": {}}', "unknown robot {}; known: ours"),
     ('{"request": "hello", "version": 1}', "unknown field of hello 'version'"),
     ('{"request": "pose", "who": "internal"}', "unknown field of pose 'who'; did you mean whom?"),
     ('{"request": "pose"}', "pose: whom = None is not allowed; allowed: internal, confederate, enemy_1, enemy_2"),

@@ -9,8 +9,8 @@ import pytest
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.robot_file import Task
-from eurobot_od.robot.model.values import TeamColour
-from eurobot_od.robot.world.world import REACH, REACH_ANGLE, Game, Score
+from eurobot_od.robot.model.values import Score, TeamColour
+from eurobot_od.robot.world.world import REACH, REACH_ANGLE, Game
 from tests.rows import rows
 
 FACTS = robot_file.read()

@@ -35,7 +35,7 @@ class Served:
         options = MatchOptions(enemies=0, confederates=0)
         self.now = 0.0
         self.world = World(options, lambda: self.now)
-        self.channel = Channel(self.world, {OURS: options})
+        self.channel = Channel(self.world, options)
         self.events: list[MatchEvent] = []
         self.server = Server(self.world, self.channel, self.events.append)
 
@@ -63,12 +63,12 @@ def test_lines_are_answered_in_their_order_however_they_are_cut() -> None:
         writer.write(HELLO[:5])
         await asyncio.sleep(0)
         writer.write(HELLO[5:] + b'bad\n\n{"request": "truth"}\n' + HELLO[:7])
-        assert (await answer(reader))["answer"]["robot"] == "ours"
+        assert (await answer(reader))["answer"]["team"] == "red"
         assert "error" in await answer(reader)
         assert "error" in await answer(reader)
         assert (await answer(reader))["answer"]["time"] == 0.0
         writer.write(HELLO[7:])
-        assert (await answer(reader))["answer"]["robot"] == "ours"
+        assert (await answer(reader))["answer"]["team"] == "red"
         writer.close()
 
     served.run(talk)

@@ -46,7 +46,7 @@ def served(address: Address = Address("127.0.0.1", 0), token: str = "") -> Itera
     """Serve a world from a thread; gives where it listens."""
     ready, where = threading.Event(), list[WorldAddress]()
     loop = asyncio.new_event_loop()
-    server = Server(world := make_world(), Channel(world, {OURS: OPTIONS}, token), lambda _: None)
+    server = Server(world := make_world(), Channel(world, OPTIONS, token), lambda _: None)
 
     def listening(bound: WorldAddress) -> None:
         where.append(bound)
@@ -235,7 +235,7 @@ def test_an_answer_that_is_none_is_a_world_that_is_not_there(answer: bytes | Non
 @pytest.mark.parametrize(
     ("answer", "kind", "complaint"),
     [
-        (hello_of(version=2), LocalError, f"has version 2 of the side channel, this program {VERSION}"),
+        (hello_of(version=1), LocalError, f"has version 1 of the side channel, this program {VERSION}"),
         (hello_of(team="green"), WorldError, "does not answer: 'GREEN'"),
         (hello_of(errors={"wheel_wear": 1.0}), WorldError, "unexpected keyword argument 'wheel_wear'"),
     ],
