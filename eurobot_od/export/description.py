@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import Limits, label
 from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.codec import Run, merged
 from eurobot_od.pdo.kinds import Message, Real
 from eurobot_od.pdo.protocol import Protocol
 
@@ -27,20 +28,6 @@ class Numeral(Enum):
     UNSIGNED = "unsigned"
     SIGNED = "signed"
     REAL = "real"
-
-
-class Chunk(NamedTuple):
-    """Bits of a field that are neighbours in one byte: value bit `shift` is bit `bit` of `byte`, for `bits` bits."""
-
-    byte: int
-    bit: int
-    shift: int
-    bits: int
-
-    @property
-    def mask(self) -> int:
-        """A mask of `bits` bits."""
-        return (1 << self.bits) - 1
 
 
 class DescribedField(NamedTuple):
@@ -65,17 +52,9 @@ class DescribedField(NamedTuple):
     objects: Sequence[str] = ()
 
     @property
-    def chunks(self) -> list[Chunk]:
+    def chunks(self) -> tuple[Run, ...]:
         """The field's bits byte by byte, from its lowest bit."""
-        found: list[Chunk] = []
-        for shift, place in enumerate(self.places):
-            byte, bit = divmod(place, 8)
-            last = found[-1] if found else None
-            if last and (byte, bit) == (last.byte, last.bit + last.bits):
-                found[-1] = last._replace(bits=last.bits + 1)
-            else:
-                found.append(Chunk(byte, bit, shift, 1))
-        return found
+        return merged(self.places, most=8)
 
 
 class DescribedMessage(NamedTuple):

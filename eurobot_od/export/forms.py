@@ -11,10 +11,11 @@ from html import escape
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import UnknownName, look_up
 from eurobot_od.export.description import DescribedMessage, Numeral, described
 from eurobot_od.od.description import COMPOSED
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.codec import merged
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support import texts
 
@@ -192,9 +193,7 @@ SUFFIXES = {".md": "markdown", ".markdown": "markdown", ".html": "html", ".htm":
 
 def docs_text(protocol: Protocol, dictionaries: Iterable[Dictionary], form: str) -> str:
     """Return the document of a network in a form of FORMS; raises UnknownName."""
-    if form not in FORMS:
-        raise UnknownName("format", form, FORMS)
-    return FORMS[form](list(blocks(protocol, list(dictionaries))))
+    return look_up("format", form, FORMS)(list(blocks(protocol, list(dictionaries))))
 
 
 # What it says
@@ -243,13 +242,8 @@ def _message(message: DescribedMessage) -> Iterator[DocBlock]:
     head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
     rows = []
     for field in message.fields:
-        runs: list[list[int]] = []  # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one
-        for place in field.places:
-            if runs and place == runs[-1][-1] + 1:
-                runs[-1].append(place)
-            else:
-                runs.append([place])
-        ends = (dict.fromkeys((run[0], run[-1])) for run in runs)
+        # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one run
+        ends = (dict.fromkeys((each.offset, each.offset + each.bits - 1)) for each in merged(field.places))
         bits = ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in run) for run in ends)
         limits = "" if field.numeral is Numeral.REAL else f"{field.limits.low}..{field.limits.high}"
         named = ", ".join(f"{raw} {name}" for raw, name in field.named.items())

@@ -30,9 +30,18 @@ SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
 
 
-def list_of(index: int) -> str:
-    """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
-    return cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
+def listed(indices: Iterable[int]) -> dict[str, list[int]]:
+    """Return objects by the list that each belongs to (CiA 306-1, 4.6.1)."""
+    lists: dict[str, list[int]] = {name: [] for name in cia306.OBJECT_LISTS}
+    for index in indices:
+        lists[cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]].append(index)
+    return lists
+
+
+def list_entries(indices: Sequence[int]) -> dict[str, str]:
+    """Return the entries of a list of objects."""
+    numbered = {str(number): f"0x{index:04X}" for number, index in enumerate(indices, start=1)}
+    return {"SupportedObjects": str(len(indices)), **numbered}
 
 
 def files_in(folder: str | Path) -> list[Path]:
@@ -417,14 +426,8 @@ BOOLEANS = {"true": "1", "false": "0"}
 MAPPED_ACCESS = {("rw", "TPDO"): "rwr", ("rw", "RPDO"): "rww"}
 """Access types of an EDS by access and mapping, which CiA 311 has apart."""
 
-VALUES = {
-    "lowLimit": "LowLimit",
-    "highLimit": "HighLimit",
-    "defaultValue": "DefaultValue",
-    "actualValue": "ParameterValue",
-    "denotation": "Denotation",
-}
-"""Attributes of an object, and their keys."""
+VALUES = _keys("lowLimit", "highLimit", "defaultValue", actualValue="ParameterValue")
+"""Attributes of an object with its limits and values, and their keys."""
 
 PARAMETER_ACCESS = {
     "const": "const",
@@ -533,14 +536,10 @@ def _device_info(root: XmlElement) -> Section:
 
 
 def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
-    indices: dict[str, list[int]] = {name: [] for name in cia306.OBJECT_LISTS}
-    for each in objects:
-        index = _digits(each, "index") or 0
-        if index >= values.FIRST:  # below are the data types, which no list of CiA 306 has
-            indices[list_of(index)].append(index)
-    for name, found in indices.items():
-        rows = {str(number): f"0x{index:04X}" for number, index in enumerate(found, start=1)}
-        yield _section(name, at, {"SupportedObjects": str(len(found)), **rows})
+    indices = (_digits(each, "index") or 0 for each in objects)
+    # below are the data types, which no list of CiA 306 has
+    for name, found in listed(each for each in indices if each >= values.FIRST).items():
+        yield _section(name, at, list_entries(found))
 
 
 def _object(each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
@@ -580,7 +579,7 @@ def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
         entries["AccessType"] = MAPPED_ACCESS.get((access, mapping), access)
     if "PDOmapping" in said or parameter:
         entries["PDOMapping"] = str(int(mapping != "no"))
-    entries |= {key: said[name] for name, key in VALUES.items() if name in said}
+    entries |= {key: said[name] for name, key in (VALUES | _keys("denotation")).items() if name in said}
     if "objFlags" in said:
         entries["ObjFlags"] = f"0x{said['objFlags']}"
     # XML writes true and false; an EDS has no such words.

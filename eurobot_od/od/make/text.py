@@ -32,8 +32,8 @@ import yaml
 
 from eurobot_od.od import values
 from eurobot_od.od.description import ObjectCode
-from eurobot_od.od.document import BIT_RATES, OBJECT_LISTS
-from eurobot_od.od.formats import list_of
+from eurobot_od.od.document import BIT_RATES
+from eurobot_od.od.formats import list_entries, listed
 from eurobot_od.od.make import DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
 from eurobot_od.od.pdos import PADDING as PADDING_NAME
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DataType, MappingEntry, PdoDirection
@@ -48,12 +48,14 @@ def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> s
     """Return the whole EDS file of a node in a dialect."""
     dialect = table.dialects[dialect_name]
     objects = object_dictionary(table, dialect, node_name)
+    indices = listed(each.index for each in objects)
+    lists: list[EdsSection] = [(name, [*list_entries(each).items()]) for name, each in indices.items()]
     sections: list[EdsSection] = [
         file_info(table, dialect_name, node_name),
         device_info(table, dialect.revision_number, table.nodes[node_name], objects),
         ("DummyUsage", [(f"Dummy{each:04X}", 0) for each in values.DUMMIES]),
         ("Comments", [("Lines", 1), ("Line1", table.file.comment)]),
-        *object_lists(objects),
+        *lists,
         *(section for each in objects for section in each.sections),
     ]
     return "\n".join(f"[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys) for name, keys in sections)
@@ -97,16 +99,6 @@ def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[Ma
         ("NrOfTXPDO", len(indices.intersection(COMMUNICATION_RECORDS[PdoDirection.TPDO]))),
         ("LSS_Supported", 0),
     ]
-
-
-def object_lists(objects: Iterable[MadeObject]) -> Iterator[EdsSection]:
-    """Give the three lists of objects (CiA 306-1, 4.6.1)."""
-    lists: dict[str, list[int]] = {name: [] for name in OBJECT_LISTS}
-    for index in (each.index for each in objects):
-        lists[list_of(index)].append(index)
-    for name, indices in lists.items():
-        numbered = ((str(n), f"0x{index:04X}") for n, index in enumerate(indices, start=1))
-        yield name, [("SupportedObjects", len(indices)), *numbered]
 
 
 # Where the bits of an object lie in its PDO: whole fields, or slices of them, in CiA 301's order.
