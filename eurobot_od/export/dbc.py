@@ -67,14 +67,10 @@ class DbcMessage(NamedTuple):
     receivers: Sequence[str]
     signals: Sequence[Signal]
 
-    @property
-    def identifier(self) -> int:
-        """The identifier as it is: DBC sets bit 31 for 29-bit ones only."""
-        return self.message.cob_id
-
     def lines(self) -> Iterator[str]:
         """Yield the message and its signals."""
-        yield f"BO_ {self.identifier} {self.name}: {self.message.length} {next(iter(self.senders), NOBODY)}"
+        # The identifier as it is: DBC sets bit 31 for 29-bit ones only.
+        yield f"BO_ {self.message.cob_id} {self.name}: {self.message.length} {next(iter(self.senders), NOBODY)}"
         receivers = ",".join(self.receivers) or NOBODY
         for name, field in self.signals:
             order, start = _place(self.message, field)
@@ -93,17 +89,17 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     """Return the DBC file of messages; raises MappingError."""
     nodes: dict[str, str] = {}
     entries = list(_named(messages, nodes))
-    signals = [(each.identifier, signal.name, signal.field) for each in entries for signal in each.signals]
+    signals = [(each.message.cob_id, signal.name, signal.field) for each in entries for signal in each.signals]
     parts = [  # in the order of DBC's grammar
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
         *([*each.lines(), ""] for each in entries),
         # A message with several senders lists all of them here once more.
-        [f"BO_TX_BU_ {each.identifier} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
+        [f"BO_TX_BU_ {each.message.cob_id} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
         [*_comments(entries), ""],
         [
             *ATTRIBUTES,
-            *(f'BA_ "Protocol" BO_ {each.identifier} {_quoted(each.message.group)};' for each in entries),
+            *(f'BA_ "Protocol" BO_ {each.message.cob_id} {_quoted(each.message.group)};' for each in entries),
             "",
         ],
         [
@@ -142,10 +138,10 @@ def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
     """Yield comments for what the names cannot say: real names of messages and objects, allowed values."""
     for each in entries:
         text = ": ".join(filter(None, (each.message.name, each.message.text)))
-        yield from _comment(f"BO_ {each.identifier}", text)
+        yield from _comment(f"BO_ {each.message.cob_id}", text)
         for name, field in each.signals:
             said = "; ".join(filter(None, (", ".join(field.objects), field.allowed)))
-            yield from _comment(f"SG_ {each.identifier} {name}", said)
+            yield from _comment(f"SG_ {each.message.cob_id} {name}", said)
 
 
 def _comment(of: str, text: str) -> Iterator[str]:
