@@ -173,7 +173,10 @@ class ObjectLayout:
     @property
     def targets(self) -> tuple[int, ...]:
         """The mapping entries of a PDO: index, sub-index and bits of every part (CiA 301, 7.5.2.36)."""
-        return tuple(self.target(each) for each in self.parts)
+        fields = {name: (self.index, sub) for sub, name in enumerate(self.fields, start=1)}
+        cut = {each: (self.slices_index, sub) for sub, each in enumerate(self.cut, start=1)}
+        places = ((fields[each.field] if self.is_whole(each) else cut[each], each.bits) for each in self.parts)
+        return tuple(MappingEntry(*address, bits).number for address, bits in places)
 
     @property
     def begins(self) -> dict[PlacedText, int]:
@@ -184,14 +187,6 @@ class ObjectLayout:
     def is_whole(self, part: Slice) -> bool:
         """Tell whether a part is a whole field."""
         return part.field in self.fields and part.bits == self.fields[part.field].bits
-
-    def target(self, part: Slice) -> int:
-        """Return the mapping entry of a part."""
-        if self.is_whole(part):
-            index, position = self.index, list(self.fields).index(part.field)
-        else:
-            index, position = self.slices_index, self.cut.index(part)
-        return MappingEntry(index, position + 1, part.bits).number
 
 
 def layouts(table: Table, dialect: DialectRow) -> dict[PlacedText, ObjectLayout]:
@@ -244,20 +239,14 @@ ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
 
 
 def entry(
-    name: str,
-    type_: DataType,
-    access: str,
-    default: int | str | None,
-    low: int | None = None,
-    high: int | None = None,
-    mappable: bool = False,
+    name: str, type_: DataType, access: str, default: int | str | None, *limits: int | None, mappable: bool = False
 ) -> KeyValues:
-    """Return the keys of a VAR or a sub-index, limits and default only where there are any.
+    """Return the keys of a VAR or a sub-index, the two limits and the default only where there are any.
 
     A text as default of a number is a formula of the node-ID.
     """
     form = "0x{:08X}" if type_ is U32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
-    numbers = {"LowLimit": low, "HighLimit": high, "DefaultValue": default}
+    numbers = {**dict(zip(("LowLimit", "HighLimit"), limits)), "DefaultValue": default}
     given = ((key, value) for key, value in numbers.items() if value is not None)
     return [
         ("ParameterName", name),
@@ -455,7 +444,7 @@ def field_entry(
 ) -> KeyValues:
     """Return the entry of a whole field, of a setting or of a reading."""
     type_ = values.REAL32 if whole.type is FieldType.REAL32 else integer(whole.bits, begin, whole.is_signed)
-    return entry(name, type_, access, default_of(whole, node), whole.low, whole.high, mappable)
+    return entry(name, type_, access, default_of(whole, node), whole.low, whole.high, mappable=mappable)
 
 
 def default_of(whole: TableField, node: NodeRow | None = None) -> int:
