@@ -11,7 +11,7 @@ from html import escape
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.errors import UnknownName, look_up
+from eurobot_od.errors import look_up
 from eurobot_od.export.description import DescribedMessage, Numeral, described
 from eurobot_od.od.description import COMPOSED
 from eurobot_od.od.dictionary import Dictionary
@@ -67,10 +67,7 @@ DocBlock: TypeAlias = "DocHeading | Paragraph | DocTable | Preformatted"
 
 def form_of(file: Path) -> str:
     """Return the form for a file's suffix; raises UnknownName for an unknown suffix."""
-    try:
-        return SUFFIXES[file.suffix.lower()]
-    except KeyError:
-        raise UnknownName("document format", file.suffix or file.name, SUFFIXES) from None
+    return look_up("document format", file.suffix.lower() or file.name, SUFFIXES)
 
 
 MARKED = re.compile(r"([\\`*_\[\]<>|&#~$])")

@@ -444,7 +444,7 @@ def field_entry(
 ) -> KeyValues:
     """Return the entry of a whole field, of a setting or of a reading."""
     type_ = values.REAL32 if whole.type is FieldType.REAL32 else integer(whole.bits, begin, whole.is_signed)
-    return entry(name, type_, access, default_of(whole, node), whole.low, whole.high, mappable=mappable)
+    return entry(name, type_, access, default_of(whole, node), *whole.limits, mappable=mappable)
 
 
 def default_of(whole: TableField, node: NodeRow | None = None) -> int:
