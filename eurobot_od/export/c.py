@@ -266,10 +266,10 @@ def _pack(block: MessageBlock) -> Iterator[str]:
         yield f"    if ({condition}) return 0;"
     for byte in range(length):
         parts = [
-            _moved(f"raw_{each.name}", chunk.shift, chunk.mask, chunk.bit)
+            _moved(f"raw_{each.name}", chunk.shift, chunk.mask, chunk.offset % 8)
             for each in block.members
             for chunk in each.field.chunks
-            if chunk.byte == byte
+            if chunk.offset // 8 == byte
         ]
         # C computes in int or wider: without the cast, -Wconversion warns of each byte. Bits of no field are 0.
         yield f"    data[{byte}] = (uint8_t)({' | '.join(parts) or '0u'});"
@@ -298,7 +298,10 @@ def _unpack(block: MessageBlock) -> Iterator[str]:
     for member in block.members:
         raw, kind, default = f"raw_{member.name}", member.raw_type, member.field.default
         # Cast before it is shifted: a byte becomes an int, which a high bit may not fit into.
-        bits = (_moved(f"{source}[{c.byte}]", c.bit, c.mask, c.shift, f"({kind})") for c in member.field.chunks)
+        bits = (
+            _moved(f"{source}[{c.offset // 8}]", c.offset % 8, c.mask, c.shift, f"({kind})")
+            for c in member.field.chunks
+        )
         taken = f"({kind})({' | '.join(bits)})"
         if default is not None:
             taken = f"({kind})(length < {length}u ? {_unsigned(default, member.bits)} : {taken})"

@@ -55,14 +55,10 @@ class DbcMessage(NamedTuple):
     receivers: Sequence[str]
     signals: Mapping[str, DescribedField]
 
-    @property
-    def identifier(self) -> int:
-        """The identifier as it is: DBC sets bit 31 for 29-bit ones only."""
-        return self.message.cob_id
-
     def lines(self) -> Iterator[str]:
         """Yield the message and its signals."""
-        yield f"BO_ {self.identifier} {self.name}: {self.message.length} {next(iter(self.senders), NOBODY)}"
+        # The identifier as it is: DBC sets bit 31 for 29-bit ones only.
+        yield f"BO_ {self.message.cob_id} {self.name}: {self.message.length} {next(iter(self.senders), NOBODY)}"
         receivers = ",".join(self.receivers) or NOBODY
         for name, field in self.signals.items():
             order, start = _place(self.message, field)
@@ -81,12 +77,12 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     """Return the DBC file of messages; raises MappingError."""
     nodes: dict[str, str] = {}
     entries = list(_named(messages, nodes))
-    signals = [(each.identifier, name, field) for each in entries for name, field in each.signals.items()]
+    signals = [(each.message.cob_id, name, field) for each in entries for name, field in each.signals.items()]
     parts = [  # in the order of DBC's grammar
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
         *([*each.lines(), ""] for each in entries),
         # A message with several senders lists all of them here once more.
-        [f"BO_TX_BU_ {each.identifier} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
+        [f"BO_TX_BU_ {each.message.cob_id} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
         [*_comments(entries), ""],
         [*ATTRIBUTES, ""],
@@ -125,9 +121,10 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
 def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
     """Yield comments for what the names cannot say: real names of messages and objects, allowed values."""
     for each in entries:
-        said = {f"BO_ {each.identifier}": ": ".join(filter(None, (each.message.name, each.message.text)))}
+        id_ = each.message.cob_id
+        said = {f"BO_ {id_}": ": ".join(filter(None, (each.message.name, each.message.text)))}
         for name, field in each.signals.items():
-            said[f"SG_ {each.identifier} {name}"] = "; ".join(filter(None, (", ".join(field.objects), field.allowed)))
+            said[f"SG_ {id_} {name}"] = "; ".join(filter(None, (", ".join(field.objects), field.allowed)))
         yield from (f"CM_ {of} {_quoted(text)};" for of, text in said.items() if text)
 
 

@@ -10,13 +10,14 @@ import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
-from itertools import count, groupby
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import Limits, label
 from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.codec import Run, merged
 from eurobot_od.pdo.kinds import Message, Real
 from eurobot_od.pdo.protocol import Protocol
 
@@ -27,20 +28,6 @@ class Numeral(Enum):
     UNSIGNED = "unsigned"
     SIGNED = "signed"
     REAL = "real"
-
-
-class Chunk(NamedTuple):
-    """Bits of a field that are neighbours in one byte: value bit `shift` is bit `bit` of `byte`, for `bits` bits."""
-
-    byte: int
-    bit: int
-    shift: int
-    bits: int
-
-    @property
-    def mask(self) -> int:
-        """A mask of `bits` bits."""
-        return (1 << self.bits) - 1
 
 
 class DescribedField(NamedTuple):
@@ -65,11 +52,9 @@ class DescribedField(NamedTuple):
     objects: Sequence[str] = ()
 
     @property
-    def chunks(self) -> list[Chunk]:
+    def chunks(self) -> tuple[Run, ...]:
         """The field's bits byte by byte, from its lowest bit."""
-        runs = groupby(enumerate(self.places), key=lambda each: (each[1] // 8, each[1] - each[0]))
-        firsts = ((*next(run), 1 + sum(1 for _ in run)) for _, run in runs)
-        return [Chunk(place // 8, place % 8, shift, bits) for shift, place, bits in firsts]
+        return merged(self.places, most=8)
 
 
 class DescribedMessage(NamedTuple):

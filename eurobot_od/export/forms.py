@@ -8,14 +8,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
-from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import look_up
 from eurobot_od.export.description import DescribedMessage, Numeral, described
 from eurobot_od.od.description import COMPOSED
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.codec import merged
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support import texts
 
@@ -67,10 +67,7 @@ DocBlock: TypeAlias = "DocHeading | Paragraph | DocTable | Preformatted"
 
 def form_of(file: Path) -> str:
     """Return the form for a file's suffix; raises UnknownName for an unknown suffix."""
-    try:
-        return SUFFIXES[file.suffix.lower()]
-    except KeyError:
-        raise UnknownName("document format", file.suffix or file.name, SUFFIXES) from None
+    return look_up("document format", file.suffix.lower() or file.name, SUFFIXES)
 
 
 MARKED = re.compile(r"([\\`*_\[\]<>|&#~$])")
@@ -193,9 +190,7 @@ SUFFIXES = {".md": "markdown", ".markdown": "markdown", ".html": "html", ".htm":
 
 def docs_text(protocol: Protocol, dictionaries: Iterable[Dictionary], form: str) -> str:
     """Return the document of a network in a form of FORMS; raises UnknownName."""
-    if form not in FORMS:
-        raise UnknownName("format", form, FORMS)
-    return FORMS[form](list(blocks(protocol, list(dictionaries))))
+    return look_up("format", form, FORMS)(list(blocks(protocol, list(dictionaries))))
 
 
 # What it says
@@ -244,9 +239,8 @@ def _message(message: DescribedMessage) -> Iterator[DocBlock]:
     head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
     rows = []
     for field in message.fields:
-        # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one run.
-        runs = (list(run) for _, run in groupby(enumerate(field.places), key=lambda each: each[1] - each[0]))
-        ends = (dict.fromkeys((run[0][1], run[-1][1])) for run in runs)
+        # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one run
+        ends = (dict.fromkeys((each.offset, each.offset + each.bits - 1)) for each in merged(field.places))
         bits = ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in run) for run in ends)
         limits = "" if field.numeral is Numeral.REAL else f"{field.limits.low}..{field.limits.high}"
         named = ", ".join(f"{raw} {name}" for raw, name in field.named.items())

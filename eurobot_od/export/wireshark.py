@@ -83,9 +83,9 @@ def _message(message: DescribedMessage, filters: str) -> Iterator[str]:
 
 
 def _field(field: DescribedField, filters: str) -> Iterator[str]:
-    types, chunks = FIELD_TYPES[field.numeral], field.chunks
+    types = FIELD_TYPES[field.numeral]
     kind = types[next(bits for bits in types if bits >= field.width)]  # Wireshark has no type of 12 bits, for example
-    first, last = min(each.byte for each in chunks), max(each.byte for each in chunks)
+    first, last = min(field.places) // 8, max(field.places) // 8
     names = "{" + ", ".join(f"[{raw}] = {_quoted(printable_name(name))}" for raw, name in field.named.items()) + "}"
     given = f", base.DEC, {names}" if field.named else ""
     yield "        {"
@@ -98,7 +98,7 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     if field.default is not None:
         # In two halves: Lua 5.2 in Wireshark has only doubles, which are exact up to 53 bits.
         yield f"            default = {{{field.default % (1 << 32)}, {field.default >> 32}}},"
-    listed = ", ".join(f"{{{each.byte}, {each.bit}, {each.shift}, {each.bits}}}" for each in chunks)
+    listed = ", ".join(f"{{{at // 8}, {at % 8}, {shift}, {bits}}}" for shift, at, bits in field.chunks)
     yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"
     yield "        },"
 

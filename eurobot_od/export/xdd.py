@@ -15,9 +15,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from eurobot_od.od import formats
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.formats import read
+from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NODE_IDS, PdoDirection
 
 SCHEMA = "http://www.canopen.org/xml/1.1"
@@ -27,19 +28,8 @@ NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that cannot be in an XML file (XML 1.0, production 2)."""
 
 SAME_ACCESS = ("const", "ro", "wo", "rw")
-MAPPED_ACCESS = {"rwr": ("rw", "TPDO"), "rww": ("rw", "RPDO")}
+MAPPED_ACCESS = {access: split for split, access in formats.MAPPED_ACCESS.items()}
 """Access types of an EDS that XDD splits into access and mapping."""
-
-BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-"""Bit rates that an EDS can support, in kbit/s (CiA 306-1, 4.5.2)."""
-
-LIMITS_AND_VALUES = {
-    "lowLimit": "lowlimit",
-    "highLimit": "highlimit",
-    "defaultValue": "defaultvalue",
-    "actualValue": "parametervalue",
-}
-"""Attributes of an object, and their keys in the file."""
 
 COMMISSIONED = {
     "nodeID": ("nodeid", "0"),
@@ -86,7 +76,7 @@ class _XddWriter:
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary, self._device = dictionary, dictionary.device
         # The normal form does not have types and values that only a maker knows; an XDD can.
-        self._said = DescribedDevice(read(dictionary.content))
+        self._said = DescribedDevice(formats.read(dictionary.content))
 
     def text(self) -> str:
         names = {"xmlns:co": SCHEMA, "xmlns:xsi": INSTANCE}
@@ -204,7 +194,7 @@ class _XddWriter:
             "dataType": self._type(variable),
             "accessType": access if access in SAME_ACCESS else None,
             "PDOmapping": mapping if variable.is_mappable else "no",
-            **{name: self._value(variable, key) for name, key in LIMITS_AND_VALUES.items()},
+            **{name: self._value(variable, key.lower()) for name, key in formats.VALUES.items()},
             "denotation": variable.section.text("denotation") or None,
             "objFlags": f"{flags.value:04X}" if flags and 0 <= flags.value <= 0xFFFF else None,
         }

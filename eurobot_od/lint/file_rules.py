@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise, product
+from itertools import product
 
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
@@ -277,15 +277,6 @@ def other_file_name(device: LintedDevice) -> Violations:
         yield device.at("fileinfo", "filename"), f"FileName is {name[:60]}, the file is {device.name}"
 
 
-@RULES.rule("I211", "CiA 306, [FileInfo]")
-def modified_before_created(device: LintedDevice) -> Violations:
-    """A file is not modified before it is created."""
-    created, modified = (device.document.text("fileinfo", key.lower()) for key in cia306.DATES)
-    # mm-dd-yyyy: with the year in front, texts compare as dates do.
-    if is_date(created) and is_date(modified) and modified[6:] + modified[:5] < created[6:] + created[:5]:
-        yield device.at("fileinfo", "modificationdate"), f"modified {modified}, before it was created {created}"
-
-
 def identity_of(key: str, sub: int) -> Check:
     """Make the rule that a number of [DeviceInfo] is the one in the identity object."""
 
@@ -523,16 +514,6 @@ def missing_mandatory(device: LintedDevice) -> Violations:
     for index in MANDATORY:
         if index not in device.objects and device.objects:  # of a file without any object E120 says enough
             yield device.section("mandatoryobjects") or TOP, f"0x{index:04X} is missing, which every device has"
-
-
-@RULES.rule("I314", "custom; many tools rely on nothing else")
-def unsorted(device: LintedDevice) -> Violations:
-    """Lists are in the order of the indices."""
-    for name in LISTS:
-        pairs = pairwise(listed(device, name))
-        wrong = next((entry for (before, _), (index, entry) in pairs if index < before), None)
-        if wrong:
-            yield wrong, f"{wrong.value[:20]} follows a higher index"
 
 
 def misplaced_of(names: Sequence[str], is_wrong: Callable[[int], bool], sentence: str) -> Check:

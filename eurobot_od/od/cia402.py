@@ -175,16 +175,8 @@ class Mode(IntEnum):
 
 
 MODE_WORDS: Mapping[int, str] = {
+    **{each: each.name.lower().replace("_", " ").replace("cyclic", "cyclic synchronous") for each in Mode},
     Mode.NONE: "no mode",
-    Mode.PROFILE_POSITION: "profile position",
-    Mode.VELOCITY: "velocity",
-    Mode.PROFILE_VELOCITY: "profile velocity",
-    Mode.PROFILE_TORQUE: "profile torque",
-    Mode.HOMING: "homing",
-    Mode.INTERPOLATED_POSITION: "interpolated position",
-    Mode.CYCLIC_POSITION: "cyclic synchronous position",
-    Mode.CYCLIC_VELOCITY: "cyclic synchronous velocity",
-    Mode.CYCLIC_TORQUE: "cyclic synchronous torque",
 }
 
 

@@ -59,13 +59,11 @@ def with_contents(
     """
     values, files = dict[Address, DcfValue](), dict[str, bytes]()
     for (index, sub), data in contents.items():
-        value = _value(eds, (index, sub), data)
+        values[index, sub] = _value(eds, (index, sub), data)
         # An empty ParameterValue would mean "no value", a text with line ends a broken file: those go beside it.
-        if value is None:
-            beside = FileBeside(f"{stem}-{index:04X}-{sub}.bin")
-            values[index, sub], files[beside.name] = beside, data
-        else:
-            values[index, sub] = value
+        if values[index, sub] is None:
+            values[index, sub] = beside = FileBeside(f"{stem}-{index:04X}-{sub}.bin")
+            files[beside.name] = data
     name = node_name if is_text(node_name, eds.encoding) else ""
     text = with_values(eds.device, values, node_id, name, baudrate_kbit)
     return Dcf(text.encode(eds.encoding), files)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
@@ -201,17 +202,14 @@ _COMPACT_ONLY = ("compactsubobj", "objecttype", "subnumber")
 _COMPACT_ZERO = {"parametername": "NrOfObjects", "datatype": "0x0005", "accesstype": "ro"}
 
 
+@dataclass(frozen=True, eq=False)
 class DescribedPdo(PdoRecords):
     """A PDO: its communication and its mapping record, of which one may be missing."""
 
-    def __init__(
-        self,
-        direction: PdoDirection,
-        index: int,
-        communication: DescribedObject | None,
-        mapping: DescribedObject | None,
-    ) -> None:
-        self.direction, self.index, self.communication, self.mapping = direction, index, communication, mapping
+    direction: PdoDirection
+    index: int
+    communication: DescribedObject | None
+    mapping: DescribedObject | None
 
     @property
     def name(self) -> str:

@@ -15,7 +15,7 @@ from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 from xml.parsers import expat
 
 from eurobot_od.errors import DictionaryError
@@ -30,9 +30,18 @@ SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
 
 
-def list_of(index: int) -> str:
-    """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
-    return cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
+def listed(indices: Iterable[int]) -> dict[str, list[int]]:
+    """Return objects by the list that each belongs to (CiA 306-1, 4.6.1)."""
+    lists: dict[str, list[int]] = {name: [] for name in cia306.OBJECT_LISTS}
+    for index in indices:
+        lists[cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]].append(index)
+    return lists
+
+
+def list_entries(indices: Sequence[int]) -> dict[str, str]:
+    """Return the entries of a list of objects."""
+    numbered = {str(number): f"0x{index:04X}" for number, index in enumerate(indices, start=1)}
+    return {"SupportedObjects": str(len(indices)), **numbered}
 
 
 def files_in(folder: str | Path) -> list[Path]:
@@ -345,10 +354,10 @@ def read_xml(data: bytes) -> Document:
         return Document({}, [Oddity(Odd.XML, line, 1, what)], is_xml=True)
     parameters = _Parameters(root)
     objects, lost = _addressed(root.all("CANopenObject"), "index")
-    oddities = lost + [oddity for each in objects for oddity in _addressed(_subs(each), "subIndex")[1]]
-    disabled = [each for each in objects if parameters.is_disabled(each)]
-    oddities += [Oddity(Odd.DISABLED, each.line, each.column, f"0x{_digits(each, 'index'):04X}") for each in disabled]
-    sections = _sections(root, [each for each in objects if not parameters.is_disabled(each)], parameters)
+    oddities = lost + [oddity for _, each in objects for oddity in _subs(each)[1]]
+    disabled = ((index, each) for index, each in objects if parameters.is_disabled(each))
+    oddities += [Oddity(Odd.DISABLED, each.line, each.column, f"0x{index:04X}") for index, each in disabled]
+    sections = _sections(root, [pair for pair in objects if not parameters.is_disabled(pair[1])], parameters)
     return Document({each.name.lower(): each for each in sections}, oddities, is_xml=True)
 
 
@@ -417,14 +426,8 @@ BOOLEANS = {"true": "1", "false": "0"}
 MAPPED_ACCESS = {("rw", "TPDO"): "rwr", ("rw", "RPDO"): "rww"}
 """Access types of an EDS by access and mapping, which CiA 311 has apart."""
 
-VALUES = {
-    "lowLimit": "LowLimit",
-    "highLimit": "HighLimit",
-    "defaultValue": "DefaultValue",
-    "actualValue": "ParameterValue",
-    "denotation": "Denotation",
-}
-"""Attributes of an object, and their keys."""
+VALUES = _keys("lowLimit", "highLimit", "defaultValue", actualValue="ParameterValue")
+"""Attributes of an object with its limits and values, and their keys."""
 
 PARAMETER_ACCESS = {
     "const": "const",
@@ -453,15 +456,15 @@ SIMPLE_TYPES = {
 """Data types of the application process (IEC 61131-3), and CANopen's."""
 
 
-def _sections(root: XmlElement, objects: Sequence[XmlElement], parameters: _Parameters) -> Iterator[Section]:
+def _sections(root: XmlElement, objects: Sequence[Addressed], parameters: _Parameters) -> Iterator[Section]:
     yield _file_info(root)
     yield _device_info(root)
     dummies = [match for each in root.all("dummy") if (match := DUMMY.fullmatch(each.attributes.get("entry", "")))]
     if dummies:
         yield _section("DummyUsage", root.first("dummyUsage") or root, {each[1]: each[2] for each in dummies})
-    yield from _lists(root.first("CANopenObjectList") or root, objects)
-    for each in objects:
-        yield from _object(each, parameters)
+    yield from _lists(root.first("CANopenObjectList") or root, [index for index, _ in objects])
+    for index, each in objects:
+        yield from _object(index, each, parameters)
     commissioning = root.first("deviceCommissioning")
     if commissioning:
         # The schema has `NodeID` beside `nodeName`; many writers have `nodeID`.
@@ -476,26 +479,25 @@ def _section(name: str, at: XmlElement | Section, entries: Mapping[str, str]) ->
     return Section(name, at.line, at.column, {}).saying(**lines)
 
 
-DIGITS = {"index": 4, "subIndex": 2}
-"""Most hexadecimal digits of an object's address."""
+ADDRESS = {name: re.compile(f"(?:0x)?([0-9A-Fa-f]{{1,{most}}})") for name, most in (("index", 4), ("subIndex", 2))}
+"""An object's address in hexadecimal digits; some editors write 0x in front."""
+
+Addressed: TypeAlias = tuple[int, XmlElement]
+"""An element with the index, or sub-index, that it is at."""
 
 
-def _addressed(elements: Iterable[XmlElement], name: str) -> tuple[list[XmlElement], list[Oddity]]:
+def _addressed(elements: Iterable[XmlElement], name: str) -> tuple[list[Addressed], list[Oddity]]:
     """Return those of some elements that have an address, and what is to be said of the others: they are lost."""
-    found, lost = list[XmlElement](), list[Oddity]()
+    found, lost = list[Addressed](), list[Oddity]()
     for each in elements:
-        if _digits(each, name) is None:
-            what = f"{name} {each.attributes.get(name, '')!r} of {each.attributes.get('name', '')!r} is not a number"
+        text = each.attributes.get(name, "")
+        address = ADDRESS[name].fullmatch(text)
+        if address is None:
+            what = f"{name} {text!r} of {each.attributes.get('name', '')!r} is not a number"
             lost.append(Oddity(Odd.ADDRESS, each.line, each.column, what))
         else:
-            found.append(each)
+            found.append((int(address[1], 16), each))
     return found, lost
-
-
-def _digits(each: XmlElement, name: str) -> int | None:
-    """Return the number that an address has in hexadecimal digits, some editors with 0x; None for anything else."""
-    text, most = each.attributes.get(name, "").removeprefix("0x"), DIGITS[name]
-    return int(text, 16) if 0 < len(text) <= most and not text.strip(values.DIGITS[16]) else None
 
 
 def _renamed(attributes: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
@@ -532,36 +534,27 @@ def _device_info(root: XmlElement) -> Section:
     return _section("DeviceInfo", identity or root, said)
 
 
-def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
-    indices: dict[str, list[int]] = {name: [] for name in cia306.OBJECT_LISTS}
-    for each in objects:
-        index = _digits(each, "index") or 0
-        if index >= values.FIRST:  # below are the data types, which no list of CiA 306 has
-            indices[list_of(index)].append(index)
-    for name, found in indices.items():
-        rows = {str(number): f"0x{index:04X}" for number, index in enumerate(found, start=1)}
-        yield _section(name, at, {"SupportedObjects": str(len(found)), **rows})
+def _lists(at: XmlElement, indices: Iterable[int]) -> Iterator[Section]:
+    # below are the data types, which no list of CiA 306 has
+    for name, found in listed(each for each in indices if each >= values.FIRST).items():
+        yield _section(name, at, list_entries(found))
 
 
-def _object(each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
+def _object(index: int, each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
     """Give the sections of an object and its sub-indices."""
-    name, subs = f"{_digits(each, 'index') or 0:04X}", _addressed(_subs(each), "subIndex")[0]
+    name, subs = f"{index:04X}", _subs(each)[0]
     if not subs and "subNumber" not in each.attributes:
         yield _section(name, each, _entries(each, parameters))
         return
     head = {key: text for key, text in _entries(each, parameters).items() if key in ("ParameterName", "ObjectType")}
     # SubNumber does not count sub-index 0xFF, the structure (CiA 306-1).
-    yield _section(name, each, {**head, "SubNumber": str(sum(_sub(sub) != values.STRUCTURE for sub in subs))})
-    for sub in subs:
-        yield _section(f"{name}sub{_sub(sub):X}", sub, _entries(sub, parameters))
+    yield _section(name, each, {**head, "SubNumber": str(sum(sub != values.STRUCTURE for sub, _ in subs))})
+    for sub, at in subs:
+        yield _section(f"{name}sub{sub:X}", at, _entries(at, parameters))
 
 
-def _subs(each: XmlElement) -> list[XmlElement]:
-    return [sub for sub in each.children if sub.tag == "CANopenSubObject"]
-
-
-def _sub(each: XmlElement) -> int:
-    return _digits(each, "subIndex") or 0
+def _subs(each: XmlElement) -> tuple[list[Addressed], list[Oddity]]:
+    return _addressed((sub for sub in each.children if sub.tag == "CANopenSubObject"), "subIndex")
 
 
 def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
@@ -580,7 +573,7 @@ def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
         entries["AccessType"] = MAPPED_ACCESS.get((access, mapping), access)
     if "PDOmapping" in said or parameter:
         entries["PDOMapping"] = str(int(mapping != "no"))
-    entries |= {key: said[name] for name, key in VALUES.items() if name in said}
+    entries |= {key: said[name] for name, key in (VALUES | _keys("denotation")).items() if name in said}
     if "objFlags" in said:
         entries["ObjFlags"] = f"0x{said['objFlags']}"
     # XML writes true and false; an EDS has no such words.

@@ -19,6 +19,7 @@ from typing import NamedTuple
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import Document, Entry, Remark, Section
+from eurobot_od.od.standard import MODULE_LIST
 from eurobot_od.od.values import parse_number
 
 CONNECTED = "connectedmodules"
@@ -262,11 +263,8 @@ class _Built:
 
     def _module_list(self) -> Iterator[Section]:
         """Give 0x1027 its values, as far as the file describes it: the modules' numbers (CiA 301)."""
-        zero = self._there.get("1027sub0")
-        if zero is not None:
-            yield zero.saying(DefaultValue=str(len(self.numbers)))
-        for position, number in enumerate(self.numbers, start=1):
-            section = self._there.get(f"1027sub{position:x}")
+        for sub, number in enumerate([len(self.numbers), *self.numbers]):
+            section = self._there.get(f"{MODULE_LIST:x}sub{sub:x}")
             if section is not None:
                 yield section.saying(DefaultValue=str(number))
 

@@ -409,18 +409,16 @@ class _Writer:
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
         # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):
-            listed = {name: sorted(i for i in there if formats.list_of(i) == name) for name in cia306.OBJECT_LISTS}
+            listed = formats.listed(sorted(there))
         for name, section in sections.items():
-            indices = listed[name]
             self._head(name, section)
-            rows = [("SupportedObjects", str(len(indices)))]
-            rows += [(str(number), f"0x{index:04X}") for number, index in enumerate(indices, start=1)]
-            if section and {key.lower(): parse_number(text) for key, text in rows} != {
+            rows = formats.list_entries(listed[name])
+            if section and {key.lower(): parse_number(text) for key, text in rows.items()} != {
                 key: parse_number(entry.value) for key, entry in section.entries.items()
             }:
                 what = f"[{name}] written anew: the objects that are there"
                 self._changes.append(Change(section.line, what, standard=self._has_modules or self._is_patched))
-            self._out += (f"{key}={text}" for key, text in rows)
+            self._out += (f"{key}={text}" for key, text in rows.items())
         if not any(sections.values()):
             self._changes.append(Change(1, "lists of objects added"))
 

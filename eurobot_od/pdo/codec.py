@@ -71,6 +71,7 @@ class Run(NamedTuple):
 
     @property
     def mask(self) -> int:
+        """All its bits, the lowest being bit 0."""
         return (1 << self.bits) - 1
 
     def place(self, value: int) -> int:
@@ -129,7 +130,7 @@ class Layout:
         def in_word(place: int) -> int:
             return abs(flip - place // 8 * 8) + place % 8
 
-        return {field: _merge(list(map(in_word, places))) for field, places in self._places.items()}
+        return {field: merged(map(in_word, places)) for field, places in self._places.items()}
 
     def places(self, field: str) -> list[int]:
         """Return the frame bits (8 times the byte plus the bit in it) of a field's bits 0, 1, 2, ..."""
@@ -156,11 +157,11 @@ def _whole(field: str, pairs: list[tuple[int, int]]) -> list[int]:
     return [place for _, place in sorted(pairs)]
 
 
-def _merge(places: list[int]) -> tuple[Run, ...]:
-    """Return the runs of a value whose bits 0, 1, 2, ... are the word's bits `places`."""
+def merged(places: Iterable[int], most: int = MAX_BITS) -> tuple[Run, ...]:
+    """Return the runs of a value whose bits 0, 1, 2, ... are the word's bits `places`, each within `most` bits."""
     runs: list[Run] = []
     for bit, place in enumerate(places):
-        if runs and place == runs[-1].offset + runs[-1].bits:
+        if runs and place == runs[-1].offset + runs[-1].bits and place % most:
             runs[-1] = runs[-1]._replace(bits=runs[-1].bits + 1)
         else:
             runs.append(Run(bit, place, 1))

@@ -24,7 +24,7 @@ from typing import Annotated, Any, Generic, Literal, TypeAlias, TypeVar, Union, 
 
 import yaml
 
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, UnknownName, look_up
 from eurobot_od.support import texts
 from eurobot_od.support import yaml_places as nodes
 from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
@@ -137,13 +137,7 @@ def matching(pattern: str, what: str) -> Shape[PlacedText]:
 
 def named(table: Mapping[str, T], kind: str) -> Shape[T]:
     """Make a shape of one of a table's names, read as what the table has for it."""
-
-    def find(text: PlacedText) -> T:
-        if text not in table:
-            raise UnknownName(kind, str(text), table)
-        return table[text]
-
-    return converted(SCALAR, find)
+    return converted(SCALAR, lambda text: look_up(kind, text, table))
 
 
 def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:

@@ -167,7 +167,6 @@ DEFECTS = (
     Defect("W209", "a date with the year first", "FileInfo", "CreationDate=03-01-2014", "CreationDate=2014-03-01"),
     Defect("W209", "a date in month 13", "FileInfo", "CreationDate=03-01-2014", "CreationDate=13-01-2014"),
     Defect("W210", "another FileName", "FileInfo", "FileName=clean.eds", "FileName=other.eds"),
-    Defect("I211", "modified before created", "FileInfo", "ModificationDate=05-28-2014", "ModificationDate=01-28-2014"),
     # [DeviceInfo]
     Defect("E212", "no VendorName", "DeviceInfo", "VendorName=Example\n", ""),
     Defect("E212", "an empty ProductName", "DeviceInfo", "ProductName=Clean device", "ProductName="),
@@ -222,8 +221,6 @@ DEFECTS = (
     Defect("E311", "0x2000 among the optional objects", "OptionalObjects", "1=0x1003", "1=0x2000"),
     Defect("E312", "0x1003 among the manufacturer's objects", "ManufacturerObjects", "1=0x2000", "1=0x1003"),
     Defect("W313", "a data type in a list", "OptionalObjects", "1=0x1003", "1=0x0005"),
-    Defect("I314", "a list out of order", "OptionalObjects", "1=0x1003\n2=0x1005", "1=0x1005\n2=0x1003",
-           at="OptionalObjects/2"),
     # Objects
     Defect("E401", "no ParameterName", "2008", "ParameterName=Unit\n", ""),
     Defect("E401", "a sub-index without ParameterName", "2002sub2", "ParameterName=Channel 2", "ParameterName="),

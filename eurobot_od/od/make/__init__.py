@@ -63,19 +63,15 @@ class TableField:
     unit: str = ""  # for readers of the table; an EDS has no key for it
 
     @property
-    def low(self) -> int | None:
-        """The lowest value, plain or coded (EDS LowLimit); None for a REAL32."""
-        return min((self.range[0], *self.codes.values())) if self.range else None
-
-    @property
-    def high(self) -> int | None:
-        """The highest value, plain or coded (EDS HighLimit); None for a REAL32."""
-        return max((self.range[1], *self.codes.values())) if self.range else None
+    def limits(self) -> tuple[int, ...]:
+        """The lowest and the highest value, plain or coded (EDS LowLimit, HighLimit); neither for a REAL32."""
+        codes = self.codes.values()
+        return (min((self.range[0], *codes)), max((self.range[1], *codes))) if self.range else ()
 
     @property
     def is_signed(self) -> bool:
         """Whether it has a value below 0."""
-        return self.low is not None and self.low < 0
+        return bool(self.limits) and self.limits[0] < 0
 
 
 def always_zero(bits: PlacedNumber) -> TableField:
@@ -303,11 +299,11 @@ def number_problems(each: TableField) -> Iterator[Problem]:
     is_real = each.type is FieldType.REAL32
     if is_real and (each.range or each.codes or each.bits != REAL32.bits):
         yield Problem(each.bits.place, f"a REAL32 has {REAL32.bits} bits, and neither range nor codes")
-    if each.range is None or each.low is None or each.high is None:
+    if each.range is None:
         yield from () if is_real else [Problem(each.bits.place, "a field needs its range")]
         return
     lowest = -(1 << each.bits - 1) if each.is_signed else 0
-    for value in (each.low, each.high):
+    for value in each.limits:
         if not 0 <= value - lowest < 1 << each.bits:
             signed = "signed " * each.is_signed
             yield Problem(each.bits.place, f"{value} does not fit into {each.bits} {signed}bits")
@@ -320,10 +316,11 @@ def default_problems(each: TableField, names: list[str]) -> Iterator[Problem]:
     """Check that a field's default is one of its values or one of the `names` that stand for values."""
     if isinstance(each.default, PlacedText) and each.default not in names:
         yield Problem(each.default.place, f"unknown default '{each.default}'; known: {', '.join(names) or 'none'}")
-    if isinstance(each.default, PlacedText) or each.low is None or each.high is None:
+    if isinstance(each.default, PlacedText) or not each.limits:
         return
-    if not each.low <= each.default <= each.high:
-        yield Problem(each.default.place, f"default {each.default} is not in {each.low}..{each.high}")
+    low, high = each.limits
+    if not low <= each.default <= high:
+        yield Problem(each.default.place, f"default {each.default} is not in {low}..{high}")
 
 
 def fields_that_would_carry_nothing(table: Table) -> Iterator[Problem]:

@@ -32,8 +32,8 @@ import yaml
 
 from eurobot_od.od import values
 from eurobot_od.od.description import ObjectCode
-from eurobot_od.od.document import BIT_RATES, OBJECT_LISTS
-from eurobot_od.od.formats import list_of
+from eurobot_od.od.document import BIT_RATES
+from eurobot_od.od.formats import list_entries, listed
 from eurobot_od.od.make import DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
 from eurobot_od.od.pdos import PADDING as PADDING_NAME
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DataType, MappingEntry, PdoDirection
@@ -48,12 +48,14 @@ def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> s
     """Return the whole EDS file of a node in a dialect."""
     dialect = table.dialects[dialect_name]
     objects = object_dictionary(table, dialect, node_name)
+    indices = listed(each.index for each in objects)
+    lists: list[EdsSection] = [(name, [*list_entries(each).items()]) for name, each in indices.items()]
     sections: list[EdsSection] = [
         file_info(table, dialect_name, node_name),
         device_info(table, dialect.revision_number, table.nodes[node_name], objects),
         ("DummyUsage", [(f"Dummy{each:04X}", 0) for each in values.DUMMIES]),
         ("Comments", [("Lines", 1), ("Line1", table.file.comment)]),
-        *object_lists(objects),
+        *lists,
         *(section for each in objects for section in each.sections),
     ]
     return "\n".join(f"[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys) for name, keys in sections)
@@ -97,16 +99,6 @@ def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[Ma
         ("NrOfTXPDO", len(indices.intersection(COMMUNICATION_RECORDS[PdoDirection.TPDO]))),
         ("LSS_Supported", 0),
     ]
-
-
-def object_lists(objects: Iterable[MadeObject]) -> Iterator[EdsSection]:
-    """Give the three lists of objects (CiA 306-1, 4.6.1)."""
-    lists: dict[str, list[int]] = {name: [] for name in OBJECT_LISTS}
-    for index in (each.index for each in objects):
-        lists[list_of(index)].append(index)
-    for name, indices in lists.items():
-        numbered = ((str(n), f"0x{index:04X}") for n, index in enumerate(indices, start=1))
-        yield name, [("SupportedObjects", len(indices)), *numbered]
 
 
 # Where the bits of an object lie in its PDO: whole fields, or slices of them, in CiA 301's order.
@@ -181,7 +173,10 @@ class ObjectLayout:
     @property
     def targets(self) -> tuple[int, ...]:
         """The mapping entries of a PDO: index, sub-index and bits of every part (CiA 301, 7.5.2.36)."""
-        return tuple(self.target(each) for each in self.parts)
+        fields = {name: (self.index, sub) for sub, name in enumerate(self.fields, start=1)}
+        cut = {each: (self.slices_index, sub) for sub, each in enumerate(self.cut, start=1)}
+        places = ((fields[each.field] if self.is_whole(each) else cut[each], each.bits) for each in self.parts)
+        return tuple(MappingEntry(*address, bits).number for address, bits in places)
 
     @property
     def begins(self) -> dict[PlacedText, int]:
@@ -192,14 +187,6 @@ class ObjectLayout:
     def is_whole(self, part: Slice) -> bool:
         """Tell whether a part is a whole field."""
         return part.field in self.fields and part.bits == self.fields[part.field].bits
-
-    def target(self, part: Slice) -> int:
-        """Return the mapping entry of a part."""
-        if self.is_whole(part):
-            index, position = self.index, list(self.fields).index(part.field)
-        else:
-            index, position = self.slices_index, self.cut.index(part)
-        return MappingEntry(index, position + 1, part.bits).number
 
 
 def layouts(table: Table, dialect: DialectRow) -> dict[PlacedText, ObjectLayout]:
@@ -252,20 +239,14 @@ ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
 
 
 def entry(
-    name: str,
-    type_: DataType,
-    access: str,
-    default: int | str | None,
-    low: int | None = None,
-    high: int | None = None,
-    mappable: bool = False,
+    name: str, type_: DataType, access: str, default: int | str | None, *limits: int | None, mappable: bool = False
 ) -> KeyValues:
-    """Return the keys of a VAR or a sub-index, limits and default only where there are any.
+    """Return the keys of a VAR or a sub-index, the two limits and the default only where there are any.
 
     A text as default of a number is a formula of the node-ID.
     """
     form = "0x{:08X}" if type_ is U32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
-    numbers = {"LowLimit": low, "HighLimit": high, "DefaultValue": default}
+    numbers = {**dict(zip(("LowLimit", "HighLimit"), limits)), "DefaultValue": default}
     given = ((key, value) for key, value in numbers.items() if value is not None)
     return [
         ("ParameterName", name),
@@ -463,7 +444,7 @@ def field_entry(
 ) -> KeyValues:
     """Return the entry of a whole field, of a setting or of a reading."""
     type_ = values.REAL32 if whole.type is FieldType.REAL32 else integer(whole.bits, begin, whole.is_signed)
-    return entry(name, type_, access, default_of(whole, node), whole.low, whole.high, mappable)
+    return entry(name, type_, access, default_of(whole, node), *whole.limits, mappable=mappable)
 
 
 def default_of(whole: TableField, node: NodeRow | None = None) -> int:
