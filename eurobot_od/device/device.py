@@ -14,7 +14,7 @@ from eurobot_od.device import broadcasts, nmt
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE, Objects, OnRead, OnWrite, Store, predefined, refused
-from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
+from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.timers import Deadlines, Plan, caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
@@ -128,7 +128,7 @@ class Device:
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
         self._synchronous = broadcasts.Synchronous(self._pdos.sync_type, self._pdos.sync_start)
         self._sync = broadcasts.SyncProducer()
-        self._deadlines, self._changes = Deadlines[Binding](), Changes(self._process.frame)
+        self._deadlines = Deadlines[Binding]()
         self._sampled: dict[Binding, Frame] = {}
         self._guarding = nmt.NodeGuarding()
         self._server = SdoServer(self.objects)
@@ -357,7 +357,7 @@ class Device:
     def _enter(self, state: NmtState) -> None:
         reported, self.state = self._reports, state
         self._restart_pdos()
-        self._changes.restart()
+        self._process.seen.clear()  # every PDO counts as changed
         # SYNC and TIME run in PRE-OPERATIONAL and OPERATIONAL: a change between them must not shift their periods.
         if reported is not self._reports:
             self._restart_broadcasts()
@@ -626,7 +626,7 @@ class Device:
         """
         self._process.settle()
         frames: list[Frame] = []
-        for binding, frame in self._changes.since(self._following) if self.operational else ():
+        for binding, frame in self._process.changed(self._following) if self.operational else ():
             if may_go is not None and not may_go(binding):
                 continue
             if binding in self._synchronous:
