@@ -63,13 +63,13 @@ class Device:
     """The CANopen side of a node, made from its `dictionary`.
 
     `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types, and `application` is what its
-    objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol`
-    its messages as they are mapped now, `identifiers` the COB-IDs of all frames that it listens to, including remote
-    frames; both are replaced as a whole when a master changes them. `time_of_day` is its clock, which no reset changes.
-    `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; a master cannot change them (CiA 301, 7.5.2.33:
-    ro). `plan` has what frames have made it plan, and `next_wakeup` everything. `refused` has a sentence for each
-    stored value that cannot be used: the default takes its place, and an EMCY says so at each start until the device
-    stores again.
+    objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `pdos` its
+    PDOs and `protocol` their messages as they are mapped now, `identifiers` the COB-IDs of all frames that it listens
+    to, including remote frames; both are replaced as a whole when a master changes them. `time_of_day` is its clock,
+    which no reset changes. `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; a master cannot change
+    them (CiA 301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup` everything. `refused` has
+    a sentence for each stored value that cannot be used: the default takes its place, and an EMCY says so at each start
+    until the device stores again.
     """
 
     def __init__(
@@ -121,12 +121,12 @@ class Device:
         given = {**predefined(self.dictionary), **self._application.given}
         self.objects = Objects(self.dictionary, readers, writers, given, self._application.told)
         self.objects.values = values
-        self._pdos = Pdos(self.objects, self._catalogue)
+        self.pdos = Pdos(self.objects, self._catalogue)
         bound = BoundObjects(self.objects, self._catalogue, self._application, self._command)
         self._connect(bound, readers, writers)
         self._process = ProcessData(self.objects)
-        self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
-        self._synchronous = broadcasts.Synchronous(self._pdos.sync_type, self._pdos.sync_start)
+        self._pacing = Pacing(self.pdos.inhibit_time, self.pdos.event_timer)
+        self._synchronous = broadcasts.Synchronous(self.pdos.sync_type, self.pdos.sync_start)
         self._sync = broadcasts.SyncProducer()
         self._deadlines = Deadlines[Binding]()
         self._sampled: dict[Binding, Frame] = {}
@@ -159,7 +159,7 @@ class Device:
                 (standard.GUARD_TIME[0], standard.LIFE_TIME_FACTOR[0], standard.TIME[0]),
                 self._followed(self.objects.put),
             ),
-            **{index: self._followed(write) for index, write in self._pdos.writers().items()},
+            **{index: self._followed(write) for index, write in self.pdos.writers().items()},
         }
         for index, _ in (standard.SYNC, standard.TIME, standard.EMCY):
             writers[index] = self._unrestricted(writers.get(index, self.objects.put))
@@ -180,14 +180,14 @@ class Device:
         ears: dict[int | None, Ear] = {
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
             **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
-            **dict.fromkeys(self._pdos.received, self._receive_pdo),
+            **dict.fromkeys(self.pdos.received, self._receive_pdo),
             time & BASE_IDENTIFIER if time & broadcasts.TIME_CONSUMER else None: self._receive_time,
-            self._pdos.sync_cob_id: self._receive_sync,
+            self.pdos.sync_cob_id: self._receive_sync,
             self.sdo_requests: self._receive_sdo,
             NMT_COB_ID: self._receive_command,
         }
         self._ears = {cob_id: ear for cob_id, ear in ears.items() if cob_id is not None}
-        self._remote_ears: dict[int, Ear] = dict.fromkeys(self._pdos.requestable, self._send_requested)
+        self._remote_ears: dict[int, Ear] = dict.fromkeys(self.pdos.requestable, self._send_requested)
         if standard.GUARD_TIME[0] in self.dictionary.members:
             self._remote_ears[ERROR_CONTROL_BASE + self.node_id] = self._answer_guard
         self.identifiers = sorted({*self._ears, *self._remote_ears})
@@ -195,21 +195,21 @@ class Device:
         self._restart_broadcasts()
 
     def _restart_pdos(self) -> None:
-        self._pacing.restart(self._pdos.sent.values(), self._now)
-        self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
+        self._pacing.restart(self.pdos.sent.values(), self._now)
+        self._synchronous.restart(self.pdos.sent.values(), self.pdos.received.values())
         # They belong to a SYNC before the change, and must not answer a remote frame.
         self._sampled.clear()
         # Decided here and not at each SYNC, which would ask hundreds of PDOs of many devices in each period.
-        self._at_sync = [each for each in self._pdos.requestable.values() if self._pdos.is_sampled(each)]
-        self._following = [each for each in self._pdos.sent.values() if self._pdos.follows_changes(each)]
+        self._at_sync = [each for each in self.pdos.requestable.values() if self.pdos.is_sampled(each)]
+        self._following = [each for each in self.pdos.sent.values() if self.pdos.follows_changes(each)]
         for binding in self._deadlines.missed:  # nobody would report them as back: the watch starts over
             self.emergencies.cleared((Deadlines, binding.name))
-        received = self._pdos.received.values()
-        self._deadlines.restart({each: time for each in received if (time := self._pdos.deadline(each))})
+        received = self.pdos.received.values()
+        self._deadlines.restart({each: time for each in received if (time := self.pdos.deadline(each))})
 
     def _restart_broadcasts(self) -> None:
         """Send SYNC and TIME from now on, if they are configured and the NMT state allows them (CiA 301, Table 36)."""
-        self._sync.restart(self._pdos.sync_period if self._reports else 0.0, self._pdos.sync_counter, self._now)
+        self._sync.restart(self.pdos.sync_period if self._reports else 0.0, self.pdos.sync_counter, self._now)
         time = self.objects.raw(standard.TIME)
         sends = self._reports and time & broadcasts.TIME_PRODUCER and time & BASE_IDENTIFIER
         self.time_of_day.restart(broadcasts.TIME_PERIOD if sends else 0.0, self._now)
@@ -217,34 +217,20 @@ class Device:
     @property
     def service_identifiers(self) -> list[int]:
         """The present COB-IDs of all services of the device except its PDOs."""
-        said = (self.objects.cob_id(standard.EMCY), self._pdos.sync_cob_id, self.objects.raw(standard.TIME))
+        said = (self.objects.cob_id(standard.EMCY), self.pdos.sync_cob_id, self.objects.raw(standard.TIME))
         broadcast = [each & BASE_IDENTIFIER for each in said if each]
         return [NMT_COB_ID, self.sdo_requests, self.sdo_answers, ERROR_CONTROL_BASE + self.node_id, *broadcast]
 
     @property
-    def sync_cob_id(self) -> int | None:
-        """The COB-ID of SYNC, None if the device has none."""
-        return self._pdos.sync_cob_id
-
-    def check_mapped(self, index: int, entry: int) -> None:
-        """Raise Abort if an entry of a mapping record names something that may not be mapped there."""
-        self._pdos.mapped(index, entry)
-
-    @property
     def protocol(self) -> Protocol:
         """The messages of the PDOs that are valid now."""
-        return self._pdos.protocol
-
-    @property
-    def always_sent(self) -> set[int]:
-        """The COB-IDs of the messages that this device sends in every NMT state: its stops."""
-        return self._pdos.always_sent
+        return self.pdos.protocol
 
     def stay(self, frame: Frame) -> Stay:
         """Return how long a frame of this device waits for a mailbox."""
         if frame.cob_id == self.sdo_answers:
             return Stay.TRANSFER
-        if frame.cob_id in self.always_sent:
+        if frame.cob_id in self.pdos.always_sent:
             return Stay.LASTING
         if frame.cob_id not in self._periodic:
             return Stay.SHORT
@@ -457,10 +443,6 @@ class Device:
             self._enter(nmt.TARGET[command])
         return lost
 
-    def bus_error(self, code: int, now: float) -> None:
-        """Note an error that the CAN controller reports; `tick` sends the EMCY."""
-        self.emergencies.happened(code, now)
-
     def bus_lost(self) -> None:
         """Give up the SDO transfer that is under way, as its client will."""
         self._server.forget()
@@ -518,7 +500,7 @@ class Device:
 
     def _send_requested(self, frame: Frame) -> Reaction:
         """Send a TPDO that was asked for; a sampled one has the values of the last SYNC."""
-        binding = self._pdos.requestable[frame.cob_id]
+        binding = self.pdos.requestable[frame.cob_id]
         if not self.operational:
             return Reaction([])
         return Reaction([self._sampled.get(binding) or self._process.frame(binding)])
@@ -537,7 +519,7 @@ class Device:
         return [Frame(self.sdo_answers, data) for data in answers]
 
     def _receive_pdo(self, frame: Frame) -> Reaction:
-        binding = self._pdos.received[frame.cob_id]
+        binding = self.pdos.received[frame.cob_id]
         if not self.operational and not binding.always:
             return Reaction([])
         try:
@@ -583,7 +565,7 @@ class Device:
         return self._sendable(message).encode(message)
 
     def _sendable(self, message: Message) -> Binding:
-        binding = self._pdos.sent.get(type(message))
+        binding = self.pdos.sent.get(type(message))
         if binding is None:
             raise StateError(f"{self.dictionary.name} has no TPDO for {type(message).__name__}; {self._has('send')}")
         if not self.operational and not binding.always:
@@ -592,7 +574,7 @@ class Device:
 
     def check_received(self, message: type[Message]) -> None:
         """Raise StateError if no RPDO carries a message."""
-        if message not in {each.type for each in self._pdos.received.values()}:
+        if message not in {each.type for each in self.pdos.received.values()}:
             raise StateError(f"{self.dictionary.name} has no RPDO for {message.__name__}; {self._has('receive')}")
 
     def _has(self, way: str) -> str:
@@ -603,7 +585,7 @@ class Device:
 
         Raises the errors of `transmit`.
         """
-        binding = self._pdos.sent.get(type(message)) if self.operational else None
+        binding = self.pdos.sent.get(type(message)) if self.operational else None
         if binding is None:
             binding = self._sendable(message)  # a stop, or the error says what is wrong
         frame = binding.encode(message)

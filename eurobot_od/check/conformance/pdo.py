@@ -131,7 +131,7 @@ def _unmapped(subject: Subject, pdo: Pdo, subs: Iterable[int]) -> str:
 
 def _may_be_mapped(subject: Subject, pdo: Pdo, entry: int) -> bool:
     with suppress(Abort):
-        subject.model.check_mapped(pdo.mapping_index, entry)
+        subject.model.pdos.mapped(pdo.mapping_index, entry)
         return True
     return False
 

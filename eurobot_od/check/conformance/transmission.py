@@ -179,7 +179,7 @@ def _by_event_timer(subject: Subject, pdos: Pdos) -> Data:
 
 def need_sync(subject: Subject) -> None:
     """Need a SYNC that the tester can send; raises Lacks."""
-    need(subject.model.sync_cob_id is not None, NO_SYNC)
+    need(subject.model.pdos.sync_cob_id is not None, NO_SYNC)
     need(not subject.number(SYNC) & SYNC_PRODUCER, "the device sends SYNC itself")
 
 
@@ -191,7 +191,7 @@ def need_uncounted_sync(subject: Subject) -> None:
 
 def sync(subject: Subject, data: bytes = b"") -> Data:
     """Send SYNC."""
-    return step.sent(f"SYNC {data[0]}" if data else "SYNC", subject.model.sync_cob_id or 0, data)
+    return step.sent(f"SYNC {data[0]}" if data else "SYNC", subject.model.pdos.sync_cob_id or 0, data)
 
 
 def _synchronous(subject: Subject, pdo: Pdo) -> None:
