@@ -136,7 +136,7 @@ def process_data(bus: MixedBus) -> None:
 def errors(bus: MixedBus) -> None:
     """Have the devices report errors: of the bus, of a drive, of an I/O module, and that they are gone."""
     for device in bus.devices.values():
-        device.emergencies.happened(ErrorCode.OVERRUN, bus.now)
+        device.bus_error(ErrorCode.OVERRUN, bus.now)
     bus.wait(1.5)
     bus.send(Frame(0x085, bytes.fromhex("1073020000000000")))
     bus.send(Frame(0x087, bytes.fromhex("3023020000000000")))
