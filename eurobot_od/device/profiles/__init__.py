@@ -311,17 +311,21 @@ class SimulatedDrive(ProfileDevice):
     """A drive of CiA 402, made from its EDS or DCF: it is enabled, homes and moves as its objects say.
 
     `travel` gives the places of the limit switches, in turns of the motor from where it is switched on; without it
-    there are none. `axes` are its axes, the first one at index 0x6000. The simulation reads the objects that the file
-    has: state machine, option codes, profile position and velocity, homing, cyclic synchronous position and velocity,
-    following error and software limits.
+    there are none. The simulation reads the objects that the file has: state machine, option codes, profile position
+    and velocity, homing, cyclic synchronous position and velocity, following error and software limits.
     """
 
     AXIS: ClassVar[type[DriveAxis]] = DriveAxis
 
     def __init__(self, dictionary: Dictionary, *, travel: tuple[float, float] | None = None, **options: Any) -> None:
-        self.axes: tuple[DriveAxis, ...] = ()
+        self._axes: tuple[DriveAxis, ...] = ()
         self._plant, self._beats = Plant(travel), False
         super().__init__(dictionary, **options)
+
+    @property
+    def axes(self) -> tuple[DriveAxis, ...]:
+        """The axes, the first one at index 0x6000."""
+        return self._axes
 
     def _offsets(self, dictionary: Dictionary) -> list[int]:
         """Return the offset of each axis that the file has, which is added to the indices."""
@@ -341,11 +345,11 @@ class SimulatedDrive(ProfileDevice):
         return application._replace(told={**told, **application.told}, given={**given, **application.given})
 
     def _commanded(self, number: int, _: int) -> None:
-        if self.axes:
-            self.axes[number].commanded()
+        if self._axes:
+            self._axes[number].commanded()
 
     def _check_mode(self, number: int, mode: int) -> None:
-        if self.axes and not self.axes[number].takes(mode):
+        if self._axes and not self._axes[number].takes(mode):
             raise Refused(Cause.VALUES, f"the drive does not have the mode of operation {mode}")
 
     # Time and frames
@@ -353,7 +357,7 @@ class SimulatedDrive(ProfileDevice):
     def reset(self) -> None:
         """Start over, with the motor where it was switched on."""
         self._beats = False
-        self.axes = tuple(
+        self._axes = tuple(
             self.AXIS(DeviceValues(self, self.dictionary, offset), self._plant, partial(self._report, number))
             for number, offset in enumerate(self._offsets(self.dictionary))
         )
@@ -368,7 +372,7 @@ class SimulatedDrive(ProfileDevice):
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         # First: a SYNC has to find the present values, and what it brings acts from now on.
-        for axis in self.axes:
+        for axis in self._axes:
             axis.advance(now)
         return super().receive(frame, now)
 
@@ -376,10 +380,10 @@ class SimulatedDrive(ProfileDevice):
         self.device.settle()
         # 0x1006 is in microseconds (CiA 301, 7.5.2.6); 0 says that nobody sends SYNC.
         period = self.device.number(SYNC_PERIOD) / 1_000_000 if self.dictionary.variable(SYNC_PERIOD) else 0.0
-        for axis in self.axes:
+        for axis in self._axes:
             axis.sync_period = period or STEP
             axis.control(self.now)
-        if not self._beats and any(axis.busy for axis in self.axes):
+        if not self._beats and any(axis.busy for axis in self._axes):
             self._beats = True
             self.at(self.now + BEAT, self._beat)
         return super()._changed() + self._flush()
@@ -391,7 +395,7 @@ class SimulatedDrive(ProfileDevice):
 
     def _connection_lost(self) -> None:
         """Obey the abort connection option code of each axis (CiA 402-2, clause 8.4.4)."""
-        for axis in self.axes:
+        for axis in self._axes:
             axis.connection_lost()
 
 
