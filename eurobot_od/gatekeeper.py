@@ -552,20 +552,21 @@ class Gatekeeper:
 
         Returns the listener.
         """
-        listener = self._listener(receive, name)
-        self._register(Registration(listener, ListenerKind.NODE, cob_ids, listener.call))
-        return listener
+        return self._add_function(ListenerKind.NODE, cob_ids, receive, name)
 
     def _add_function(
         self, kind: ListenerKind, cob_ids: Callable[[], Iterable[int]], function: Function[Any], name: str | None
-    ) -> None:
-        listener = self._listener(function, name or getattr(function, "__qualname__", None) or repr(function))
+    ) -> FunctionListener[Any]:
+        name = name or getattr(function, "__qualname__", None) or repr(function)
+        listener = FunctionListener(name, function, self.report, self.clock, self._slow_after)
 
         def deliver(message: Any, timestamp: float) -> None:
             # looked up at each call, as a Live replaces it after registration
             self.call_function(listener, message, timestamp)
 
-        self._register(Registration(listener, kind, cob_ids, deliver))
+        in_place = kind is ListenerKind.NODE
+        self._register(Registration(listener, kind, cob_ids, listener.call if in_place else deliver))
+        return listener
 
     def _register(self, registration: Registration) -> None:
         name = registration.listener.name
@@ -577,9 +578,6 @@ class Gatekeeper:
         if 0 < self._table_size <= len(self._registrations):
             raise ListenerError(f"{name}: the listener table is full, it has {self._table_size} places")
         self._registrations.append(registration)
-
-    def _listener(self, function: Function[Any], name: str) -> FunctionListener[Any]:
-        return FunctionListener(name, function, self.report, self.clock, self._slow_after)
 
     def _name(self, message_type: type[Any] | None) -> str:
         """Return the name of a message, or of all messages for None; raises UnknownName."""

@@ -12,7 +12,6 @@ not for one heartbeat after the other.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from datetime import datetime
 from enum import Enum
 from typing import NamedTuple
@@ -30,9 +29,6 @@ from eurobot_od.support.texts import amount
 
 MARGIN = 0.2
 """Seconds that a heartbeat may be late on a busy machine."""
-
-LENT = 100
-"""Period in ms of a heartbeat that is turned on only to see whether a slave has started."""
 
 
 class BootError(Enum):
@@ -66,8 +62,7 @@ class BootFailed(RemoteError):
 class BootedSlave(NamedTuple):
     """A slave that was booted: what was done, in words, and why it `failed`, None if it is as it should be.
 
-    `heartbeat` is its period in ms, 0 for none. `is_lent` tells that it was turned on by us and has to be turned off
-    again.
+    `heartbeat` is its period in ms, 0 for none.
     """
 
     name: str
@@ -75,7 +70,6 @@ class BootedSlave(NamedTuple):
     done: Sequence[str]
     failed: BootFailed | None = None
     heartbeat: int = 0
-    is_lent: bool = False
 
 
 @Procedure
@@ -167,7 +161,7 @@ async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) 
 async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> BootedSlave | None:
     """Start a slave; return it if it will report its state, in its next heartbeat or in answer to node guarding.
 
-    A slave that must not be guarded just once is lent a heartbeat, if it has one that is off. Raises BusError.
+    Raises BusError.
     """
     node.command(NmtCommand.START)
     if slave.heartbeat:
@@ -178,24 +172,14 @@ async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictiona
     if standard.GUARD_TIME[0] in dictionary.members and not has_life_time:
         node.master.request(ERROR_CONTROL_BASE + node.node_id)
         return slave
-    return slave._replace(heartbeat=LENT, is_lent=True) if await _beats(node, LENT) else None
+    return None
 
 
 @Procedure
 async def started_state(node: RemoteNode, slave: BootedSlave) -> NmtState | None:
     """Wait until a slave that was started reports OPERATIONAL; return its last state, None if it reported none.
 
-    A heartbeat that was lent is turned off again. Raises BusError.
+    Raises BusError.
     """
     await node.wait_for.steps(NmtState.OPERATIONAL, 2 * slave.heartbeat / 1000 + MARGIN)
-    if slave.is_lent:
-        await _beats(node, 0)
     return node.last_state
-
-
-async def _beats(node: RemoteNode, period: int) -> bool:
-    """Set the period of a slave's heartbeat in ms; return whether the slave accepted it."""
-    with suppress(NodeRefused, NoAnswer):
-        await node.download.steps(standard.HEARTBEAT_TIME, period.to_bytes(2, "little"))
-        return True
-    return False

@@ -33,7 +33,7 @@ from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
-from eurobot_od.errors import DriveError, NoAnswer, NodeRefused, RemoteError, UnknownName
+from eurobot_od.errors import DriveError, NoAnswer, NodeRefused, RemoteError, UnknownName, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import DEFAULT, cia402
 from eurobot_od.od.cia402 import MODE_WORDS, Mode, State
@@ -616,11 +616,10 @@ class BaseNode402(RemoteDevice):
 
     @state.setter
     def state(self, wanted: str) -> None:
-        if wanted not in COMMANDED:
-            raise UnknownName("state of a drive", wanted, COMMANDED)
-        if COMMANDED[wanted] is State.DISABLED:
+        target = look_up("state of a drive", wanted, COMMANDED)
+        if target is State.DISABLED:
             self.drive402.fault_reset()
-        self.drive402.bring_to(COMMANDED[wanted])
+        self.drive402.bring_to(target)
 
     @property
     def op_mode(self) -> str:
@@ -630,9 +629,7 @@ class BaseNode402(RemoteDevice):
 
     @op_mode.setter
     def op_mode(self, words: str) -> None:
-        if words not in MODES:
-            raise UnknownName("mode of operation", words, MODES)
-        self.drive402.choose(MODES[words])
+        self.drive402.choose(look_up("mode of operation", words, MODES))
 
     def is_op_mode_supported(self, words: str) -> bool:
         """Whether the drive says that it has a mode (0x6502)."""

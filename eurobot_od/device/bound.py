@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar, overload
 
 from eurobot_od.device.objects import NO_VALUES, TELL_NOBODY, Objects, OnRead, OnTold, OnWrite
-from eurobot_od.errors import FieldError, MappingError
+from eurobot_od.errors import FieldError, MappingError, Refused
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import SLICES, carries_nothing
 from eurobot_od.od.values import REALS, Address, Value
@@ -58,7 +58,7 @@ NO_APPLICATION = Application()
 
 
 class BoundObjects:
-    """The bound objects of a device; `command` gets what writing one stands for, and may raise Abort."""
+    """The bound objects of a device; `command` gets what writing one stands for, and may raise Abort or Refused."""
 
     def __init__(
         self,
@@ -142,7 +142,7 @@ class BoundObjects:
             try:
                 binding = self._binding(message_type)
                 self._command(binding, self._message(index, binding))
-            except Abort:
+            except (Abort, Refused):
                 self._objects.values = {each: values[each] for each in values if each[0] not in own} | before
                 raise
 

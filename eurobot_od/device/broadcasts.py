@@ -153,13 +153,9 @@ class Clock:
         days, milliseconds = divmod(round((self._ahead + now) * 1000), DAY)
         return TimeOfDay(days & MOST_DAYS, milliseconds).data
 
-    def produce(self, now: float) -> None:
-        """Start sending the time."""
-        self.next = now + TIME_PERIOD
-
-    def rest(self) -> None:
-        """Stop sending the time."""
-        self.next = inf
+    def restart(self, period: float, now: float) -> None:
+        """Start over: the time is sent first after `period` seconds (0.0: never)."""
+        self.next = now + period if period else inf
 
     def due(self, now: float) -> list[bytes]:
         """Return the data of the TIME that is due, in a list of one or none."""

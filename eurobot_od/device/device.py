@@ -10,56 +10,20 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import NamedTuple
 
+from eurobot_od.device import broadcasts, nmt
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
-from eurobot_od.device.broadcasts import (
-    TIME_CONSUMER,
-    TIME_PRODUCER,
-    Arrival,
-    Clock,
-    Emergencies,
-    Synchronous,
-    SyncProducer,
-)
-from eurobot_od.device.nmt import (
-    SERVICES,
-    TARGET,
-    HeartbeatConsumer,
-    NmtCommand,
-    NmtState,
-    NodeGuarding,
-    boot_state,
-    command_in,
-    error_control,
-    heartbeat_entry,
-)
-from eurobot_od.device.objects import (
-    COMMUNICATION_PROFILE,
-    REFUSAL,
-    Objects,
-    OnRead,
-    OnWrite,
-    Store,
-    predefined,
-    refused,
-)
-from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
+from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.device.objects import COMMUNICATION_PROFILE, Objects, OnRead, OnWrite, Store, predefined, refused
+from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.timers import Deadlines, Plan, caught_up
-from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
+from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Stay
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.od.values import (
-    BASE_IDENTIFIER,
-    ERROR_CONTROL_BASE,
-    NMT_COB_ID,
-    RESTRICTED,
-    Address,
-    Value,
-    owner,
-)
+from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NMT_COB_ID, RESTRICTED, Address, Value, owner
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message
 from eurobot_od.pdo.protocol import Protocol
@@ -99,13 +63,13 @@ class Device:
     """The CANopen side of a node, made from its `dictionary`.
 
     `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types, and `application` is what its
-    objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol`
-    its messages as they are mapped now, `identifiers` the COB-IDs of all frames that it listens to, including remote
-    frames; both are replaced as a whole when a master changes them. `time_of_day` is its clock, which no reset changes.
-    `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; a master cannot change them (CiA 301, 7.5.2.33:
-    ro). `plan` has what frames have made it plan, and `next_wakeup` everything. `refused` has a sentence for each
-    stored value that cannot be used: the default takes its place, and an EMCY says so at each start until the device
-    stores again.
+    objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `pdos` its
+    PDOs and `protocol` their messages as they are mapped now, `identifiers` the COB-IDs of all frames that it listens
+    to, including remote frames; both are replaced as a whole when a master changes them. `time_of_day` is its clock,
+    which no reset changes. `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; a master cannot change
+    them (CiA 301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup` everything. `refused` has
+    a sentence for each stored value that cannot be used: the default takes its place, and an EMCY says so at each start
+    until the device stores again.
     """
 
     def __init__(
@@ -116,7 +80,7 @@ class Device:
         application: Application = NO_APPLICATION,
     ) -> None:
         self._file, self._catalogue, self._application = dictionary, catalogue, application
-        self._store, self.plan, self.time_of_day = store, Plan(), Clock()
+        self._store, self.plan, self.time_of_day = store, Plan(), broadcasts.Clock()
         self.refused: tuple[str, ...] = ()
         values: dict[Address, Value] = {}
         try:
@@ -139,7 +103,7 @@ class Device:
     @state.setter
     def state(self, state: NmtState) -> None:
         self._state = state
-        self._listens, self._reports, self._serves, self.operational = SERVICES[state]
+        self._listens, self._reports, self._serves, self.operational = nmt.SERVICES[state]
 
     def _load(self, values: dict[Address, Value]) -> None:
         """Make everything from these values, as after power-on or a reset."""
@@ -149,7 +113,7 @@ class Device:
         # Values with $NODEID in them, above all identifiers, follow a new node-ID (CiA 306-1).
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
         # Functions, because a master may change 0x1014 and 0x1015 at any time; the inhibit time counts 100 µs.
-        self.emergencies = Emergencies(
+        self.emergencies = broadcasts.Emergencies(
             lambda: self.objects.cob_id(standard.EMCY), lambda: self.objects.raw(standard.EMCY_INHIBIT_TIME) / 10_000
         )
         readers: dict[int, OnRead] = {}  # filled by _connect: what reads an object is made from the objects
@@ -157,17 +121,18 @@ class Device:
         given = {**predefined(self.dictionary), **self._application.given}
         self.objects = Objects(self.dictionary, readers, writers, given, self._application.told)
         self.objects.values = values
-        self._pdos = Pdos(self.objects, self._catalogue)
+        self.pdos = Pdos(self.objects, self._catalogue)
         bound = BoundObjects(self.objects, self._catalogue, self._application, self._command)
         self._connect(bound, readers, writers)
         self._process = ProcessData(self.objects)
-        self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
-        self._synchronous, self._sync = Synchronous(self._pdos.sync_type, self._pdos.sync_start), SyncProducer()
-        self._deadlines, self._changes = Deadlines[Binding](), Changes(self._process.frame)
+        self._pacing = Pacing(self.pdos.inhibit_time, self.pdos.event_timer)
+        self._synchronous = broadcasts.Synchronous(self.pdos.sync_type, self.pdos.sync_start)
+        self._sync = broadcasts.SyncProducer()
+        self._deadlines = Deadlines[Binding]()
         self._sampled: dict[Binding, Frame] = {}
-        self._guarding = NodeGuarding()
+        self._guarding = nmt.NodeGuarding()
         self._server = SdoServer(self.objects)
-        self._consumer = HeartbeatConsumer()
+        self._consumer = nmt.HeartbeatConsumer()
         self._next_heartbeat = inf
         self._beating = False
         self._configure()
@@ -194,7 +159,7 @@ class Device:
                 (standard.GUARD_TIME[0], standard.LIFE_TIME_FACTOR[0], standard.TIME[0]),
                 self._followed(self.objects.put),
             ),
-            **{index: self._followed(write) for index, write in self._pdos.writers().items()},
+            **{index: self._followed(write) for index, write in self.pdos.writers().items()},
         }
         for index, _ in (standard.SYNC, standard.TIME, standard.EMCY):
             writers[index] = self._unrestricted(writers.get(index, self.objects.put))
@@ -206,7 +171,7 @@ class Device:
         self.sdo_requests, self.sdo_answers = SdoChannel.of(self.dictionary)
         time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
         # Bit 30 of 0x1005 and 0x1012: the device itself sends SYNC or TIME (CiA 301, 7.5.2.5 and 7.5.2.15).
-        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & TIME_PRODUCER}
+        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & broadcasts.TIME_PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
         # Sub-index 2 of 0x1280 and following: where a server answers this device as its client (7.5.2.34).
         clients = [index for index in standard.SDO_CLIENTS if index in self.dictionary.members]
@@ -215,14 +180,14 @@ class Device:
         ears: dict[int | None, Ear] = {
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
             **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
-            **dict.fromkeys(self._pdos.received, self._receive_pdo),
-            time & BASE_IDENTIFIER if time & TIME_CONSUMER else None: self._receive_time,
-            self._pdos.sync_cob_id: self._receive_sync,
+            **dict.fromkeys(self.pdos.received, self._receive_pdo),
+            time & BASE_IDENTIFIER if time & broadcasts.TIME_CONSUMER else None: self._receive_time,
+            self.pdos.sync_cob_id: self._receive_sync,
             self.sdo_requests: self._receive_sdo,
             NMT_COB_ID: self._receive_command,
         }
         self._ears = {cob_id: ear for cob_id, ear in ears.items() if cob_id is not None}
-        self._remote_ears: dict[int, Ear] = dict.fromkeys(self._pdos.requestable, self._send_requested)
+        self._remote_ears: dict[int, Ear] = dict.fromkeys(self.pdos.requestable, self._send_requested)
         if standard.GUARD_TIME[0] in self.dictionary.members:
             self._remote_ears[ERROR_CONTROL_BASE + self.node_id] = self._answer_guard
         self.identifiers = sorted({*self._ears, *self._remote_ears})
@@ -230,64 +195,48 @@ class Device:
         self._restart_broadcasts()
 
     def _restart_pdos(self) -> None:
-        self._pacing.restart(self._pdos.sent.values(), self._now)
-        self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
+        self._pacing.restart(self.pdos.sent.values(), self._now)
+        self._synchronous.restart(self.pdos.sent.values(), self.pdos.received.values())
         # They belong to a SYNC before the change, and must not answer a remote frame.
         self._sampled.clear()
         # Decided here and not at each SYNC, which would ask hundreds of PDOs of many devices in each period.
-        self._at_sync = [each for each in self._pdos.requestable.values() if self._pdos.is_sampled(each)]
-        self._following = [each for each in self._pdos.sent.values() if self._pdos.follows_changes(each)]
+        self._at_sync = [each for each in self.pdos.requestable.values() if self.pdos.is_sampled(each)]
+        self._following = [each for each in self.pdos.sent.values() if self.pdos.follows_changes(each)]
         for binding in self._deadlines.missed:  # nobody would report them as back: the watch starts over
             self.emergencies.cleared((Deadlines, binding.name))
-        received = self._pdos.received.values()
-        self._deadlines.restart({each: time for each in received if (time := self._pdos.deadline(each))})
+        received = self.pdos.received.values()
+        self._deadlines.restart({each: time for each in received if (time := self.pdos.deadline(each))})
 
     def _restart_broadcasts(self) -> None:
         """Send SYNC and TIME from now on, if they are configured and the NMT state allows them (CiA 301, Table 36)."""
-        self._sync.restart(self._pdos.sync_period if self._reports else 0.0, self._pdos.sync_counter, self._now)
+        self._sync.restart(self.pdos.sync_period if self._reports else 0.0, self.pdos.sync_counter, self._now)
         time = self.objects.raw(standard.TIME)
-        if self._reports and time & TIME_PRODUCER and time & BASE_IDENTIFIER:
-            self.time_of_day.produce(self._now)
-        else:
-            self.time_of_day.rest()
+        sends = self._reports and time & broadcasts.TIME_PRODUCER and time & BASE_IDENTIFIER
+        self.time_of_day.restart(broadcasts.TIME_PERIOD if sends else 0.0, self._now)
 
     @property
     def service_identifiers(self) -> list[int]:
         """The present COB-IDs of all services of the device except its PDOs."""
-        said = (self.objects.cob_id(standard.EMCY), self._pdos.sync_cob_id, self.objects.raw(standard.TIME))
+        said = (self.objects.cob_id(standard.EMCY), self.pdos.sync_cob_id, self.objects.raw(standard.TIME))
         broadcast = [each & BASE_IDENTIFIER for each in said if each]
         return [NMT_COB_ID, self.sdo_requests, self.sdo_answers, ERROR_CONTROL_BASE + self.node_id, *broadcast]
 
     @property
-    def sync_cob_id(self) -> int | None:
-        """The COB-ID of SYNC, None if the device has none."""
-        return self._pdos.sync_cob_id
-
-    def check_mapped(self, index: int, entry: int) -> None:
-        """Raise Abort if an entry of a mapping record names something that may not be mapped there."""
-        self._pdos.mapped(index, entry)
-
-    @property
     def protocol(self) -> Protocol:
         """The messages of the PDOs that are valid now."""
-        return self._pdos.protocol
-
-    @property
-    def always_sent(self) -> set[int]:
-        """The COB-IDs of the messages that this device sends in every NMT state: its stops."""
-        return self._pdos.always_sent
+        return self.pdos.protocol
 
     def stay(self, frame: Frame) -> Stay:
         """Return how long a frame of this device waits for a mailbox."""
         if frame.cob_id == self.sdo_answers:
             return Stay.TRANSFER
-        if frame.cob_id in self.always_sent:
+        if frame.cob_id in self.pdos.always_sent:
             return Stay.LASTING
         if frame.cob_id not in self._periodic:
             return Stay.SHORT
         # Without its boot-up message, which is sent only once, a master does not learn that the node is there, or has
         # forgotten everything.
-        return Stay.LASTING if frame == error_control(self.node_id, NmtState.INITIALISING) else Stay.PERIODIC
+        return Stay.LASTING if frame == nmt.error_control(self.node_id, NmtState.INITIALISING) else Stay.PERIODIC
 
     # Values
 
@@ -328,13 +277,10 @@ class Device:
         return written
 
     def _command(self, binding: Binding, message: Message) -> None:
-        """Have the application act on a message that was written by SDO; raises Abort if it does not."""
+        """Have the application act on a message that was written by SDO; raises Abort or Refused if it does not."""
         if not self.operational and not binding.always:
             raise Abort(Reason.WRONG_STATE, f"{self.dictionary.name} is {self.state.name}")
-        try:
-            self._application.act(message)
-        except Refused as refused:
-            raise Abort(REFUSAL[refused.cause], str(refused)) from refused
+        self._application.act(message)
 
     def _keep(self, address: Address, signature: Value) -> None:
         """Store the present values, or restore the file's from the next reset on (CiA 301, 7.5.2.13, 7.5.2.14)."""
@@ -360,9 +306,9 @@ class Device:
 
     def _consume(self, address: Address, value: Value) -> None:
         """Watch another node's heartbeat; no node may be watched twice (CiA 301, 7.5.2.19)."""
-        node_id, time = heartbeat_entry(value if isinstance(value, int) else 0)
+        node_id, time = nmt.heartbeat_entry(value if isinstance(value, int) else 0)
         others = [
-            heartbeat_entry(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]
+            nmt.heartbeat_entry(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]
         ]
         # With two times, one node would be lost by one of them and still there by the other.
         if time and any(node_id == other and others_time for other, others_time in others):
@@ -391,13 +337,13 @@ class Device:
         # By EMCY as well: when a device boots with defaults, nobody may be looking at a console.
         if self.refused:
             self.emergencies.raised(ErrorCode.DATA_SET, Store)
-        self._enter(boot_state(self.objects.value(standard.NMT_STARTUP)))
-        return [error_control(self.node_id, NmtState.INITIALISING)]
+        self._enter(nmt.boot_state(self.objects.value(standard.NMT_STARTUP)))
+        return [nmt.error_control(self.node_id, NmtState.INITIALISING)]
 
     def _enter(self, state: NmtState) -> None:
         reported, self.state = self._reports, state
         self._restart_pdos()
-        self._changes.restart()
+        self._process.seen.clear()  # every PDO counts as changed
         # SYNC and TIME run in PRE-OPERATIONAL and OPERATIONAL: a change between them must not shift their periods.
         if reported is not self._reports:
             self._restart_broadcasts()
@@ -416,7 +362,7 @@ class Device:
         if self._beating or self._next_heartbeat == inf:
             return []
         self._beating = True
-        return [error_control(self.node_id, self.state)]
+        return [nmt.error_control(self.node_id, self.state)]
 
     def restart(self, now: float) -> Reaction:
         """Do what an NMT command to reset the node does."""
@@ -458,7 +404,7 @@ class Device:
             # From its planned time, or each late call would put off all later heartbeats.
             self._plan_heartbeat(caught_up(self._next_heartbeat, now))
             self._beating = True
-            frames.append(error_control(self.node_id, self.state))
+            frames.append(nmt.error_control(self.node_id, self.state))
         own = self._broadcast(now)
         frames += own.frames
         if self.operational:
@@ -488,18 +434,14 @@ class Device:
         """Notice nodes that have fallen silent, and a silent master that guards this one (CiA 301, 7.5.2.32)."""
         lost, unguarded = tuple(self._consumer.overdue(now)), self._guarding.overdue(now)
         for node_id in lost:
-            self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
+            self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (nmt.HeartbeatConsumer, node_id), bytes([node_id]))
         if unguarded:
-            self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, NodeGuarding)
+            self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, nmt.NodeGuarding)
         # 0x1029 counts only for a device at work: in other states there are no PDOs to be stopped.
         command = ON_COMMUNICATION_ERROR.get(self.objects.raw(standard.COMMUNICATION_ERROR))
         if (lost or unguarded) and command is not None and self.operational:
-            self._enter(TARGET[command])
+            self._enter(nmt.TARGET[command])
         return lost
-
-    def bus_error(self, code: int, now: float) -> None:
-        """Note an error that the CAN controller reports; `tick` sends the EMCY."""
-        self.emergencies.happened(code, now)
 
     def bus_lost(self) -> None:
         """Give up the SDO transfer that is under way, as its client will."""
@@ -536,29 +478,29 @@ class Device:
         return reaction
 
     def _receive_command(self, frame: Frame) -> Reaction:
-        command = command_in(frame, self.node_id)
-        if command in TARGET:
-            self._enter(TARGET[command])
-        return Reaction([]) if command is None or command in TARGET else self._reset(command)
+        command = nmt.command_in(frame, self.node_id)
+        if command in nmt.TARGET:
+            self._enter(nmt.TARGET[command])
+        return Reaction([]) if command is None or command in nmt.TARGET else self._reset(command)
 
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE
-        boot_up = frame == error_control(node_id, NmtState.INITIALISING)
+        boot_up = frame == nmt.error_control(node_id, NmtState.INITIALISING)
         if (self._consumer.booted if boot_up else self._consumer.heard)(node_id, self._now):
-            self.emergencies.cleared((HeartbeatConsumer, node_id))
+            self.emergencies.cleared((nmt.HeartbeatConsumer, node_id))
         return Reaction([], booted=node_id if boot_up else None)
 
     def _answer_guard(self, _: Frame) -> Reaction:
         """Answer that the device is there; a device that sends heartbeats is not guarded (CiA 301, 7.2.8.2.2)."""
         if self.objects.raw(standard.HEARTBEAT_TIME):
             return Reaction([])
-        if self._guarding.lost:
-            self.emergencies.cleared(NodeGuarding)
+        if self._guarding.missed:
+            self.emergencies.cleared(nmt.NodeGuarding)
         return Reaction([self._guarding.answer(self.node_id, self.state, self._now)])
 
     def _send_requested(self, frame: Frame) -> Reaction:
         """Send a TPDO that was asked for; a sampled one has the values of the last SYNC."""
-        binding = self._pdos.requestable[frame.cob_id]
+        binding = self.pdos.requestable[frame.cob_id]
         if not self.operational:
             return Reaction([])
         return Reaction([self._sampled.get(binding) or self._process.frame(binding)])
@@ -577,7 +519,7 @@ class Device:
         return [Frame(self.sdo_answers, data) for data in answers]
 
     def _receive_pdo(self, frame: Frame) -> Reaction:
-        binding = self._pdos.received[frame.cob_id]
+        binding = self.pdos.received[frame.cob_id]
         if not self.operational and not binding.always:
             return Reaction([])
         try:
@@ -593,7 +535,7 @@ class Device:
         if self._deadlines.heard(binding, self._now):
             self.emergencies.cleared((Deadlines, binding.name))
         if binding in self._synchronous:
-            self._synchronous.hold(Arrival(binding, frame.data, message))
+            self._synchronous.hold(broadcasts.Arrival(binding, frame.data, message))
             return Reaction([])
         if binding.layout.length:
             self._process.note(binding, frame.data)
@@ -623,7 +565,7 @@ class Device:
         return self._sendable(message).encode(message)
 
     def _sendable(self, message: Message) -> Binding:
-        binding = self._pdos.sent.get(type(message))
+        binding = self.pdos.sent.get(type(message))
         if binding is None:
             raise StateError(f"{self.dictionary.name} has no TPDO for {type(message).__name__}; {self._has('send')}")
         if not self.operational and not binding.always:
@@ -632,7 +574,7 @@ class Device:
 
     def check_received(self, message: type[Message]) -> None:
         """Raise StateError if no RPDO carries a message."""
-        if message not in {each.type for each in self._pdos.received.values()}:
+        if message not in {each.type for each in self.pdos.received.values()}:
             raise StateError(f"{self.dictionary.name} has no RPDO for {message.__name__}; {self._has('receive')}")
 
     def _has(self, way: str) -> str:
@@ -643,7 +585,7 @@ class Device:
 
         Raises the errors of `transmit`.
         """
-        binding = self._pdos.sent.get(type(message)) if self.operational else None
+        binding = self.pdos.sent.get(type(message)) if self.operational else None
         if binding is None:
             binding = self._sendable(message)  # a stop, or the error says what is wrong
         frame = binding.encode(message)
@@ -666,7 +608,7 @@ class Device:
         """
         self._process.settle()
         frames: list[Frame] = []
-        for binding, frame in self._changes.since(self._following) if self.operational else ():
+        for binding, frame in self._process.changed(self._following) if self.operational else ():
             if may_go is not None and not may_go(binding):
                 continue
             if binding in self._synchronous:

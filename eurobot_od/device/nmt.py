@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
-from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.timers import Deadlines
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, Value
 
@@ -88,9 +87,7 @@ CANOPEN_COMMANDS: Mapping[str, NmtCommand] = {
 
 def command_to(state: str) -> NmtCommand:
     """Return the command that makes a node enter a state, as users of canopen write it; raises UnknownName."""
-    if state not in CANOPEN_COMMANDS:
-        raise UnknownName("NMT state", state, CANOPEN_COMMANDS)
-    return CANOPEN_COMMANDS[state]
+    return look_up("NMT state", state, CANOPEN_COMMANDS)
 
 
 def canopen_state(state: NmtState | None) -> str:
@@ -157,32 +154,25 @@ TOGGLE = 1 << 7
 """The bit of an answer that toggles, from 0 on, so that a repeated answer can be told from a new one."""
 
 
-class NodeGuarding:
-    """The guarded side; `next` is when the master will have been silent for too long, infinite if it is not watched."""
+MASTER = "master"
+"""Whom a guarded node awaits."""
+
+
+class NodeGuarding(Deadlines[str]):
+    """The guarded side: the master must not be silent for too long, once it has asked."""
 
     def __init__(self) -> None:
-        self.next = inf
-        self.lost = False
+        super().__init__()
         self._toggle = 0
-        self._life_time = 0.0
 
     def configure(self, life_time: float) -> None:
         """Set how long the master may be silent, 0.0 for ever; a changed time counts from the next request on."""
-        if life_time != self._life_time:
-            self._life_time, self.next, self.lost = life_time, inf, False
+        self.change({MASTER: life_time} if life_time else {})
 
     def answer(self, node_id: int, state: NmtState, now: float) -> Frame:
         """Return the answer to a guarding request."""
         data = bytes([self._toggle | state])
         # Only a reset, which makes a new object, starts at 0 again; a silent master does not.
         self._toggle ^= TOGGLE
-        self.next = now + self._life_time if self._life_time else inf
-        self.lost = False
+        self.heard(MASTER, now)
         return Frame(ERROR_CONTROL_BASE + node_id, data)
-
-    def overdue(self, now: float) -> bool:
-        """Tell whether the master has fallen silent by now; it is told only once."""
-        if now < self.next:
-            return False
-        self.next, self.lost = inf, True
-        return True

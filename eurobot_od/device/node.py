@@ -123,8 +123,8 @@ class Node:
         return self._flush()
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
-        """Take in an error that the CAN controller reports, such as an overrun."""
-        self.device.bus_error(code, now)
+        """Take in an error that the CAN controller reports, such as an overrun; `tick` sends the EMCY."""
+        self.device.emergencies.happened(code, now)
         self._call()
 
     def bus_lost(self, now: float) -> list[Frame]:

@@ -14,27 +14,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from eurobot_od.errors import Cause, DamagedFile, DictionaryError, FieldError, Refused, UnknownName
-from eurobot_od.od import dcf
+from eurobot_od.od import dcf, values
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
 from eurobot_od.od.standard import COMMANDS, EMCY, IDENTITY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME, VERIFY_CONFIGURATION
-from eurobot_od.od.values import (
-    COB_ID,
-    DEFAULT_PDO_BASES,
-    DOMAIN,
-    EMCY_BASE,
-    MAPPINGS,
-    SYNC_COB_ID,
-    TIME_COB_ID,
-    VISIBLE_STRING,
-    Address,
-    Value,
-    base_identifier,
-    label,
-    pdo_of,
-)
+from eurobot_od.od.values import COB_ID, Address, Value, label, pdo_of
 from eurobot_od.sdo.wire import LARGEST, Abort, Reason
 from eurobot_od.support.files import write_whole
 
@@ -45,7 +31,7 @@ COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
 7.3.2.2.3)."""
 
-PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *MAPPINGS}
+PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *values.MAPPINGS}
 """Communication objects to which their present value may always be written, even where the file contradicts itself.
 Mappings are not among them: CiA 301 asks for its procedure whatever is written."""
 
@@ -147,7 +133,7 @@ class Objects:
 
     def cob_id(self, address: Address) -> int | None:
         """Return an 11-bit identifier that an object holds, None if it is not valid or there is none."""
-        return base_identifier(self.value(address))
+        return values.base_identifier(self.value(address))
 
     def put(self, address: Address, value: Value) -> None:
         """Keep a value, unchecked; a part of a value goes to its place in the whole.
@@ -190,7 +176,7 @@ class Objects:
         type_ = data_type(variable)
         try:
             value = self.value(address)
-            if type_ == VISIBLE_STRING and isinstance(value, str):
+            if type_ == values.VISIBLE_STRING and isinstance(value, str):
                 return value.encode(self.dictionary.encoding)
             if value is None and type_.size:  # a text or a file may be missing, a number never is
                 return initial(variable) or bytes(type_.size)
@@ -205,7 +191,7 @@ class Objects:
         if not variable.writable:
             raise Abort(Reason.READ_ONLY)
         type_ = data_type(variable)
-        room = type_.size or (LARGEST if type_ == DOMAIN else LONGEST_TEXT)
+        room = type_.size or (LARGEST if type_ == values.DOMAIN else LONGEST_TEXT)
         if size is not None and size > room:
             # The type of a text or a DOMAIN fixes no size: all it can exceed is memory (CiA 301, Table 22).
             raise Abort(Reason.LONGER_THAN_TYPE if type_.size else Reason.OUT_OF_MEMORY)
@@ -242,13 +228,13 @@ class Objects:
 # Values that a file leaves out: the pre-defined connection set (CiA 301, 7.3.3), the identity
 
 
-BROADCASTS: Mapping[Address, int] = {SYNC: SYNC_COB_ID, TIME: TIME_COB_ID}
+BROADCASTS: Mapping[Address, int] = {SYNC: values.SYNC_COB_ID, TIME: values.TIME_COB_ID}
 
 BASES: Mapping[Address, int] = {
-    EMCY: EMCY_BASE,
+    EMCY: values.EMCY_BASE,
     **{
         (direction.value + number, COB_ID): base
-        for direction, bases in DEFAULT_PDO_BASES.items()
+        for direction, bases in values.DEFAULT_PDO_BASES.items()
         for number, base in enumerate(bases)
     },
 }

@@ -241,10 +241,14 @@ class Pdos:
 
 
 class ProcessData:
-    """Stores in the objects what PDOs carry; a frame's values are stored together, when one of them is asked for."""
+    """Stores in the objects what PDOs carry; a frame's values are stored together, when one of them is asked for.
+
+    `seen` has the contents of PDOs, by index, with which `changed` compares.
+    """
 
     def __init__(self, objects: Objects) -> None:
         self._objects = objects
+        self.seen: dict[int, Frame] = {}
         self._latest: dict[str, tuple[Binding, bytes]] = {}
 
     def note(self, binding: Binding, data: bytes) -> None:
@@ -261,10 +265,6 @@ class ProcessData:
             for entry, address, mask, offset in binding.placed:
                 with suppress(Refused):  # a value that the application refuses counts as if it had not come
                     self._objects.put(address, entry.meant(word >> offset & mask))
-        self.forget()
-
-    def forget(self) -> None:
-        """Drop what nobody has asked for."""
         self._latest.clear()
 
     def frame(self, binding: Binding) -> Frame:
@@ -276,24 +276,15 @@ class ProcessData:
             word |= (raw(address) & mask) << offset
         return Frame(binding.cob_id, word.to_bytes(binding.layout.length, "little"))
 
+    def changed(self, bindings: Iterable[Binding]) -> list[tuple[Binding, Frame]]:
+        """Return the PDOs that have changed since this was last asked, with their frames.
 
-class Changes:
-    """Notices PDOs whose contents have changed since they were last looked at; `frame` gives the present contents."""
-
-    def __init__(self, frame: Callable[[Binding], Frame]) -> None:
-        self._frame = frame
-        self._seen: dict[int, Frame] = {}
-
-    def restart(self) -> None:
-        """Start over: every PDO counts as changed."""
-        self._seen.clear()
-
-    def since(self, bindings: Iterable[Binding]) -> list[tuple[Binding, Frame]]:
-        """Return the PDOs that have changed, with their frames; one without data never changes."""
-        looked_at = [(each, self._frame(each)) for each in bindings if each.layout.length]
+        One without data never changes.
+        """
+        looked_at = [(each, self.frame(each)) for each in bindings if each.layout.length]
         # By index, which stays when a master remaps the PDO and it gets another binding.
-        changed = [(each, frame) for each, frame in looked_at if self._seen.get(each.pdo.index) != frame]
-        self._seen |= {each.pdo.index: frame for each, frame in changed}
+        changed = [(each, frame) for each, frame in looked_at if self.seen.get(each.pdo.index) != frame]
+        self.seen |= {each.pdo.index: frame for each, frame in changed}
         return changed
 
 

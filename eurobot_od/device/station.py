@@ -156,7 +156,7 @@ class Station:
         for frame in frames:
             stay = device.stay(frame)
             # A stop is repeated: it is enough if one of a kind waits.
-            if not (stay is Stay.LASTING and frame.cob_id in device.always_sent and mailboxes.holds(frame)):
+            if not (stay is Stay.LASTING and frame.cob_id in device.pdos.always_sent and mailboxes.holds(frame)):
                 mailboxes.submit(frame, now, stay)
 
 
@@ -198,8 +198,7 @@ class NodeGroup:
     def start(self, now: float) -> list[Frame]:
         """Switch all nodes on."""
         for node in self.nodes:
-            self._waiting.extend((node, frame) for frame in node.start(now))
-            self._note(node)
+            self._take(node, node.start(now))
         return self._settled(now)
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
@@ -211,21 +210,19 @@ class NodeGroup:
         """Tell the nodes that the bus is lost; what waits for it now, nobody waits for after the gap."""
         self._waiting.clear()
         for node in self.nodes:
-            self._waiting.extend((node, frame) for frame in node.bus_lost(now))
-            self._note(node)
+            self._take(node, node.bus_lost(now))
 
     def bus_back(self, now: float) -> list[Frame]:
         """Tell the nodes that the bus is back, and return the frames to send."""
         for node in self.nodes:
             node.bus_error(ErrorCode.BUS_LOST, now)
-            self._note(node)
+            self._take(node)
         return self.tick(now)
 
     def tick(self, now: float) -> list[Frame]:
         """Do what is due by now and return the frames to send."""
         for node in [node for node, due in self._wakeups.items() if due <= now]:
-            self._waiting.extend((node, frame) for frame in node.tick(now))
-            self._note(node)
+            self._take(node, node.tick(now))
         return self._settled(now)
 
     def _settled(self, now: float) -> list[Frame]:
@@ -240,12 +237,12 @@ class NodeGroup:
             for node in tuple(self._heard_by.get(frame.cob_id, ())):
                 if node is not sender:
                     answers = node.requested(frame.cob_id, now) if frame.is_remote else node.receive(frame, now)
-                    self._waiting.extend((node, each) for each in answers)
-                    self._note(node)
+                    self._take(node, answers)
         return sent
 
-    def _note(self, node: Node) -> None:
-        """Note when a node wants to be called and what it listens to: a master may have changed that."""
+    def _take(self, node: Node, frames: Sequence[Frame] = ()) -> None:
+        """Line up what a node sends, and note when it wants to be called and what it hears: both may have changed."""
+        self._waiting.extend((node, frame) for frame in frames)
         self._wakeups[node] = node.next_wakeup
         identifiers = node.device.identifiers
         before = self._identifiers.get(node)

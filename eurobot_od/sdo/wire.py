@@ -239,6 +239,10 @@ TABLE_OF_CODES = "7.2.4.3.17"
 """The clause of CiA 301 that lists the abort codes; most reasons have no other."""
 
 
+OF_RECORDS, OF_MAPPINGS = "7.5.2.35, 7.5.2.37", "7.5.2.36, 7.5.2.38"
+"""The clauses about the communication records of RPDOs and TPDOs, and about their mappings."""
+
+
 class Reason(Enum):
     """Why a device aborts: the abort `code`, `when` it is sent, and the `clause` of CiA 301."""
 
@@ -289,31 +293,27 @@ class Reason(Enum):
     SYNC_COUNTER = AbortCode.VALUE, "0x1019 gets a value other than 0 and 2 to 240", "7.5.2.22"
     SYNC_PERIOD = AbortCode.STATE, "0x1019 is written while 0x1006 is not 0", "7.5.2.22"
     PDO_VALID = AbortCode.STATE, "the PDO is valid: set bit 31 of its COB-ID first", "7.5.2.35 to 7.5.2.38"
-    PDO_COB_ID = AbortCode.VALUE, "the COB-ID of a PDO has more than 11 bits", "7.5.2.35, 7.5.2.37"
+    PDO_COB_ID = AbortCode.VALUE, "the COB-ID of a PDO has more than 11 bits", OF_RECORDS
     COB_ID_TAKEN = AbortCode.VALUE, "the COB-ID belongs to another CANopen service", "7.3.5"
     TRANSMISSION_TYPE = (
         AbortCode.VALUE,
         "the transmission type is reserved, or needs SYNC or remote frames that the PDO does not have",
-        "7.5.2.35, 7.5.2.37",
+        OF_RECORDS,
     )
     RPDO_INHIBITED = AbortCode.VALUE, "an RPDO gets an inhibit time", "7.5.2.35"
-    MAPPING_USED = AbortCode.STATE, "a mapping entry is written while sub-index 0 is not 0", "7.5.2.36, 7.5.2.38"
-    MAPPED_MISSING = (
-        AbortCode.NO_OBJECT,
-        "a mapping entry names an object that the EDS does not have",
-        "7.5.2.36, 7.5.2.38",
-    )
+    MAPPING_USED = AbortCode.STATE, "a mapping entry is written while sub-index 0 is not 0", OF_MAPPINGS
+    MAPPED_MISSING = AbortCode.NO_OBJECT, "a mapping entry names an object that the EDS does not have", OF_MAPPINGS
     NOT_MAPPABLE = (
         AbortCode.NOT_MAPPABLE,
         "PDOMapping or the access type of a mapped object does not allow it",
-        "7.5.2.36, 7.5.2.38",
+        OF_MAPPINGS,
     )
-    MAPPED_BITS = AbortCode.NOT_MAPPABLE, "a mapping entry has no bits, or more than its object", "7.5.2.36, 7.5.2.38"
-    MAPPING_TOO_LONG = AbortCode.MAPPING_TOO_LONG, "a PDO would have more than 64 bits", "7.5.2.36, 7.5.2.38"
+    MAPPED_BITS = AbortCode.NOT_MAPPABLE, "a mapping entry has no bits, or more than its object", OF_MAPPINGS
+    MAPPING_TOO_LONG = AbortCode.MAPPING_TOO_LONG, "a PDO would have more than 64 bits", OF_MAPPINGS
     PDO_CONFLICT = (
         AbortCode.INCOMPATIBLE,
         "the PDO becomes valid with another PDO's COB-ID, or with a mapping that does not make up its message",
-        "7.5.2.35, 7.5.2.37",
+        OF_RECORDS,
     )
     TOO_FEW_BITS = AbortCode.INCOMPATIBLE, "a TPDO becomes valid that cannot hold every value of its message"
 

@@ -148,6 +148,6 @@ def test_a_stopped_device_keeps_its_reports_until_it_may_talk() -> None:
 
 def test_what_the_controller_reports_becomes_an_emergency() -> None:
     wire = wired()
-    wire.device.bus_error(ErrorCode.OVERRUN, wire.now)
+    wire.device.emergencies.happened(ErrorCode.OVERRUN, wire.now)
     assert wire.wait(0.0).frames == [report(0x8110, 0x11)]
     assert report(0, 0) in wire.wait(PASSING).frames

@@ -50,7 +50,6 @@ gives the turn back, its frame stays loaded.
 
 from eurobot_od.bus.live.adapters import BITRATE as BITRATE
 from eurobot_od.bus.live.adapters import here as here
-from eurobot_od.bus.live.buses import DEFAULT_BUS as DEFAULT_BUS
 from eurobot_od.bus.live.buses import Driver as Driver
 from eurobot_od.bus.live.buses import Opener as Opener
 from eurobot_od.bus.live.buses import is_named as is_named

@@ -12,7 +12,7 @@ import selectors
 from collections.abc import Callable, Coroutine
 from contextvars import Context
 from math import inf
-from typing import Any, Protocol, TypeVarTuple
+from typing import Any, TypeAlias, TypeVarTuple
 
 from eurobot_od.bus.live.event_loop import run_in
 from eurobot_od.bus.simulated.network import Simulation
@@ -20,20 +20,6 @@ from eurobot_od.device.timers import Result
 from eurobot_od.errors import EurobotError
 
 Arguments = TypeVarTuple("Arguments")
-
-
-class Simulated(Protocol):
-    """What has a simulated clock, and events on it."""
-
-    now: float
-    """The simulated time in seconds."""
-
-    @property
-    def next_event(self) -> float:
-        """Time of the next event, infinite if nothing will ever happen."""
-
-    def advance(self, until: float) -> bool:
-        """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
 
 
 class Several:
@@ -57,6 +43,10 @@ class Several:
             # Nothing happens on the others before that time, so their clocks may simply follow.
             network.now = max(network.now, self.now)
         return happened
+
+
+Simulated: TypeAlias = Simulation | Several
+"""What has a simulated clock, and events on it."""
 
 
 class NothingHappens(EurobotError):

@@ -45,21 +45,11 @@ class FrameSource(Protocol):
         """Take note that a frame is through."""
 
 
-class Nothing:
-    """The source of a controller that only listens."""
-
-    def urgent(self) -> Frame | None:
-        return None
-
-    def complete(self, frame: Frame) -> None:
-        """Do nothing: nothing was sent."""
-
-
 @dataclass
-class Babble:
-    """The source of a node that babbles: the same frame again and again."""
+class Repeated:
+    """A source that has the same frame again and again, as a node that babbles; or none, for one that only listens."""
 
-    frame: Frame
+    frame: Frame | None = None
 
     def urgent(self) -> Frame | None:
         return self.frame
@@ -200,7 +190,7 @@ class Simulation:
         self._buses: list[Bus] = []
         self._whole = self._add_bus()
         if monitored:
-            self._whole.controllers.append(Controller(Nothing()))
+            self._whole.controllers.append(Controller(Repeated()))
 
     # Stations and their lives
 
@@ -259,7 +249,7 @@ class Simulation:
 
     def babble(self, frame: Frame, until: float) -> None:
         """Have one more controller send the same frame again and again until a time in seconds."""
-        controller = Controller(Babble(frame))
+        controller = Controller(Repeated(frame))
         self._whole.controllers.append(controller)
         self.plan(self.now, _look_around)
         self.plan(until, partial(self._remove, controller))

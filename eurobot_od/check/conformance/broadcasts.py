@@ -166,7 +166,7 @@ def _producer(overflow: int = 0) -> Need[Subject]:
     """Need a device that can be made to send SYNC with a counter."""
 
     def producer(subject: Subject) -> None:
-        need(subject.model.sync_cob_id is not None, NO_SYNC)
+        need(subject.model.pdos.sync_cob_id is not None, NO_SYNC)
         need(subject.may_be(SYNC, _sending(subject)), "the file's SYNC (0x1005) cannot be written")
         need(subject.may_be(SYNC_PERIOD, 0, PERIOD), NO_PERIOD)
         # Without 0x1019 there is no counter, which is the same as an overflow of 0.
@@ -193,7 +193,7 @@ def _started(subject: Subject) -> Data:
 
 
 def _sync(subject: Subject, digits: str = "") -> Data:
-    return {"raw": f"{subject.model.sync_cob_id or 0:03X}#{digits}"}
+    return {"raw": f"{subject.model.pdos.sync_cob_id or 0:03X}#{digits}"}
 
 
 @SYNC_CHAPTER.clause(*PRODUCER, "6.2, 6.6", group="SYNC at its time, without data", needs=[_producer()])
@@ -293,7 +293,7 @@ def _counter_stored(subject: Subject) -> Steps:
 @SYNC_CHAPTER.clause(*STORED, "6.10", name="all of it is stored")
 def _stored(subject: Subject) -> Steps:
     """Store all of SYNC: after a reset the device sends it by itself."""
-    need(subject.model.sync_cob_id is not None, NO_SYNC)
+    need(subject.model.pdos.sync_cob_id is not None, NO_SYNC)
     values = [*COUNTED, Kept(SYNC_PERIOD, PERIOD), Kept(SYNC, _sending(subject))]
     # Any number: how many SYNCs came between the reset and the first look, nobody can say.
     goes_on = step.every(_sync(subject, "??"), PERIOD // 1000, 3)

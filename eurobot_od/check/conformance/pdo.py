@@ -151,7 +151,7 @@ def _unmapped(subject: Subject, pdo: Pdo, subs: Iterable[int]) -> str:
 
 def _may_be_mapped(subject: Subject, pdo: Pdo, entry: int) -> bool:
     with suppress(Abort):
-        subject.model.check_mapped(pdo.mapping_index, entry)
+        subject.model.pdos.mapped(pdo.mapping_index, entry)
         return True
     return False
 
@@ -445,7 +445,7 @@ def _by_event_timer(subject: Subject, pdos: Pdos) -> Data:
 
 def need_sync(subject: Subject) -> None:
     """Need a SYNC that the tester can send; raises Lacks."""
-    need(subject.model.sync_cob_id is not None, NO_SYNC)
+    need(subject.model.pdos.sync_cob_id is not None, NO_SYNC)
     need(not subject.number(SYNC) & SYNC_PRODUCER, "the device sends SYNC itself")
 
 
@@ -457,7 +457,7 @@ def need_uncounted_sync(subject: Subject) -> None:
 
 def sync(subject: Subject, data: bytes = b"") -> Data:
     """Send SYNC."""
-    return step.sent(f"SYNC {data[0]}" if data else "SYNC", subject.model.sync_cob_id or 0, data)
+    return step.sent(f"SYNC {data[0]}" if data else "SYNC", subject.model.pdos.sync_cob_id or 0, data)
 
 
 def _synchronous(subject: Subject, pdo: Pdo) -> None:
