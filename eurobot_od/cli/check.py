@@ -29,8 +29,8 @@ from eurobot_od.support.progress import in_colour
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
+    from eurobot_od.check.conformance.clauses import Tier
     from eurobot_od.check.conformance.page import DeviceRun
-    from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.runner import Interrupt
 
 
@@ -213,7 +213,7 @@ class Made:
     @property
     def tier(self) -> Tier:
         """How far conformance suites may go."""
-        from eurobot_od.check.conformance.subject import Tier
+        from eurobot_od.check.conformance.clauses import Tier
 
         return Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
 

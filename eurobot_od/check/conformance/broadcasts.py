@@ -7,11 +7,10 @@ acts on it, so all but reading is destructive there; a reset of the communicatio
 from __future__ import annotations
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, Need, settable
+from eurobot_od.check.conformance.clauses import Chapter, Need, Subject, Tier, fresh, has, need, or_skipped, settable
 from eurobot_od.check.conformance.pdo import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Data, Steps, codes, hexadecimal, title
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
-from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.device.broadcasts import COUNTERS
 from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, in_limits

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, Need, settable
+from eurobot_od.check.conformance.clauses import Chapter, Need, Subject, Tier, need, settable
 from eurobot_od.check.conformance.step import Data, Steps, codes, hexadecimal, title
-from eurobot_od.check.conformance.subject import Subject, Tier, need
 from eurobot_od.device.nmt import TOGGLE, NmtState, error_control
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, GUARD_TIME, HEARTBEAT_TIME, LIFE_TIME_FACTOR, ErrorCode
 from eurobot_od.od.values import ERROR_CONTROL_BASE, label

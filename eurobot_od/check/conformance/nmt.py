@@ -7,9 +7,8 @@ from itertools import product
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.clauses import BOOT_TIME, Chapter, Lacks, Subject, Tier, awake, fresh, need
 from eurobot_od.check.conformance.step import Data, Steps
-from eurobot_od.check.conformance.subject import BOOT_TIME, Lacks, Subject, Tier, awake, fresh, need
 from eurobot_od.device.nmt import STATE_NAMES, boot_state
 from eurobot_od.od.objects import in_limits, limits
 from eurobot_od.od.standard import GUARD_TIME, HEARTBEAT_TIME, NMT_STARTUP

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.clauses import NO_DEVICE_TYPE, Chapter, Subject, Tier, need
 from eurobot_od.check.conformance.step import BUSY, NO_BLOCKS, OUTSIDE, Data, Steps, codes, title
-from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, need
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import standard, values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits

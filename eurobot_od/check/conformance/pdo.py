@@ -15,10 +15,9 @@ from typing import TypeAlias
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, StepsOf
+from eurobot_od.check.conformance.clauses import Chapter, Lacks, StepsOf, Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.check.conformance.objects import NO_OBJECT
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Data, Steps, codes, hexadecimal, title
-from eurobot_od.check.conformance.subject import Lacks, Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.device.device import Device
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type

@@ -21,9 +21,8 @@ from typing import NamedTuple, TypeAlias
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Need
+from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Need, Subject, Tier, awake, need
 from eurobot_od.check.conformance.step import Data, Steps, hexadecimal, title
-from eurobot_od.check.conformance.subject import Subject, Tier, awake, need
 from eurobot_od.check.conformance.suite import documents
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od import cia401, cia402

@@ -8,10 +8,9 @@ from __future__ import annotations
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.clauses import NO_DEVICE_TYPE, Chapter, Subject, Tier, awake, fresh, need
 from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED, NO_OBJECT
 from eurobot_od.check.conformance.step import NO_BLOCKS, Data, Steps, codes, title
-from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, awake, fresh, need
 from eurobot_od.check.suite import Blocks
 from eurobot_od.od.objects import address_of, data_type, default_bytes
 from eurobot_od.od.standard import DEVICE_TYPE, GUARD_TIME, HEARTBEAT_TIME, SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS

@@ -8,9 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from eurobot_od.check.conformance import broadcasts, error_control, nmt, objects, pdo, sdo, step, storage
-from eurobot_od.check.conformance.clauses import ANSWERS, Chapter
+from eurobot_od.check.conformance.clauses import ANSWERS, BOOT_TIME, Chapter, Subject, Tier, awake
 from eurobot_od.check.conformance.step import Data, hexadecimal, title
-from eurobot_od.check.conformance.subject import BOOT_TIME, Subject, Tier, awake
 from eurobot_od.check.report import AS_THEY_WERE
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ERRORS, VERIFY_CONFIGURATION

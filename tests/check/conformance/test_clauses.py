@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, StepName, settable
+from eurobot_od.check.conformance.clauses import Chapter, StepName, Subject, Tier, need, settable
 from eurobot_od.check.conformance.step import Data, Steps
-from eurobot_od.check.conformance.subject import Subject, Tier, need
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.eds_text import DEVICE_TYPE, variable
