@@ -38,9 +38,6 @@ EVERY_INDEX = range(0x10000)
 LONGEST_INHIBIT = 1000
 """The longest time between two EMCY for which a step waits, in 100 us."""
 
-BOOT_TIME = "10 s"
-"""How long a device may take from a reset to its boot-up, and to its first SDO answer; the standard names no time."""
-
 
 class Tier(Enum):
     """What a step may cost; the value is the word in reports, and of the option."""
@@ -224,7 +221,7 @@ def fresh(command: str = "reset communication") -> Steps:
     yield step.nmt(command)
     # A reset takes as long as the device likes: it may answer meanwhile, and then lose what it was sent. The boot-up
     # alone ends it (CiA 301, 7.3.2.2.2).
-    yield step.booted(BOOT_TIME)
+    yield step.booted()
     yield step.nmt("pre-operational")
 
 
@@ -238,7 +235,7 @@ def awake(subject: Subject, name: str = "answers an SDO request") -> Data:
         "needed": "yes",
         "poll": {**subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe)), "every": "100 ms"},
         "until": subject.answer("?" * 16),
-        "within": BOOT_TIME,
+        "within": step.BOOT_TIME,
     }
 
 

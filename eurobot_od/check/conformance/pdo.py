@@ -292,30 +292,17 @@ def _entry(each: ODVariable) -> str:
 
 RPDO, TPDO = PdoDirection.RPDO, PdoDirection.TPDO
 
-
-def _enter(
-    direction: PdoDirection,
-    steps: Callable[[Subject, Pdo], Steps],
-    number: str,
-    topic: str,
-    tier: Tier = Tier.READING,
-    ctt: str = "",
-    name: str = "{}",
-) -> None:
-    """Enter what is done with each PDO of a direction as a clause."""
-    CHAPTER.clause(number, topic, tier, ctt, name=direction.name)(each_of(direction, steps, name))
-
-
 CHAPTER.clause("7.5.2.35", "RPDOs", ctt="3.1")(partial(_scan, direction=RPDO))
 CHAPTER.clause("7.5.2.37", "TPDOs", ctt="3.2")(partial(_scan, direction=TPDO))
-_enter(RPDO, _default_mapping, "7.5.2.36", "RPDO mapping", ctt="3.21")
-_enter(TPDO, _default_mapping, "7.5.2.38", "TPDO mapping", ctt="3.21")
-_enter(RPDO, _restricted, "7.3.5", "RPDO identifier", Tier.REVERSIBLE, "8.10", RESTRICTED_NAME)
-_enter(TPDO, _restricted, "7.3.5", "TPDO identifier", Tier.REVERSIBLE, "8.10", RESTRICTED_NAME)
-_enter(RPDO, _communication, "7.5.2.35", "RPDO communication", Tier.REVERSIBLE)
-_enter(RPDO, _mapping, "7.5.2.36", "RPDO mapping", Tier.REVERSIBLE)
-_enter(TPDO, _communication, "7.5.2.37", "TPDO communication", Tier.REVERSIBLE)
-_enter(TPDO, _mapping, "7.5.2.38", "TPDO mapping", Tier.REVERSIBLE)
+CHAPTER.clause("7.5.2.36", "RPDO mapping", ctt="3.21", name="RPDO")(each_of(RPDO, _default_mapping))
+CHAPTER.clause("7.5.2.38", "TPDO mapping", ctt="3.21", name="TPDO")(each_of(TPDO, _default_mapping))
+for _each in PdoDirection:
+    _of_each = each_of(_each, _restricted, RESTRICTED_NAME)
+    CHAPTER.clause("7.3.5", f"{_each.name} identifier", Tier.REVERSIBLE, "8.10", name=_each.name)(_of_each)
+CHAPTER.clause("7.5.2.35", "RPDO communication", Tier.REVERSIBLE, name="RPDO")(each_of(RPDO, _communication))
+CHAPTER.clause("7.5.2.36", "RPDO mapping", Tier.REVERSIBLE, name="RPDO")(each_of(RPDO, _mapping))
+CHAPTER.clause("7.5.2.37", "TPDO communication", Tier.REVERSIBLE, name="TPDO")(each_of(TPDO, _communication))
+CHAPTER.clause("7.5.2.38", "TPDO mapping", Tier.REVERSIBLE, name="TPDO")(each_of(TPDO, _mapping))
 
 
 # When TPDOs are sent
