@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.options import BusOptions, Json, check_node_id
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import DictionaryError, LocalError, UnknownName
+from eurobot_od.errors import DictionaryError, LocalError, UnknownName, look_up
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
@@ -201,10 +201,7 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
 
 def explanation(code: str) -> str:
     """Return what a rule demands, its severity and its clause; raises UnknownName."""
-    rules = _rules()
-    if code not in rules:
-        raise UnknownName("rule", code, rules)
-    rule = rules[code]
+    rule = look_up("rule", code, _rules())
     return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
 
 

@@ -23,7 +23,7 @@ from eurobot_od.device.objects import FileStore
 from eurobot_od.device.profiles import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import Waveform, read_waveforms
 from eurobot_od.device.station import OnError
-from eurobot_od.errors import LocalError, RemoteError, UnknownName
+from eurobot_od.errors import LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary, moved_server
 from eurobot_od.od.objects import address_of, find_one, given
@@ -211,9 +211,7 @@ def _dictionary(devices: Devices, name: str | None, node_id: int | None) -> Dict
             raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
         return devices.robot.dialects.load(name, devices.dialect, node_id)
     named = {each.name or Path(each.file).stem: each for each in files}
-    if name is not None and name not in named:
-        raise UnknownName("node", name, named)
-    file = files[0] if name is None else named[name]
+    file = files[0] if name is None else look_up("node", name, named)
     dictionary = Dictionary.load(*(file if node_id is None else file._replace(node_id=node_id)))
     complain_of_repairs([dictionary])
     return dictionary
@@ -310,9 +308,7 @@ def faults(
     $ faults --json
     """
     robot = Devices(robot_name=robot_name).robot
-    if node and node not in robot.nodes:
-        raise UnknownName("node", node, robot.nodes)
-    kind = robot.kind(node) if node else None
+    kind = look_up("node", node, robot.nodes)() if node else None
     # those of the base class any node can have
     chosen: dict[str, dict[str, Fault]] = {}
     for owner, rows in robot.all_faults().items():
