@@ -193,14 +193,14 @@ class ServiceShapes:
 
     def _heartbeat(self, state: Any, given: Dictionary | None) -> suite.Pattern:
         node = self._dictionary(given)
-        return suite.HeartbeatPattern(node.name, ERROR_CONTROL_BASE + node.node_id, state)
+        return suite.ServicePattern(suite.HEARTBEAT, node.name, ERROR_CONTROL_BASE + node.node_id, state)
 
     def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> suite.Pattern:
         node = self._dictionary(given)
         cob_id = base_identifier(node.default(EMCY))
         if cob_id is None:  # a step that waits for one could only be red
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
-        return suite.EmergencyPattern(node.name, cob_id, code, save)
+        return suite.ServicePattern(suite.EMCY, node.name, cob_id, code, save)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> suite.Action:
         # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, complain_of_repairs
-from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned, whole
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned, give, whole
 from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser, ahead
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import FileStore
@@ -314,7 +313,7 @@ def faults(
     for owner, rows in robot.all_faults().items():
         if kind is None or issubclass(kind, owner):
             chosen.setdefault(OWNERS.get(owner.__name__, owner.__name__.lower()), {}).update(rows)
-    print(json.dumps(faults_as_data(chosen), indent=2) if as_json else faults_as_text(chosen))
+    give(as_json, faults_as_data(chosen), faults_as_text(chosen))
 
 
 def faults_as_data(faults: Mapping[str, Mapping[str, Fault]]) -> list[dict[str, str]]:
@@ -326,11 +325,9 @@ def faults_as_data(faults: Mapping[str, Mapping[str, Fault]]) -> list[dict[str, 
     ]
 
 
-def faults_as_text(faults: Mapping[str, Mapping[str, Fault]]) -> str:
-    """Return the faults as paragraphs, one for each node."""
+def faults_as_text(faults: Mapping[str, Mapping[str, Fault]]) -> Iterator[str]:
+    """Yield the lines of the faults, a paragraph for each node."""
     width = max(len(name) for rows in faults.values() for name in rows)
-    paragraphs = (
-        "\n".join([f"{owner}:", *(f"  {name:{width}}  {fault.text}" for name, fault in rows.items())])
-        for owner, rows in faults.items()
-    )
-    return "\n\n".join(paragraphs)
+    for number, (owner, rows) in enumerate(faults.items()):
+        yield f"{owner}:" if number == 0 else f"\n{owner}:"
+        yield from (f"  {name:{width}}  {fault.text}" for name, fault in rows.items())

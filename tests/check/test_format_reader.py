@@ -8,17 +8,17 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.suite import (
-    EmergencyPattern,
+    HEARTBEAT,
     Expect,
     FramePattern,
     Group,
-    HeartbeatPattern,
     MessagePattern,
     Nmt,
     Order,
     Poll,
     SdoWrite,
     Send,
+    ServicePattern,
 )
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import YamlError
@@ -229,11 +229,11 @@ def test_reads_barriers_by_name() -> None:
     [
         ("- expect: Goto Confirm", Order.IN_ORDER, [MessagePattern]),
         ("- expect: {raw: '701#??'}", Order.IN_ORDER, [FramePattern]),
-        ("- expect: [Goto Confirm, {emcy: any}]", Order.IN_ORDER, [MessagePattern, EmergencyPattern]),
-        ("- expect: {all: [Goto Confirm, {heartbeat: stopped}]}", Order.ALL, [MessagePattern, HeartbeatPattern]),
+        ("- expect: [Goto Confirm, {emcy: any}]", Order.IN_ORDER, [MessagePattern, ServicePattern]),
+        ("- expect: {all: [Goto Confirm, {heartbeat: stopped}]}", Order.ALL, [MessagePattern, ServicePattern]),
         ("- expect: {any: [Goto Confirm]}", Order.ANY, [MessagePattern]),
-        ("- heartbeat: operational", Order.IN_ORDER, [HeartbeatPattern]),
-        ("- emcy: {code: 0x8210, node: core}", Order.IN_ORDER, [EmergencyPattern]),
+        ("- heartbeat: operational", Order.IN_ORDER, [ServicePattern]),
+        ("- emcy: {code: 0x8210, node: core}", Order.IN_ORDER, [ServicePattern]),
     ],
 )
 def test_reads_what_is_expected(step: str, order: Order, kinds: list[type]) -> None:
@@ -249,7 +249,7 @@ def test_services_are_those_of_the_nodes_eds() -> None:
     assert action("- nmt: start", HEAD.replace("node: drive\n", "")) == Nmt(NmtCommand.START, 0)
     heartbeat = action("- heartbeat: {state: pre-operational, node: core}")
     assert isinstance(heartbeat, Expect)
-    assert heartbeat.expected.patterns == (HeartbeatPattern("core", 0x701, NmtState.PRE_OPERATIONAL),)
+    assert heartbeat.expected.patterns == (ServicePattern(HEARTBEAT, "core", 0x701, NmtState.PRE_OPERATIONAL),)
 
 
 @rows(
