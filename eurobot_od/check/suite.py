@@ -174,11 +174,11 @@ class ServicePattern(NamedTuple):
 
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how a frame of this identifier differs."""
-        _, length, what, compared, words = self.service
-        if len(frame.data) != length:
-            return [Mismatch("length", amount(length, "byte"), amount(len(frame.data), "byte"))]
-        came = int.from_bytes(frame.data[:compared], "little")
-        return [] if self.wanted in (None, came) else [Mismatch(what, self._wanted, words(came))]
+        service = self.service
+        if len(frame.data) != service.length:
+            return [Mismatch("length", amount(service.length, "byte"), amount(len(frame.data), "byte"))]
+        came = int.from_bytes(frame.data[: service.compared], "little")
+        return [] if self.wanted in (None, came) else [Mismatch(service.what, self._wanted, service.words(came))]
 
     @property
     def _wanted(self) -> str:

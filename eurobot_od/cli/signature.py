@@ -314,19 +314,18 @@ def _read(hint: Hint, word: str) -> Any:
         raise ArgumentTypeError(str(error)) from None
 
 
-def _whole(word: str) -> int:
-    try:
-        return int(word)
-    except ValueError:
-        raise LocalError(f"{word} is not a whole number") from None
+def _numeral(kind: Callable[[str], Any], what: str) -> Callable[[str], Any]:
+    def read(word: str) -> Any:
+        try:
+            return kind(word)
+        except ValueError:
+            raise LocalError(f"{word} is not {what}") from None
+
+    return read
 
 
-def _number(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise LocalError(f"{word} is not a number") from None
-
-
-READERS: Mapping[Any, Callable[[str], Any]] = {int: _whole, float: _number}
+READERS: Mapping[Any, Callable[[str], Any]] = {
+    int: _numeral(int, "a whole number"),
+    float: _numeral(float, "a number"),
+}
 """What reads a value of a type that does not read it itself, in words for a person."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Generic, NamedTuple, TypeAlias, TypeVar
@@ -313,40 +313,8 @@ def _with_numbers(data: Data) -> str:
     return f"{data['name']} [CTT {data['ctt']}]" if "ctt" in data else str(data["name"])
 
 
-@dataclass(frozen=True)
-class Clause(Generic[SubjectT]):
-    """A clause: its number or the object that it is about, its topic, and what makes its steps from what a file says.
-
-    `ctt` are the numbers that the same tests have in CiA's conformance test tool, `only` the indices that it looks at.
-    If the file lacks one of its `needs` a skip called `name` takes the place of its steps.
-    """
-
-    number: str
-    topic: str
-    steps: StepsOf[SubjectT]
-    tier: Tier = Tier.READING
-    ctt: str = ""
-    name: str = ""
-    needs: Sequence[Need[SubjectT]] = ()
-    only: range = EVERY_INDEX
-
-    def named(self, subject: SubjectT) -> Iterator[Data]:
-        """Give the steps, each with a name that begins with the clause and ends with tier and CTT number."""
-        left_out = [step.skip("not done", f"only with --{self.tier.value}")]
-        allowed = subject.tier.allows(self.tier)
-        for each in or_skipped(self.name, self._made, subject) if allowed else left_out:
-            name = StepName(self.number, self.topic, each["name"], self.tier.value, each.get("ctt", self.ctt))
-            yield {**_noted(each), "name": str(name)}
-
-    def _made(self, subject: SubjectT) -> Steps:
-        for needed in self.needs:
-            needed(subject)
-        # A subject of its own only where it has to be: each builds its model of the device anew.
-        yield from self.steps(subject if self.only == EVERY_INDEX else replace(subject, only=self.only))
-
-
-class Chapter(list[Clause[SubjectT]]):
-    """A suite: its word, what it is about, and its clauses in the order of its file.
+class Chapter(list["tuple[Clause[SubjectT], StepsOf[SubjectT]]"], Generic[SubjectT]):
+    """A suite: its word, what it is about, and its clauses in the order of its file, with what makes their steps.
 
     Groups of steps that leave traces in the communication begin and end with a reset of it if it is `fresh`, and put
     back what the objects that they `change` had.
@@ -358,34 +326,6 @@ class Chapter(list[Clause[SubjectT]]):
         super().__init__()
         self.word, self.about, self._fresh, self._change = word, f"CiA {standard}, {about}", fresh, change
 
-    def clause(
-        self,
-        number: str,
-        topic: str,
-        tier: Tier = Tier.READING,
-        ctt: str = "",
-        *,
-        group: str = "",
-        name: str = "",
-        needs: Sequence[Need[SubjectT]] = (),
-        only: range = EVERY_INDEX,
-    ) -> Callable[[StepsOf[SubjectT]], StepsOf[SubjectT]]:
-        """Enter a function as a clause; one that is entered twice has first the lower one.
-
-        Its steps are a `group` of this name, which the skip has as well; or each stands for itself, and `name` is only
-        the skip's.
-        """
-
-        def enter(steps: StepsOf[SubjectT]) -> StepsOf[SubjectT]:
-            made = self._grouped(group, steps) if group else steps
-            self.append(Clause(number, topic, made, tier, ctt, group or name, needs, only))
-            return steps
-
-        return enter
-
-    def _grouped(self, name: str, steps: StepsOf[SubjectT]) -> StepsOf[SubjectT]:
-        return lambda subject: [self.group(subject, name, steps(subject))]
-
     def group(self, subject: SubjectT, name: str, steps: Steps) -> Data:
         """Return a group of this chapter."""
         kept = subject.kept(self._change)
@@ -396,7 +336,7 @@ class Chapter(list[Clause[SubjectT]]):
 
     def suite(self, subject: SubjectT, tag: str, before: Sequence[Data], after: Sequence[Data]) -> Data:
         """Return the suite of a device, with what is done before and after the clauses."""
-        steps = (each for clause in self for each in clause.named(subject))
+        steps = (each for clause, made in self for each in clause.named(subject, made))
         return {
             "spec": VERSION,
             "name": self.about,
@@ -409,3 +349,44 @@ class Chapter(list[Clause[SubjectT]]):
             ],
             **({"teardown": after} if after else {}),
         }
+
+
+@dataclass(frozen=True)
+class Clause(Generic[SubjectT]):
+    """A clause: its number or the object that it is about, and its topic; it decorates what makes its steps.
+
+    A function that is decorated twice has first the lower one. `ctt` are the numbers that the same tests have in CiA's
+    conformance test tool, `only` the indices that it looks at. The steps are a `group` of this name, or each stands for
+    itself. If the file lacks one of its `needs` a skip called like the group, or `name`, takes the place of its steps.
+    """
+
+    chapter: Chapter[SubjectT]
+    number: str
+    topic: str
+    tier: Tier = Tier.READING
+    ctt: str = ""
+    _: KW_ONLY
+    group: str = ""
+    name: str = ""
+    needs: Sequence[Need[SubjectT]] = ()
+    only: range = EVERY_INDEX
+
+    def __call__(self, steps: StepsOf[SubjectT]) -> StepsOf[SubjectT]:
+        """Enter a function in the chapter."""
+        self.chapter.append((self, steps))
+        return steps
+
+    def named(self, subject: SubjectT, steps: StepsOf[SubjectT]) -> Iterator[Data]:
+        """Give the steps, each with a name that begins with the clause and ends with tier and CTT number."""
+        left_out = [step.skip("not done", f"only with --{self.tier.value}")]
+        allowed = subject.tier.allows(self.tier)
+        for each in or_skipped(self.group or self.name, self._made, subject, steps) if allowed else left_out:
+            name = StepName(self.number, self.topic, each["name"], self.tier.value, each.get("ctt", self.ctt))
+            yield {**_noted(each), "name": str(name)}
+
+    def _made(self, subject: SubjectT, steps: StepsOf[SubjectT]) -> Steps:
+        for needed in self.needs:
+            needed(subject)
+        # A subject of its own only where it has to be: each builds its model of the device anew.
+        seen = subject if self.only == EVERY_INDEX else replace(subject, only=self.only)
+        yield from [self.chapter.group(seen, self.group, steps(seen))] if self.group else steps(seen)

@@ -5,12 +5,13 @@ How heartbeat and guarding exclude each other stands in 7.2.8.2.2.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
 
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, Lacks, Need, Subject, Tier, awake, fresh, need, settable
+from eurobot_od.check.conformance.clauses import Chapter, Clause, Lacks, Subject, Tier, awake, fresh, need, settable
 from eurobot_od.check.conformance.step import Data, Steps, codes, hexadecimal, title
 from eurobot_od.device.nmt import STATE_NAMES, TOGGLE, NmtState, boot_state, error_control
 from eurobot_od.od import standard
@@ -83,7 +84,7 @@ def _allowed(variable: ODVariable, value: int) -> int:
 # Errors of its own
 
 
-@CHAPTER.clause("7.5.2.2", "Error register", ctt="5.2")
+@Clause(CHAPTER, "7.5.2.2", "Error register", ctt="5.2")
 def _errors(_: Subject) -> Steps:
     """See that the device has no error to begin with: what is red afterwards may come from it."""
     # First of all: a short circuit, or a bus that was unplugged, would make steps red that have nothing to do with it.
@@ -93,7 +94,7 @@ def _errors(_: Subject) -> Steps:
 # Boot-up
 
 
-@CHAPTER.clause("7.2.8.3.3", "Boot-up", Tier.REVERSIBLE, "10.1")
+@Clause(CHAPTER, "7.2.8.3.3", "Boot-up", Tier.REVERSIBLE, "10.1")
 def _boot_ups(_: Subject) -> Steps:
     for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
         there = [step.nmt(each) for each in ("pre-operational", *way)]
@@ -106,7 +107,7 @@ def _boot_ups(_: Subject) -> Steps:
 # Heartbeat
 
 
-@CHAPTER.clause("7.5.2.20", "Heartbeat time", name="it can be changed")
+@Clause(CHAPTER, "7.5.2.20", "Heartbeat time", name="it can be changed")
 def _heartbeat_times(subject: Subject) -> Steps:
     time = _heartbeat_time(subject)
     beat = _allowed(time, BEAT)
@@ -126,7 +127,7 @@ def _heartbeat_times(subject: Subject) -> Steps:
         yield step.asking("7.103", step.keeping("0 ends it", time, faster, none, step.wait("20 ms"), silent))
 
 
-@CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, group="as the file says")
+@Clause(CHAPTER, "7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, group="as the file says")
 def _heartbeat_of_the_file(subject: Subject) -> Steps:
     period = subject.number(HEARTBEAT_TIME)
     # Two periods are measured, and a suite is to end: a device with one beat a minute is not worth two minutes here.
@@ -134,7 +135,7 @@ def _heartbeat_of_the_file(subject: Subject) -> Steps:
     return [*fresh("reset"), step.every(ANY, period, 2)]
 
 
-@CHAPTER.clause("7.3.2.2", "NMT state", Tier.REVERSIBLE)
+@Clause(CHAPTER, "7.3.2.2", "NMT state", Tier.REVERSIBLE)
 def _first_state(subject: Subject) -> Steps:
     # By itself means PRE-OPERATIONAL, unless 0x1F80 of the file says that the device starts on its own (CiA 302-2).
     state = STATE_NAMES[boot_state(subject.dictionary.default(standard.NMT_STARTUP))]
@@ -146,7 +147,7 @@ def _first_state(subject: Subject) -> Steps:
 # Commands
 
 
-@CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.REVERSIBLE)
+@Clause(CHAPTER, "7.2.8.2.1", "NMT commands", Tier.REVERSIBLE)
 def _walk(subject: Subject) -> Steps:
     before = "pre-operational"
     for command in WALK:
@@ -159,7 +160,7 @@ def _walk(subject: Subject) -> Steps:
         before = state
 
 
-@CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.DESTRUCTIVE)
+@Clause(CHAPTER, "7.2.8.2.1", "NMT commands", Tier.DESTRUCTIVE)
 def _other_commands(subject: Subject) -> Steps:
     stays = step.never("stays", {"heartbeat": "operational"}, QUIET)
     for name, data in (
@@ -180,7 +181,7 @@ def _other_commands(subject: Subject) -> Steps:
 # Services
 
 
-@CHAPTER.clause("7.3.2.2.4", "NMT state", Tier.REVERSIBLE)
+@Clause(CHAPTER, "7.3.2.2.4", "NMT state", Tier.REVERSIBLE)
 def _services(subject: Subject) -> Steps:
     # An upload: whatever a device in STOPPED makes of it, nothing is written.
     request = {"name": "a request", **subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))}
@@ -216,7 +217,7 @@ NOT_WRITTEN = "the file has no 0x100C and 0x100D that can be written"
 # Guarding
 
 
-@GUARDED.clause("7.5.2.11", "Guard time", ctt="7.1, 7.201")
+@Clause(GUARDED, "7.5.2.11", "Guard time", ctt="7.1, 7.201")
 def _times(subject: Subject) -> Steps:
     for address, lack in ((GUARD_TIME, NOT_GUARDED), (LIFE_TIME_FACTOR, "the file has no life time factor (0x100D)")):
         found, name = subject.find(address), f"0x{address[0]:04X}"
@@ -265,11 +266,11 @@ ASKED = (
 )
 """NMT commands, each before a remote frame, and the state in which that finds the device."""
 
-GUARDING = "7.2.8.3.2.1", "Node guarding"
+GUARDING = GUARDED, "7.2.8.3.2.1", "Node guarding"
 NOT_ITS_OWN = "another node's identifier is not answered"
 
 
-@GUARDED.clause(*GUARDING, Tier.REVERSIBLE, "7.2, 7.3", name="a remote frame is answered", needs=[_guarding, _patient])
+@Clause(*GUARDING, Tier.REVERSIBLE, "7.2, 7.3", name="a remote frame is answered", needs=[_guarding, _patient])
 def _guarded(subject: Subject) -> Steps:
     """Ask in every state; after a reset of the communication the toggle bit begins with 0."""
     steps = [*_no_heartbeat(subject)]
@@ -283,7 +284,7 @@ def _guarded(subject: Subject) -> Steps:
     yield GUARDED.group(subject, "each remote frame is answered with the state and the next toggle bit", steps)
 
 
-@GUARDED.clause(*GUARDING, Tier.DESTRUCTIVE, "7.4", name=NOT_ITS_OWN, needs=[_guarding])
+@Clause(*GUARDING, Tier.DESTRUCTIVE, "7.4", name=NOT_ITS_OWN, needs=[_guarding])
 def _other_identifier(subject: Subject) -> Steps:
     # A device that compares only a part of the identifier would answer for its neighbours, and hide that one is
     # missing.
@@ -292,7 +293,7 @@ def _other_identifier(subject: Subject) -> Steps:
     return [GUARDED.group(subject, NOT_ITS_OWN, [*_no_heartbeat(subject), asked, silent])]
 
 
-LIFE_GUARDING = "7.5.2.12", "Life guarding", Tier.DESTRUCTIVE
+LIFE_GUARDING = GUARDED, "7.5.2.12", "Life guarding", Tier.DESTRUCTIVE
 GUARDING_FOR_LIFE = (
     _guarding,
     settable(GUARD_TIME, GUARD, lack=NOT_WRITTEN),
@@ -310,14 +311,14 @@ def _missed(name: str, span: str) -> Data:
     return step.never(name, {"emcy": hexadecimal(ErrorCode.HEARTBEAT_LOST)}, span)
 
 
-@GUARDED.clause(*LIFE_GUARDING, "7.5", group="both are written", needs=GUARDING_FOR_LIFE)
+@Clause(*LIFE_GUARDING, "7.5", group="both are written", needs=GUARDING_FOR_LIFE)
 def _both_times(subject: Subject) -> Steps:
     yield from _life_times(subject)
     yield step.read("guard time", GUARD_TIME, expect=GUARD)
     yield step.read("life time factor", LIFE_TIME_FACTOR, expect=FACTOR)
 
 
-@GUARDED.clause(*LIFE_GUARDING, "7.6", group="the master is missed", needs=GUARDING_FOR_LIFE)
+@Clause(*LIFE_GUARDING, "7.6", group="the master is missed", needs=GUARDING_FOR_LIFE)
 def _life_guarding(subject: Subject) -> Steps:
     yield from _life_times(subject)
     yield _missed("not before its first remote frame", ONCE)
@@ -336,8 +337,8 @@ def _asked(subject: Subject, within: str, *more: Data) -> Data:
 
 # Guarding and heartbeat
 
-ONE = "7.2.8.2.2", "Heartbeat or guarding", Tier.REVERSIBLE
-OTHER = "7.2.8.2.2", "Heartbeat or guarding", Tier.DESTRUCTIVE
+ONE = GUARDED, "7.2.8.2.2", "Heartbeat or guarding", Tier.REVERSIBLE
+OTHER = GUARDED, "7.2.8.2.2", "Heartbeat or guarding", Tier.DESTRUCTIVE
 SLOW_OR_NONE = settable(HEARTBEAT_TIME, SLOW, 0, lack="the file has no heartbeat time (0x1017) that can be 0 and 5 s")
 BEATS = f"the file has no heartbeat time (0x1017) that can be {BEAT} and {SLOW} ms"
 
@@ -346,7 +347,7 @@ EITHER_MAY_BE = [_guarding, SLOW_OR_NONE]
 INSTEAD = [*GUARDING_FOR_LIFE, settable(HEARTBEAT_TIME, BEAT, SLOW, lack=BEATS)]
 
 
-@GUARDED.clause(*ONE, "7.202, 7.203, 7.205", group="with a heartbeat it is not guarded", needs=EITHER_MAY_BE)
+@Clause(*ONE, "7.202, 7.203, 7.205", group="with a heartbeat it is not guarded", needs=EITHER_MAY_BE)
 def _one_of_both(subject: Subject) -> Steps:
     yield from _not_guarded(subject)
     yield from _heartbeat("no heartbeat", 0)
@@ -361,7 +362,7 @@ def _not_guarded(subject: Subject) -> Steps:
     yield step.never("no answer to a remote frame", _answer(subject), QUIET)
 
 
-@GUARDED.clause(*OTHER, "7.206, 7.207", group="the heartbeat takes guarding's place", needs=INSTEAD)
+@Clause(*OTHER, "7.206, 7.207", group="the heartbeat takes guarding's place", needs=INSTEAD)
 def _heartbeat_instead(subject: Subject) -> Steps:
     """Change from guarding to the heartbeat: the heartbeat's bit 7 is 0, and the master is not missed."""
     yield from _life_times(subject)
@@ -376,10 +377,10 @@ def _heartbeat_instead(subject: Subject) -> Steps:
 
 # Heartbeat consumer
 
-CONSUMER = "7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE
+CONSUMER = GUARDED, "7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE
 
 
-def _watching(count: int) -> Need[Subject]:
+def _watching(count: int) -> Callable[[Subject], None]:
     """Need a device that can be made to watch another node with each of its first entries."""
 
     def watching(subject: Subject) -> None:
@@ -423,7 +424,7 @@ def _lost(subject: Subject) -> Steps:
     return [_beats(subject), step.emcy("EMCY: its heartbeat is missed", ErrorCode.HEARTBEAT_LOST)]
 
 
-@GUARDED.clause(*CONSUMER, "7.104", group="a node is watched once", needs=[_watching(2)])
+@Clause(*CONSUMER, "7.104", group="a node is watched once", needs=[_watching(2)])
 def _twice(subject: Subject) -> Steps:
     # CiA 301 names 0x06040043 (7.5.2.19); the other codes refuse it as well, and are in use.
     refused = codes(AbortCode.INCOMPATIBLE, AbortCode.VALUE, AbortCode.GENERAL, AbortCode.STATE)
@@ -431,17 +432,17 @@ def _twice(subject: Subject) -> Steps:
     return [_watched(subject), again]
 
 
-@GUARDED.clause(*CONSUMER, "7.105", group="heartbeats in time", needs=WATCHING)
+@Clause(*CONSUMER, "7.105", group="heartbeats in time", needs=WATCHING)
 def _faster(subject: Subject) -> Steps:
     return [_watched(subject), _missed("not before the first", ONCE), _alive(subject)]
 
 
-@GUARDED.clause(*CONSUMER, "7.106", group="heartbeats too late", needs=WATCHING)
+@Clause(*CONSUMER, "7.106", group="heartbeats too late", needs=WATCHING)
 def _slower(subject: Subject) -> Steps:
     return [_watched(subject), *_lost(subject), _missed("it is reported once", ONCE)]
 
 
-@GUARDED.clause(*CONSUMER, "7.107", group="a node that boots", needs=WATCHING)
+@Clause(*CONSUMER, "7.107", group="a node that boots", needs=WATCHING)
 def _restarted(subject: Subject) -> Steps:
     # A boot-up shows that the node was away: its consumer begins anew with the heartbeats that follow.
     boot = step.sent("boot-up of that node", *error_control(subject.another, NmtState.INITIALISING))
