@@ -74,7 +74,7 @@ class CheckReport:
 
     def step(self, step: StepResult) -> None:
         """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
-        if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
+        if self.silent or (step.status in report.GOES_ON and not self.verbose):
             return
         # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
         print(report.step_line(step, in_colour(sys.stdout)))

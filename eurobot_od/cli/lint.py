@@ -12,7 +12,7 @@ from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.options import BusOptions, Json, check_node_id, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName, look_up
-from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
+from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sarif, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
@@ -23,12 +23,6 @@ from eurobot_od.support.texts import one_line
 if TYPE_CHECKING:
     from eurobot_od.lint.network import LintedNetwork
     from eurobot_od.plugin import Plugin
-
-
-def _sarif(findings: Sequence[Finding]) -> dict[str, Any]:
-    from eurobot_od.lint.findings import sarif
-
-    return sarif(findings, tuple(_rules().values()))
 
 
 def _codes(text: str) -> tuple[str, ...]:
@@ -76,9 +70,10 @@ class LintReport:
     def give(self, findings: Sequence[Finding], number: int, identifiers: Sequence[tuple[str, ...]]) -> ExitStatus:
         """Print the findings in so many files, with a network's identifiers; return what follows from them."""
         wanted = chosen(findings, self.select, self.ignore)
-        # GitHub refuses a SARIF log of more than 25 000 results.
-        sarif = _sarif(wanted if self.verbose else summed_up(wanted)) if number and self.format else None
-        data = _as_data(wanted, identifiers) if self.as_json else sarif
+        data = _as_data(wanted, identifiers) if self.as_json else None
+        if number and self.format:
+            # GitHub refuses a SARIF log of more than 25 000 results.
+            data = sarif(wanted if self.verbose else summed_up(wanted), tuple(_rules().values()))
         lines = _lines(wanted, number, identifiers, self.verbose, bool(self.verbose or self.select)) if number else ()
         give(data is not None, data, lines, indent=1)
         counted = (Severity.ERROR, Severity.WARNING) if self.strict else (Severity.ERROR,)
