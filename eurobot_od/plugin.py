@@ -29,7 +29,7 @@ from shlex import quote
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from eurobot_od.errors import LocalError, RobotWarning, UnknownName
+from eurobot_od.errors import LocalError, RobotWarning, UnknownName, look_up
 from eurobot_od.od import DEFAULT, Dialects
 
 if TYPE_CHECKING:
@@ -414,9 +414,7 @@ def table_of(name: str) -> Path | None:
 
     Raises UnknownName, LocalError: a table is data, and runs no code but what is installed.
     """
-    if name not in installed():
-        raise UnknownName("installed robot", name, installed())
-    return installed()[name].load().table
+    return look_up("installed robot", name, installed()).load().table
 
 
 @lru_cache

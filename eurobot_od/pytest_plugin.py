@@ -138,8 +138,7 @@ def _places(step: Step) -> Iterator[Place]:
 
 def _fail(steps: Iterable[StepResult]) -> None:
     """Fail if a step is red, with what was expected, what came and the last frames."""
-    from eurobot_od.check.report import reason_lines
-    from eurobot_od.check.runner import GOES_ON
+    from eurobot_od.check.report import GOES_ON, reason_lines
 
     for step in steps:
         if step.status not in GOES_ON:

@@ -204,7 +204,7 @@ NOUNS: dict[str, dict[str, str]] = {
     "Dictionary": {"od.dictionary.Dictionary": "a loaded file"},
     "Setting": {"device.bound.Setting": "an attribute of a node's class"},
     "Abort": {"sdo.wire.Abort": "why a transfer ends"},
-    "Tier": {"check.conformance.subject.Tier": "what a clause may do to a device"},
+    "Tier": {"check.conformance.clauses.Tier": "what a clause may do to a device"},
 }
 
 

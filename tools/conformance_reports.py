@@ -21,8 +21,8 @@ if str(ROOT) not in sys.path:
 from interop_rows import conformance as stock
 
 from eurobot_od.check.conformance import page
+from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.check.conformance.page import DeviceRun
-from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from tests.kit.devices import MAKERS, NODE_ID, results, suites_of

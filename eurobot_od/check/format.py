@@ -5,7 +5,7 @@ Each key stands in one table, with its shape and whether it is needed; docs/chec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.support import yaml_places, yaml_shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, read_all, refuse
+from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, refuse
 from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, pairs_of
 from eurobot_od.traffic.meaning import Decoder
 
@@ -52,6 +52,10 @@ class Format:
         self._actions = self._action_table()
         answer = yaml_shapes.named({"yes": True, "no": False}, "answer")
         self._common = {"name": Key(TEXT), "repeat": Key(COUNT), "needed": Key(answer), "undo": Key(answer)}
+        self._steps: dict[str, Shape[dict[str, Any]]] = {
+            key: yaml_shapes.record(dict, {key: Key(row.shape), **row.extra, **self._common})
+            for key, row in self._actions.items()
+        }
         self._suite: Shape[dict[str, Any]] = yaml_shapes.record(dict, self._suite_table())
 
     # Tables
@@ -78,7 +82,7 @@ class Format:
         frames, services = self._frames, self._services
         identifier = yaml_shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier")
         within = {"within": Key(DURATION)}
-        until = {"until": Key(frames.pattern, needed=True)} | within
+        until = {"until": Key(frames.pattern, "which frame ends it", needed=True)} | within
         every = {"every": Key(SOME_TIME, "time from one to the next", needed=True)}
         question = {"send": Key(frames.sent, "what is sent", needed=True)} | every
         polled = yaml_shapes.record(lambda send, every: (send, every), question)
@@ -93,7 +97,7 @@ class Format:
             "answer": ActionRow(frames.answers, suite.Answer),
             "expect": ActionRow(frames.patterns, suite.Expect, within),
             "await": ActionRow(frames.pattern, suite.Await, within),
-            "never": ActionRow(frames.pattern, _never, {"for": Key(DURATION, needed=True)}),
+            "never": ActionRow(frames.pattern, _never, {"for": Key(DURATION, "how long none may come", needed=True)}),
             "poll": ActionRow(polled, lambda parts, **keys: suite.Poll(*parts, **keys), until),
             "period": ActionRow(yaml_shapes.record(suite.Period, measured), _same),
             "sdo": ActionRow(services.sdo, _same, within),
@@ -125,16 +129,8 @@ class Format:
         return str(text)
 
     def _read_step(self, node: yaml.Node, problems: Problems) -> suite.Step:
-        pairs = pairs_of(node, problems)
-        key = self._action_key(node, pairs, problems)
-        row = self._actions[key]
-        wrong = list(self._key_problems(node, key, pairs))
-        problems += wrong
-        known = {key: Key(row.shape), **row.extra, **self._common}
-        names = [name for name in pairs if name in known]
-        given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
-        if wrong:  # only now, so that problems in the values of the known keys are reported as well
-            raise ReadError
+        key = str(self._action_key(node, pairs_of(node, problems), problems))
+        row, given = self._actions[key], self._steps[key].read(node, problems)
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
         name = str(given.get("name", action))
         common = {key: given[key] for key in ("repeat", "needed", "undo") if key in given}
@@ -158,17 +154,6 @@ class Format:
         else:
             refuse(node, problems, f"no action; a step has one of {', '.join(self._actions)}")
         raise ReadError
-
-    def _key_problems(self, node: yaml.Node, action: str, pairs: Mapping[PlacedText, yaml.Node]) -> Iterator[Problem]:
-        """Yield what is wrong with the keys next to a step's action."""
-        extra = self._actions[action].extra
-        for key in pairs:
-            if key != action and key not in extra and key not in self._common:
-                known = [*extra, *self._common]
-                yield Problem(key.place, str(UnknownName(f"key next to {action}", str(key), known)))
-        for name, each in extra.items():
-            if each.needed and name not in list(pairs):
-                yield Problem(place_of(node.start_mark), f"{action} needs the key '{name}'")
 
 
 # What actions are made by

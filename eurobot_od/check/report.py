@@ -147,13 +147,13 @@ def frame_lines(reason: StepReason) -> Iterator[str]:
         yield f"{time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip()
 
 
-UNEVENTFUL = (Status.PASSED, Status.SKIPPED)
-"""How a step ends that is only counted where not all are shown."""
+GOES_ON = (Status.PASSED, Status.SKIPPED)
+"""What a step may end as without ending its suite; where not all steps are shown these are only counted."""
 
 
 def folded(result: SuiteResult) -> str:
     """Return the line for the steps of a suite that are only counted; empty if there are none."""
-    return counted({status: result.count(status) for status in UNEVENTFUL})
+    return counted({status: result.count(status) for status in GOES_ON})
 
 
 def counted(counts: Mapping[Status, int]) -> str:

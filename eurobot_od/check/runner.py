@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from eurobot_od.check.report import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.report import GOES_ON, Line, Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.steps import Bench, Doer, Failed, Gone, Skipped
 from eurobot_od.check.suite import Group, Never, Report, SdoRead, SdoWrite, Step, Suite
 from eurobot_od.device.nmt import NmtState, error_control
@@ -33,10 +33,6 @@ EMCY_LENGTH = 8
 
 FRAMES_SHOWN = 8
 """How many frames a failed step shows, the last ones on the bus."""
-
-
-GOES_ON = (Status.PASSED, Status.SKIPPED)
-"""What a step may end as without ending its suite."""
 
 
 def _is_look(step: Step) -> bool:

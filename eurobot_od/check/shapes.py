@@ -154,15 +154,17 @@ class ServiceShapes:
         self.dump: Shape[suite.Action] = self._service("when", when, self._dump)
         self.errors = self._service("wanted", none, lambda _, given: suite.SelfReported(self._services(given)))
         self.boot_up = self._service("when", awaited, lambda _, given: suite.BootUp(self._services(given)))
-        sdo = {
-            **dict.fromkeys(("restore", "read", "write", "value", "expect"), Key(SCALAR)),
-            **dict.fromkeys(("saved", "save"), Key(NAME)),
-            **dict.fromkeys(("abort", "optional"), Key(ABORTS)),
-            "data": Key(TEXT),
-            "transfer": Key(shapes.named(TRANSFERS, "transfer")),
-            "node": Key(self._node),
+        transfer = {"data": Key(TEXT), "transfer": Key(shapes.named(TRANSFERS, "transfer"))}
+        transfer |= dict.fromkeys(("abort", "optional"), Key(ABORTS))
+        verbs = {
+            "read": {"expect": Key(SCALAR), "save": Key(NAME), **transfer},
+            "write": {"value": Key(SCALAR), **transfer},
+            "restore": {"saved": Key(NAME, "the variable that keeps its value", needed=True)},
         }
-        self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, sdo)
+        self._sdo_parts: dict[str, Shape[dict[str, Any]]] = {
+            verb: shapes.record(dict, {verb: Key(SCALAR), **keys, "node": Key(self._node)})
+            for verb, keys in verbs.items()
+        }
         self.sdo: Shape[suite.Action] = Shape(self._read_sdo)
 
     def _dictionary(self, given: Dictionary | None) -> Dictionary:
@@ -193,14 +195,14 @@ class ServiceShapes:
 
     def _heartbeat(self, state: Any, given: Dictionary | None) -> suite.Pattern:
         node = self._dictionary(given)
-        return suite.HeartbeatPattern(node.name, ERROR_CONTROL_BASE + node.node_id, state)
+        return suite.ServicePattern(suite.HEARTBEAT, node.name, ERROR_CONTROL_BASE + node.node_id, state)
 
     def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> suite.Pattern:
         node = self._dictionary(given)
         cob_id = base_identifier(node.default(EMCY))
         if cob_id is None:  # a step that waits for one could only be red
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
-        return suite.EmergencyPattern(node.name, cob_id, code, save)
+        return suite.ServicePattern(suite.EMCY, node.name, cob_id, code, save)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> suite.Action:
         # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).
@@ -220,9 +222,13 @@ class ServiceShapes:
     # SDO
 
     def _read_sdo(self, node: yaml.Node, problems: Problems) -> suite.Action:
-        given = self._sdo_parts.read(node, problems)
+        verbs = {key for key, _ in _pairs(node)} & self._sdo_parts.keys()
+        if len(verbs) != 1:
+            refuse(node, problems, "an SDO step has either 'read' or 'write' or 'restore'")
+        (verb,) = verbs
+        given = self._sdo_parts[verb].read(node, problems)
         with refusing(node, problems):
-            verb = _verb(given)
+            _check_together(verb, given)
             dictionary = self._dictionary(given.get("node"))
             if verb == "restore" and given["saved"] not in self._words.saved:
                 raise UnknownName("variable", given["saved"], sorted(self._words.saved))
@@ -253,32 +259,14 @@ def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dicti
     return objects.unlimited(variable) if "abort" in given else variable
 
 
-EXCLUDED = {
-    "read": ("value", "saved"),
-    "write": ("expect", "save", "saved"),
-    "restore": ("value", "data", "expect", "save", "abort", "optional", "transfer"),
-}
-"""Keys that an SDO step of a kind must not have."""
-
-
-def _verb(given: Mapping[str, Any]) -> str:
-    """Return whether an SDO step reads or writes; raises LocalError for keys that do not go together."""
-    verbs = [verb for verb in EXCLUDED if verb in given]
-    if len(verbs) != 1:
-        raise LocalError("an SDO step has either 'read' or 'write' or 'restore'")
-    (verb,) = verbs
-    wrong = [key for key in EXCLUDED[verb] if key in given]
-    if wrong:
-        raise LocalError(f"'{wrong[0]}' does not belong to an SDO {verb}")
-    if verb == "restore" and "saved" not in given:
-        raise LocalError("an SDO restore has 'saved'")
+def _check_together(verb: str, given: Mapping[str, Any]) -> None:
+    """Raise LocalError for keys of an SDO step that do not go together."""
     if verb == "write" and ("value" in given) == ("data" in given):
         raise LocalError("an SDO write has either 'value' or 'data'")
     if verb == "read" and "data" in given and "expect" in given:
         raise LocalError("an SDO read expects either a value or bytes: 'expect' or 'data'")
     if verb == "read" and "abort" in given and any(key in given for key in ("expect", "data", "save")):
         raise LocalError("an SDO read that is refused with 'abort' has nothing to expect or save")
-    return verb
 
 
 # Frames

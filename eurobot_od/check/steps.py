@@ -21,7 +21,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import suite
 from eurobot_od.check.report import StepReason
-from eurobot_od.check.suite import EmergencyPattern, Mismatch, Pattern, Sent, is_final
+from eurobot_od.check.suite import Mismatch, Pattern, Sent, ServicePattern, is_final
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
 from eurobot_od.device.nmt import NmtCommand, NmtState
@@ -327,7 +327,7 @@ class Doer:
             hit = next((each for each in tried if not self._mismatches(each, seen)), None)
             if hit is not None:
                 self._use(number)
-                if isinstance(hit, EmergencyPattern) and hit.save is not None:
+                if isinstance(hit, ServicePattern) and hit.save is not None:
                     self._variables[hit.save] = seen.frame.data[REGISTER]
                 left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
                 start = self._mark  # a frame passed over may be what the remaining patterns wait for

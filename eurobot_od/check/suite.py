@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.values import Expected, Operand, Variables
-from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
+from eurobot_od.device.nmt import STATE_NAMES, NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
@@ -146,62 +146,53 @@ class FramePattern(NamedTuple):
         return f"{self.cob_id:03X}#{self.digits}"
 
 
-class HeartbeatPattern(NamedTuple):
-    """A node's heartbeat with a state, None for any."""
+class Service(NamedTuple):
+    """What a node says of itself: the length of its frames, `what` their first `compared` bytes are, and in `words`."""
 
+    name: str
+    length: int
+    what: str
+    compared: int
+    words: Callable[[int], str]
+
+
+# A state that CiA 301 does not have is the node's fault, and shown as its byte.
+HEARTBEAT = Service("heartbeat", 1, "state", 1, lambda state: STATE_NAMES.get(state, f"0x{state:02X}"))
+
+# The error register and the maker's five bytes are not compared (CiA 301, 7.2.7).
+EMCY = Service("EMCY", 8, "code", 2, lambda code: f"0x{code:04X}")
+
+
+class ServicePattern(NamedTuple):
+    """A node's heartbeat with a state, or EMCY with an error code, None for any; `save`: variable for the register."""
+
+    service: Service
     node: str
     cob_id: int
-    state: NmtState | None
-
-    def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
-        """Return how a heartbeat differs."""
-        if len(frame.data) != 1:
-            return [Mismatch("length", "1 byte", amount(len(frame.data), "byte"))]
-        # A state that CiA 301 does not have is the node's fault, and shown as its byte.
-        came = STATE_NAMES.get(frame.data[0], f"0x{frame.data[0]:02X}")
-        return [] if self.state is None or frame.data[0] == self.state else [Mismatch("state", self._state, came)]
-
-    @property
-    def _state(self) -> str:
-        return ANY if self.state is None else STATE_NAMES[self.state]
-
-    def text(self, _: Variables) -> str:
-        """Write what is expected."""
-        return f"{self}: {self._state}"
-
-    def __str__(self) -> str:
-        return f"heartbeat of {self.node}"
-
-
-class EmergencyPattern(NamedTuple):
-    """A node's EMCY with an error code, None for any (CiA 301, 7.2.7); `save` is the variable for its register."""
-
-    node: str
-    cob_id: int
-    code: int | None
+    wanted: int | None
     save: str | None = None
 
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
-        """Return how an EMCY differs."""
-        if len(frame.data) != 8:
-            return [Mismatch("length", "8 bytes", amount(len(frame.data), "byte"))]
-        # The code is the first two bytes; the error register and the maker's five bytes are not compared.
-        came = int.from_bytes(frame.data[:2], "little")
-        return [] if self.code in (None, came) else [Mismatch("code", self._code, f"0x{came:04X}")]
+        """Return how a frame of this identifier differs."""
+        service = self.service
+        if len(frame.data) != service.length:
+            return [Mismatch("length", amount(service.length, "byte"), amount(len(frame.data), "byte"))]
+        came = int.from_bytes(frame.data[: service.compared], "little")
+        return [] if self.wanted in (None, came) else [Mismatch(service.what, self._wanted, service.words(came))]
 
     @property
-    def _code(self) -> str:
-        return ANY if self.code is None else f"0x{self.code:04X}"
+    def _wanted(self) -> str:
+        return ANY if self.wanted is None else self.service.words(self.wanted)
 
     def text(self, _: Variables) -> str:
         """Write what is expected."""
-        return f"{self}: {self._code}"
+        return f"{self}: {self._wanted}"
 
     def __str__(self) -> str:
-        return f"EMCY of {self.node}"
+        return f"{self.service.name} of {self.node}"
 
 
-Pattern: TypeAlias = "MessagePattern | FramePattern | HeartbeatPattern | EmergencyPattern"
+Pattern: TypeAlias = "MessagePattern | FramePattern | ServicePattern"
 
 
 def is_final(pattern: Pattern, frame: Frame) -> bool:
@@ -209,8 +200,7 @@ def is_final(pattern: Pattern, frame: Frame) -> bool:
 
     No heartbeat does, as the node may be on its way to the state, nor an EMCY that takes an earlier error back.
     """
-    takes_back = isinstance(pattern, EmergencyPattern) and not any(frame.data[:2])
-    return not (isinstance(pattern, HeartbeatPattern) or takes_back)
+    return not isinstance(pattern, ServicePattern) or (pattern.service is EMCY and any(frame.data[:2]))
 
 
 TIMEOUT = 1.0

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, Target
-from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, span
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
 from eurobot_od.client.description import Found, Identity
@@ -53,15 +53,12 @@ def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> Exi
         found = scan_nodes(master, listen=listen)
     names = {each.node_id: each.name for each in known}
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
-    if as_json:
-        rows = [found_as_data(each) for each in (*found, *(Found(each, None, None, "") for each in missing))]
-        for row in rows if names else ():  # a stranger to the network has no name in it: null
-            row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
-        print(json.dumps(rows, indent=2))
-    else:
-        print(*(columns(found_rows(found, names)) if found else ["no node answers"]), sep="\n")
-    if missing and not as_json:
-        print(one_line(f"missing: {', '.join(f'{names[each]} ({each})' for each in missing)}"))
+    rows = [found_as_data(each) for each in (*found, *(Found(each, None, None, "") for each in missing))]
+    for row in rows if names else ():  # a stranger to the network has no name in it: null
+        row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
+    lines = columns(found_rows(found, names)) if found else ["no node answers"]
+    missed = [one_line(f"missing: {', '.join(f'{names[each]} ({each})' for each in missing)}")] * bool(missing)
+    give(as_json, rows, (*lines, *missed))
     return ExitStatus.FINE if found and not missing else ExitStatus.FOUND
 
 

@@ -29,8 +29,8 @@ from eurobot_od.support.progress import in_colour
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
+    from eurobot_od.check.conformance.clauses import Tier
     from eurobot_od.check.conformance.page import DeviceRun
-    from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.runner import Interrupt
 
 
@@ -74,7 +74,7 @@ class CheckReport:
 
     def step(self, step: StepResult) -> None:
         """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
-        if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
+        if self.silent or (step.status in report.GOES_ON and not self.verbose):
             return
         # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
         print(report.step_line(step, in_colour(sys.stdout)))
@@ -213,7 +213,7 @@ class Made:
     @property
     def tier(self) -> Tier:
         """How far conformance suites may go."""
-        from eurobot_od.check.conformance.subject import Tier
+        from eurobot_od.check.conformance.clauses import Tier
 
         return Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeAlias
+from typing import Annotated, Any, BinaryIO, TypeAlias
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.devices import Devices
@@ -29,10 +29,6 @@ from eurobot_od.traffic.entries import LARGEST, LogEntry
 from eurobot_od.traffic.filters import Wanted, Window, by_name, by_node, by_value
 from eurobot_od.traffic.formats import FORMATS
 from eurobot_od.traffic.meaning import Decoder
-
-if TYPE_CHECKING:
-    pass
-
 
 STANDARD_INPUT = "-"
 CHUNK = 1 << 16

@@ -15,7 +15,7 @@ from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option
-from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
+from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, look_up
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
 from eurobot_od.od.network import NetworkFile, NodeFile
@@ -320,10 +320,7 @@ class Target(Access):
         if not text.isdecimal():
             if not self.devices.are_known:
                 raise LocalError(f"{text!r} is not a node-ID 1..127; for names there are --eds, --network and --robot")
-            named = {each.name: each.node_id for each in self.devices.load()}
-            if text not in named:
-                raise UnknownName("node", text, named)
-            return named[text]
+            return look_up("node", text, {each.name: each.node_id for each in self.devices.load()})
         return check_node_id(int((text.lstrip("0") or "0")[:4]))  # `int` raises for thousands of digits
 
     @contextmanager

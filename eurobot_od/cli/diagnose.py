@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
@@ -14,7 +13,7 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, EmcyFiles, Json, NoReconnect, Seconds, write
+from eurobot_od.cli.options import BusOptions, EmcyFiles, Json, NoReconnect, Seconds, give, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
 from eurobot_od.lint.findings import LEVELS
@@ -68,12 +67,8 @@ def diagnose(
         _listen(diagnosis, bus, duration, no_reconnect)
     found = diagnosis.incidents.sorted()
     said = diagnosis.verdict(found)
-    if as_json:
-        print(
-            json.dumps({"verdict": said, "frames": diagnosis.frames, "incidents": [each.as_data() for each in found]})
-        )
-    else:
-        print(said, *lines(found), sep="\n")
+    data = {"verdict": said, "frames": diagnosis.frames, "incidents": [each.as_data() for each in found]}
+    give(as_json, data, [said, *lines(found)], indent=None)
     if report:
         title = ", ".join(Path(each).name for each in logs) or "a bus"
         write(report, FORMS[form](list(blocks(title, said, found, diagnosis))))

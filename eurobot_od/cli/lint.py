@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import gc
-import sys
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from eurobot_od.cli import ExitStatus, complain
-from eurobot_od.cli.options import BusOptions, Json, check_node_id
+from eurobot_od.cli.options import BusOptions, Json, check_node_id, give
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import DictionaryError, LocalError, UnknownName
-from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
+from eurobot_od.errors import DictionaryError, LocalError, UnknownName, look_up
+from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sarif, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
@@ -24,15 +23,6 @@ from eurobot_od.support.texts import one_line
 if TYPE_CHECKING:
     from eurobot_od.lint.network import LintedNetwork
     from eurobot_od.plugin import Plugin
-
-
-def _print_sarif(findings: Sequence[Finding]) -> None:
-    import json
-
-    from eurobot_od.lint.findings import sarif
-
-    json.dump(sarif(findings, tuple(_rules().values())), sys.stdout, indent=1)
-    print()
 
 
 def _codes(text: str) -> tuple[str, ...]:
@@ -80,13 +70,12 @@ class LintReport:
     def give(self, findings: Sequence[Finding], number: int, identifiers: Sequence[tuple[str, ...]]) -> ExitStatus:
         """Print the findings in so many files, with a network's identifiers; return what follows from them."""
         wanted = chosen(findings, self.select, self.ignore)
-        if self.as_json:
-            _print_json(wanted, identifiers)
-        elif number and self.format:
+        data = _as_data(wanted, identifiers) if self.as_json else None
+        if number and self.format:
             # GitHub refuses a SARIF log of more than 25 000 results.
-            _print_sarif(wanted if self.verbose else summed_up(wanted))
-        elif number:
-            _print_lines(wanted, number, identifiers, self.verbose, bool(self.verbose or self.select))
+            data = sarif(wanted if self.verbose else summed_up(wanted), tuple(_rules().values()))
+        lines = _lines(wanted, number, identifiers, self.verbose, bool(self.verbose or self.select)) if number else ()
+        give(data is not None, data, lines, indent=1)
         counted = (Severity.ERROR, Severity.WARNING) if self.strict else (Severity.ERROR,)
         return ExitStatus.FOUND if any(count(wanted, each) for each in counted) else ExitStatus.FINE
 
@@ -201,27 +190,22 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
 
 def explanation(code: str) -> str:
     """Return what a rule demands, its severity and its clause; raises UnknownName."""
-    rules = _rules()
-    if code not in rules:
-        raise UnknownName("rule", code, rules)
-    rule = rules[code]
+    rule = look_up("rule", code, _rules())
     return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
 
 
-def _print_lines(
+def _lines(
     findings: Sequence[Finding], files: int, identifiers: Sequence[tuple[str, ...]], verbose: bool, infos: bool
-) -> None:
+) -> Iterator[str]:
     for identifier, name, producers, consumers in identifiers:
-        print(one_line(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}"))
+        yield one_line(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}")
     shown = [each for each in findings if infos or each.severity is not Severity.INFO]
-    sys.stdout.writelines(f"{each}\n" for each in (shown if verbose else summed_up(shown)))
-    print(summary(findings, files, not infos))
+    yield from map(str, shown if verbose else summed_up(shown))
+    yield summary(findings, files, not infos)
 
 
-def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
-    import json  # lines are printed without
-
-    data: dict[str, object] = {
+def _as_data(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> dict[str, Any]:
+    data: dict[str, Any] = {
         "findings": [{**each._asdict(), "severity": each.severity.name.lower()} for each in findings],
         "counts": {each.name.lower(): count(findings, each) for each in Severity},
     }
@@ -230,8 +214,7 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
             {"identifier": identifier, "name": name, "producers": _split(producers), "consumers": _split(consumers)}
             for identifier, name, producers, consumers in identifiers
         ]
-    json.dump(data, sys.stdout, indent=1)
-    print()
+    return data
 
 
 def _split(joined: str) -> list[str]:
@@ -273,13 +256,7 @@ def diff(
         if node_id is None:
             raise LocalError("nothing to compare with: name a second file, or a live node with --node")
         found = compare_live(device, *_live(bus, left, node_id, readable(device)))
-    if as_json:
-        import json
-
-        json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
-        print()
-    else:
-        sys.stdout.writelines(f"{each}\n" for each in found)
+    give(as_json, ({**each._asdict(), "where": place(each.where)} for each in found), map(str, found), indent=1)
     return ExitStatus.FOUND if found else ExitStatus.FINE
 
 

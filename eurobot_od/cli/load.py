@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, Dialect, left_out
-from eurobot_od.cli.options import BIT_RATE, BitRate, Json, whole, write
+from eurobot_od.cli.options import BIT_RATE, BitRate, Json, give, whole, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
@@ -70,11 +70,8 @@ def load(
         messages = messages._replace(errors=errors)
     bit_rate = bitrate or messages.bit_rate or BIT_RATE
     report = load_report(messages, bit_rate)
-    if as_json:
-        print(json.dumps(as_data(report), indent=2))
-    else:
-        slower = () if bit_rate in messages.offered and not report.holds else too_slow(messages)
-        print(*table(report), *slower, sep="\n")
+    slower = () if bit_rate in messages.offered and not report.holds else too_slow(messages)
+    give(as_json, as_data(report), chain(table(report), slower))
     if svg:
         write(svg, chart(report, f"Response times at {bit_rate / 1000:g} kbit/s") + "\n")
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND

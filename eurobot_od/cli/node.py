@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,14 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, complain_of_repairs
-from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned, whole
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned, give, whole
 from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser, ahead
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import FileStore
 from eurobot_od.device.profiles import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import Waveform, read_waveforms
 from eurobot_od.device.station import OnError
-from eurobot_od.errors import LocalError, RemoteError, UnknownName
+from eurobot_od.errors import LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary, moved_server
 from eurobot_od.od.objects import address_of, find_one, given
@@ -211,9 +210,7 @@ def _dictionary(devices: Devices, name: str | None, node_id: int | None) -> Dict
             raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
         return devices.robot.dialects.load(name, devices.dialect, node_id)
     named = {each.name or Path(each.file).stem: each for each in files}
-    if name is not None and name not in named:
-        raise UnknownName("node", name, named)
-    file = files[0] if name is None else named[name]
+    file = files[0] if name is None else look_up("node", name, named)
     dictionary = Dictionary.load(*(file if node_id is None else file._replace(node_id=node_id)))
     complain_of_repairs([dictionary])
     return dictionary
@@ -310,15 +307,13 @@ def faults(
     $ faults --json
     """
     robot = Devices(robot_name=robot_name).robot
-    if node and node not in robot.nodes:
-        raise UnknownName("node", node, robot.nodes)
-    kind = robot.kind(node) if node else None
+    kind = look_up("node", node, robot.nodes)() if node else None
     # those of the base class any node can have
     chosen: dict[str, dict[str, Fault]] = {}
     for owner, rows in robot.all_faults().items():
         if kind is None or issubclass(kind, owner):
             chosen.setdefault(OWNERS.get(owner.__name__, owner.__name__.lower()), {}).update(rows)
-    print(json.dumps(faults_as_data(chosen), indent=2) if as_json else faults_as_text(chosen))
+    give(as_json, faults_as_data(chosen), faults_as_text(chosen))
 
 
 def faults_as_data(faults: Mapping[str, Mapping[str, Fault]]) -> list[dict[str, str]]:
@@ -330,11 +325,9 @@ def faults_as_data(faults: Mapping[str, Mapping[str, Fault]]) -> list[dict[str, 
     ]
 
 
-def faults_as_text(faults: Mapping[str, Mapping[str, Fault]]) -> str:
-    """Return the faults as paragraphs, one for each node."""
+def faults_as_text(faults: Mapping[str, Mapping[str, Fault]]) -> Iterator[str]:
+    """Yield the lines of the faults, a paragraph for each node."""
     width = max(len(name) for rows in faults.values() for name in rows)
-    paragraphs = (
-        "\n".join([f"{owner}:", *(f"  {name:{width}}  {fault.text}" for name, fault in rows.items())])
-        for owner, rows in faults.items()
-    )
-    return "\n\n".join(paragraphs)
+    for number, (owner, rows) in enumerate(faults.items()):
+        yield f"{owner}:" if number == 0 else f"\n{owner}:"
+        yield from (f"  {name:{width}}  {fault.text}" for name, fault in rows.items())

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.devices import HEARTBEAT_WAIT, Target, left_out, object_names
-from eurobot_od.cli.options import EmcyFiles, Json, Output, Seconds, whole, write_dcf
+from eurobot_od.cli.options import EmcyFiles, Json, Output, Seconds, give, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
 from eurobot_od.client.drive402 import Drive402, DriveStatus
@@ -154,10 +153,7 @@ def pdo(
             mapped = [od.find_one(each, dictionary.objects) for each in objects]
             configuring.map_objects(node, dictionary, chosen, mapped)
             found = [each for each in _present_pdos(node, dictionary) if each.index == chosen.index]
-    if as_json:
-        print(json.dumps([_pdo_as_data(each) for each in found], indent=2))
-    else:
-        print(*columns(map(_pdo_row, found)), sep="\n")
+    give(as_json, map(_pdo_as_data, found), columns(map(_pdo_row, found)))
 
 
 def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:
@@ -213,27 +209,20 @@ def emcy(target: Target, *, clear: bool = False, as_json: Json = False, emcy: Em
             clear_history(node)
         found = read_history(node)
     words = target.devices.errors(emcy).of(node.node_id)
-    if as_json:
-        print(json.dumps(_errors_as_data(found, words), indent=2))
-    else:
-        print(*_errors_as_text(found, node.node_id, words), sep="\n")
+    history = ({**each._asdict(), "text": words(each.code)} for each in found.entries)
+    data = {"register": found.register, "history": history}
+    give(as_json, data, _errors_as_text(found, node.node_id, words))
     return ExitStatus.FOUND if found.register else ExitStatus.FINE
 
 
-def _errors_as_data(found: History, words: Callable[[int], str]) -> dict[str, Any]:
-    """Return a history as plain data; `words` gives those for a code."""
-    history = [each._asdict() | {"text": words(each.code)} for each in found.entries]
-    return {"register": found.register, "history": history}
-
-
-def _errors_as_text(found: History, node_id: int, words: Callable[[int], str]) -> list[str]:
-    """Return a history as lines."""
+def _errors_as_text(found: History, node_id: int, words: Callable[[int], str]) -> Iterator[str]:
+    """Yield a history as lines; `words` gives those for a code."""
     register = ", ".join(found.register_bits) or "no error"
     rows = [
         (f"0x{each.code:04X}", words(each.code), f"0x{each.info:04X}" if each.info else "") for each in found.entries
     ]
-    head = f"node {node_id}: {register} (error register 0x{found.register:02X})"
-    return [head, *(columns(rows) if rows else ["no error remembered"])]
+    yield f"node {node_id}: {register} (error register 0x{found.register:02X})"
+    yield from columns(rows) if rows else ["no error remembered"]
 
 
 # Printing
@@ -241,17 +230,14 @@ def _errors_as_text(found: History, node_id: int, words: Callable[[int], str]) -
 
 def print_readings(readings: Iterable[configuring.ObjectReading], as_json: bool) -> None:
     """Print objects and their values, or why there is none."""
-    if as_json:
-        print(json.dumps([as_data(each) for each in readings], indent=2))
-    else:
-        rows = (
-            (label(od.address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value))
-            for thing, value, refusal in readings
-        )
-        print(*columns(rows), sep="\n")
+    rows = (
+        (label(od.address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value))
+        for thing, value, refusal in readings
+    )
+    give(as_json, map(_as_data, readings), columns(rows))
 
 
-def as_data(reading: configuring.ObjectReading) -> dict[str, Any]:
+def _as_data(reading: configuring.ObjectReading) -> dict[str, Any]:
     """Return a reading as plain data; bytes are hexadecimal digits."""
     thing, value, refusal = reading
     type_name = od.data_type(thing).name if od.is_described(thing) else ""
@@ -497,7 +483,8 @@ def drive(
         found = Drive402(node, described, axis)
         ACTIONS[action](found, value or 0, motion)
         status = found.status
-    print(json.dumps(drive_as_data(status)) if as_json else one_line(f"node {node.node_id}: {drive_as_text(status)}"))
+    line = one_line(f"node {node.node_id}: {drive_as_text(status)}")
+    give(as_json, drive_as_data(status), [line], indent=None)
 
 
 def drive_as_data(status: DriveStatus) -> dict[str, Any]:

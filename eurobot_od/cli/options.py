@@ -150,7 +150,17 @@ class BusOptions:
         return unguarded if no_reconnect else Reconnecting(master, self.open, complain)
 
 
-# Files that are written
+# What is printed, and files that are written
+
+
+def give(as_json: bool, data: object, lines: Iterable[str], indent: int | None = 2) -> None:
+    """Print something as JSON, or else as lines; of an iterator nothing is made that is not printed."""
+    if as_json:
+        import json  # lines are printed without
+
+        print(json.dumps(data, indent=indent, default=list))
+    else:
+        sys.stdout.writelines(f"{line}\n" for line in lines)
 
 
 def write(output: Path | None, text: str) -> None:

@@ -13,7 +13,7 @@ from eurobot_od.cli.decode import Format
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BIT_RATE, BitRate, Jobs, Json, write
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, look_up
 from eurobot_od.plugin import Plugin
 from eurobot_od.season import campaign
 from eurobot_od.season.reports import REPORTS, SeasonReport
@@ -116,9 +116,8 @@ def query(
     if report == "list":
         print(*columns((name, each.title) for name, each in known.items()), sep="\n")
         return
-    if report is not None and report not in known:
-        raise UnknownName("report", report, known)
-    opened, ready = Season.open(season), known.get(report or "")
+    ready = None if report is None else look_up("report", report, known)
+    opened = Season.open(season)
     question = ready.sql if ready else sql
     try:
         with bar(str(season), unit=progress.PERCENT, after=progress.SHORT) as draw:

@@ -5,9 +5,8 @@ What is printed comes from the loaded EDS files and the message types, from noth
 
 from __future__ import annotations
 
-import json
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from string import ascii_letters
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices, completeness, object_names
-from eurobot_od.cli.options import Json
+from eurobot_od.cli.options import Json, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import objects as od
@@ -55,12 +54,7 @@ def show(
         return completeness(known)
     protocol = devices.protocol(known)
     chosen = [protocol.binding(message)] if message else protocol.bindings
-    if as_json:
-        print(json.dumps([as_data(each) for each in chosen], indent=2))
-    elif message:
-        print("\n".join(map(one_line, picture(chosen[0]))))
-    else:
-        print("\n".join(map(one_line, table(chosen))))
+    give(as_json, map(as_data, chosen), map(one_line, picture(chosen[0]) if message else table(chosen)))
     return completeness(known)
 
 
@@ -72,15 +66,15 @@ def _show_objects(dictionaries: Iterable[Dictionary], name: str, as_json: bool) 
     chosen = {each.name: _chosen(each, name) for each in dictionaries}
     if not any(chosen.values()):
         raise UnknownName("object", name)
-    if as_json:
-        print(json.dumps({device: list(map(object_as_data, found)) for device, found in chosen.items()}, indent=2))
-        return
+    data = {device: map(object_as_data, found) for device, found in chosen.items()}
+    give(as_json, data, map(one_line, _object_lines(chosen)))
+
+
+def _object_lines(chosen: Mapping[str, Sequence[ODVariable]]) -> Iterator[str]:
     for device, found in chosen.items():
-        if not found:
-            continue
-        if len(chosen) > 1:
-            print(one_line(f"{device}:"))
-        print(*map(one_line, columns([OBJECT_HEAD, *map(object_row, found)])), sep="\n")
+        if found:
+            yield from [f"{device}:"] * (len(chosen) > 1)
+            yield from columns([OBJECT_HEAD, *map(object_row, found)])
 
 
 def _chosen(dictionary: Dictionary, name: str) -> list[ODVariable]:

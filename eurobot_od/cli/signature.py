@@ -28,7 +28,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn, TypeAlias, Union, cast
 
-from eurobot_od.errors import LocalError, UnknownName, meant
+from eurobot_od.errors import LocalError, UnknownName, look_up, meant
 
 if TYPE_CHECKING:
     from eurobot_od.plugin import Plugin
@@ -308,26 +308,24 @@ def _read(hint: Hint, word: str) -> Any:
     """Make the value of a word; raises ArgumentTypeError, which argparse reports with the option's name."""
     words = hint.option.words
     try:
-        if words and word not in words:
-            raise UnknownName("value", word, words)
-        return words[word] if words else (hint.option.read or READERS.get(hint.kind, hint.kind))(word)
+        read = hint.option.read or READERS.get(hint.kind, hint.kind)
+        return look_up("value", word, words) if words else read(word)
     except LocalError as error:
         raise ArgumentTypeError(str(error)) from None
 
 
-def _whole(word: str) -> int:
-    try:
-        return int(word)
-    except ValueError:
-        raise LocalError(f"{word} is not a whole number") from None
+def _numeral(kind: Callable[[str], Any], what: str) -> Callable[[str], Any]:
+    def read(word: str) -> Any:
+        try:
+            return kind(word)
+        except ValueError:
+            raise LocalError(f"{word} is not {what}") from None
+
+    return read
 
 
-def _number(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise LocalError(f"{word} is not a number") from None
-
-
-READERS: Mapping[Any, Callable[[str], Any]] = {int: _whole, float: _number}
+READERS: Mapping[Any, Callable[[str], Any]] = {
+    int: _numeral(int, "a whole number"),
+    float: _numeral(float, "a number"),
+}
 """What reads a value of a type that does not read it itself, in words for a person."""

@@ -30,10 +30,10 @@ def reader(dialect: str | None) -> SuiteReader:
 
 
 def read(text: str, dialect: str | None = None) -> tuple[list[Suite], list[str]]:
-    """Read a text and return its suites, and its problems as `line:column: what`."""
+    """Read a text and return its suites, and its problems, each once, as `line:column: what`."""
     problems: Problems = []
     suites = reader(dialect).read(FILE, text, problems)
-    return suites, [f"{line}:{column}: {what}" for (line, column), what in sorted(problems)]
+    return suites, [f"{line}:{column}: {what}" for (line, column), what in sorted(set(problems))]
 
 
 def suite(text: str) -> Suite:

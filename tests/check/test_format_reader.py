@@ -8,17 +8,17 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.suite import (
-    EmergencyPattern,
+    HEARTBEAT,
     Expect,
     FramePattern,
     Group,
-    HeartbeatPattern,
     MessagePattern,
     Nmt,
     Order,
     Poll,
     SdoWrite,
     Send,
+    ServicePattern,
 )
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import YamlError
@@ -37,8 +37,8 @@ WRONG_STEPS = {
     "no action": ("- ^{name: nothing}", "no action; a step has one of send, answer, expect, await, never"),
     "unknown action": ("- ^snd: Stop Drive", "unknown action 'snd'; did you mean send?"),
     "two actions": ("- {send: Stop Drive, ^wait: 1 s}", "a step has one action, and 'send' is one already"),
-    "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key next to send 'within'"),
-    "missing key": ("- ^never: Goto Confirm", "never needs the key 'for'"),
+    "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key 'within'; known: send, name"),
+    "missing key": ("- ^never: Goto Confirm", "key 'for' is missing: how long"),
     "missing key inside": ("- poll: ^{send: Stop Drive}\n  until: Goto Confirm", "key 'every' is missing"),
     "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' is given twice"),
     "no mapping": ("- ^Stop Drive", "expected a mapping, `key: value`, found 'Stop Drive'"),
@@ -98,7 +98,7 @@ WRONG_STEPS = {
     "nothing to do": ("- sdo: ^{expect: 3}", "an SDO step has either 'read' or 'write'"),
     "nothing to write": ("- sdo: ^{write: 0x1017}", "an SDO write has either 'value' or 'data'"),
     "refused and read": ("- sdo: ^{read: 0x1017, expect: 3, abort: 0x06020000}", "an SDO read that is refused with"),
-    "read with a value": ("- sdo: ^{read: 0x1017, value: 3}", "'value' does not belong to an SDO read"),
+    "read with a value": ("- sdo: {read: 0x1017, ^value: 3}", "unknown key 'value'; known: read, expect"),
     "value over the type": (
         "- sdo: {write: 0x1017, value: ^65536}",
         "0x1017:0: Producer heartbeat time = 65536 is not",
@@ -229,11 +229,11 @@ def test_reads_barriers_by_name() -> None:
     [
         ("- expect: Goto Confirm", Order.IN_ORDER, [MessagePattern]),
         ("- expect: {raw: '701#??'}", Order.IN_ORDER, [FramePattern]),
-        ("- expect: [Goto Confirm, {emcy: any}]", Order.IN_ORDER, [MessagePattern, EmergencyPattern]),
-        ("- expect: {all: [Goto Confirm, {heartbeat: stopped}]}", Order.ALL, [MessagePattern, HeartbeatPattern]),
+        ("- expect: [Goto Confirm, {emcy: any}]", Order.IN_ORDER, [MessagePattern, ServicePattern]),
+        ("- expect: {all: [Goto Confirm, {heartbeat: stopped}]}", Order.ALL, [MessagePattern, ServicePattern]),
         ("- expect: {any: [Goto Confirm]}", Order.ANY, [MessagePattern]),
-        ("- heartbeat: operational", Order.IN_ORDER, [HeartbeatPattern]),
-        ("- emcy: {code: 0x8210, node: core}", Order.IN_ORDER, [EmergencyPattern]),
+        ("- heartbeat: operational", Order.IN_ORDER, [ServicePattern]),
+        ("- emcy: {code: 0x8210, node: core}", Order.IN_ORDER, [ServicePattern]),
     ],
 )
 def test_reads_what_is_expected(step: str, order: Order, kinds: list[type]) -> None:
@@ -249,7 +249,7 @@ def test_services_are_those_of_the_nodes_eds() -> None:
     assert action("- nmt: start", HEAD.replace("node: drive\n", "")) == Nmt(NmtCommand.START, 0)
     heartbeat = action("- heartbeat: {state: pre-operational, node: core}")
     assert isinstance(heartbeat, Expect)
-    assert heartbeat.expected.patterns == (HeartbeatPattern("core", 0x701, NmtState.PRE_OPERATIONAL),)
+    assert heartbeat.expected.patterns == (ServicePattern(HEARTBEAT, "core", 0x701, NmtState.PRE_OPERATIONAL),)
 
 
 @rows(

@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.suite import (
-    EmergencyPattern,
+    EMCY,
+    HEARTBEAT,
     FramePattern,
-    HeartbeatPattern,
     MessagePattern,
     Pattern,
     SentFrame,
     SentMessage,
+    ServicePattern,
     is_final,
 )
 from eurobot_od.check.values import FieldValues, NotSaved, Scale, expectation
@@ -48,12 +49,12 @@ def state(**fields: str) -> MessagePattern:
     return MessagePattern(ARM, STATE, {field: expectation(text, SCALE) for field, text in fields.items()})
 
 
-def heartbeat(expected: NmtState | None) -> HeartbeatPattern:
-    return HeartbeatPattern("arm", 0x705, expected)
+def heartbeat(expected: NmtState | None) -> ServicePattern:
+    return ServicePattern(HEARTBEAT, "arm", 0x705, expected)
 
 
-def emergency(code: int | None) -> EmergencyPattern:
-    return EmergencyPattern("arm", 0x85, code)
+def emergency(code: int | None) -> ServicePattern:
+    return ServicePattern(EMCY, "arm", 0x85, code)
 
 
 EMERGENCY = Frame(0x85, bytes.fromhex("1082110000000000"))

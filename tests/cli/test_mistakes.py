@@ -230,7 +230,7 @@ STEPS = {
     ),
     "a key of another action": (
         "  - send: Stop Drive\n    within: 1 s\n",
-        "6:5: unknown key next to send 'within'; known: name, repeat, needed, undo",
+        "6:5: unknown key 'within'; known: send, name, repeat, needed, undo",
     ),
     "a message with a slip": (
         "  - send: Stop Drve\n",
@@ -265,7 +265,7 @@ STEPS = {
         "  - nmt: restart\n",
         "5:10: unknown NMT command 'restart'; did you mean start?",
     ),
-    "a span forgotten": ("  - never: Goto Confirm\n", "5:5: never needs the key 'for'"),
+    "a span forgotten": ("  - never: Goto Confirm\n", "5:5: key 'for' is missing: how long none may come"),
     "a period forgotten": (
         "  - poll: {send: Goto State Request}\n    until: {Goto State Response: {time: 0}}\n",
         "5:11: key 'every' is missing: time from one to the next",

@@ -8,8 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from eurobot_od.check.conformance import suite
-from eurobot_od.check.conformance.clauses import StepName
-from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.conformance.clauses import StepName, Tier
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import MakeNodes, NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, StepResult, SuiteResult

@@ -7,7 +7,7 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.od.dictionary import Dictionary
 from tests.eds_text import CODES
 from tests.kit.devices import NODE_ID, red, steps, suites_of

@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eurobot_od.check.conformance import suite
-from eurobot_od.check.conformance.subject import BOOT_TIME, Tier
+from eurobot_od.check.conformance.clauses import Tier
+from eurobot_od.check.conformance.step import BOOT_TIME
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import run_live
 from eurobot_od.check.report import Status, SuiteResult

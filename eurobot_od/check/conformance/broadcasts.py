@@ -7,11 +7,10 @@ acts on it, so all but reading is destructive there; a reset of the communicatio
 from __future__ import annotations
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, Need, settable
-from eurobot_od.check.conformance.pdo import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
+from eurobot_od.check.conformance.clauses import Chapter, Clause, Need, Subject, Tier, fresh, need, or_skipped, settable
+from eurobot_od.check.conformance.pdo import NO_SYNC, frame_of, having, need_uncounted_sync, sync
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Data, Steps, codes, hexadecimal, title
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
-from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.device.broadcasts import COUNTERS
 from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, in_limits
@@ -30,7 +29,7 @@ NO_EMCY_FOR, REPORTED_ONCE = "500 ms", "100 ms"
 NO_HISTORY = "the file has no error history (0x1003)"
 
 
-@EMCY_CHAPTER.clause("7.5.2.17", "EMCY", Tier.REVERSIBLE, "5.1", name="its COB-ID")
+@Clause(EMCY_CHAPTER, "7.5.2.17", "EMCY", Tier.REVERSIBLE, "5.1", name="its COB-ID")
 def _identifier_of_emcy(subject: Subject) -> Steps:
     """Read where EMCY is: the file's own value, and not a guess of what is usual."""
     found = need(subject.readable(standard.EMCY), "the file has no 0x1014 that can be read")
@@ -39,12 +38,12 @@ def _identifier_of_emcy(subject: Subject) -> Steps:
     return [step.read(name, standard.EMCY, data=content.hex(" ").upper())]
 
 
-@EMCY_CHAPTER.clause("7.2.7", "EMCY", group="none without an error", needs=[Subject.need_emcy])
+@Clause(EMCY_CHAPTER, "7.2.7", "EMCY", group="none without an error", needs=[Subject.need_emcy])
 def _silence(_: Subject) -> Steps:
     return [step.wait("100 ms"), step.never("silent", {"emcy": "any"}, NO_EMCY_FOR)]
 
 
-@EMCY_CHAPTER.clause("7.5.2.4", "Error history", ctt="5.3", name="its number of errors")
+@Clause(EMCY_CHAPTER, "7.5.2.4", "Error history", ctt="5.3", name="its number of errors")
 def _remembers(subject: Subject) -> Steps:
     """Read the history: how many errors it has, and the newest if there is one."""
     need(subject.readable(ERRORS), NO_HISTORY)
@@ -55,7 +54,7 @@ def _remembers(subject: Subject) -> Steps:
         yield step.read("the newest of them", NEWEST, optional=none_now)
 
 
-@EMCY_CHAPTER.clause("7.5.2.4", "Error history", Tier.DESTRUCTIVE, name="the history")
+@Clause(EMCY_CHAPTER, "7.5.2.4", "Error history", Tier.DESTRUCTIVE, name="the history")
 def _history(subject: Subject) -> Steps:
     if not need(subject.find(ERRORS), NO_HISTORY).writable:
         yield step.skip("the history is cleared", "the file's error history cannot be written")
@@ -70,7 +69,7 @@ def _cleared(name: str) -> list[Data]:
     return [step.write(name, ERRORS, data="00"), step.read("no error is left", ERRORS, data="00")]
 
 
-@EMCY_CHAPTER.clause("7.2.7", "EMCY", Tier.DESTRUCTIVE, name="an RPDO that is too short")
+@Clause(EMCY_CHAPTER, "7.2.7", "EMCY", Tier.DESTRUCTIVE, name="an RPDO that is too short")
 def _too_short(subject: Subject) -> Steps:
     """Send an RPDO that lacks a byte: the device must not take it, and says so."""
     rpdo, code = subject.rpdo, ErrorCode.PDO_TOO_SHORT
@@ -113,11 +112,11 @@ def _remembered(subject: Subject, code: ErrorCode) -> Steps:
 
 SYNC_CHAPTER: Chapter[Subject] = Chapter("sync", "SYNC", fresh=True, change=(SYNC, SYNC_COUNTER, SYNC_PERIOD))
 """The order in which they are put back: a device that sends SYNC, or has a period of it, takes no other counter."""
-PRODUCER = "7.5.2.6", "SYNC producer", Tier.DESTRUCTIVE
-CONSUMER = "7.5.2.6", "SYNC consumer", Tier.DESTRUCTIVE
-OWN_SYNC = "7.2.2.2", "SYNC producer", Tier.DESTRUCTIVE
-COUNTER = "7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE
-STORED = "7.5.2.13", "SYNC", Tier.DESTRUCTIVE
+PRODUCER = SYNC_CHAPTER, "7.5.2.6", "SYNC producer", Tier.DESTRUCTIVE
+CONSUMER = SYNC_CHAPTER, "7.5.2.6", "SYNC consumer", Tier.DESTRUCTIVE
+OWN_SYNC = SYNC_CHAPTER, "7.2.2.2", "SYNC producer", Tier.DESTRUCTIVE
+COUNTER = SYNC_CHAPTER, "7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE
+STORED = SYNC_CHAPTER, "7.5.2.13", "SYNC", Tier.DESTRUCTIVE
 
 PERIOD = 100_000
 """Time between two SYNCs of the device, us."""
@@ -139,14 +138,14 @@ NO_PRODUCER = (*OUTSIDE, AbortCode.UNSUPPORTED_ACCESS, AbortCode.GENERAL)
 """Aborts of a device that cannot send SYNC (CiA 301, 7.5.2.5)."""
 
 
-@SYNC_CHAPTER.clause("7.5.2.5", "SYNC", Tier.REVERSIBLE, "6.1", name="its COB-ID")
+@Clause(SYNC_CHAPTER, "7.5.2.5", "SYNC", Tier.REVERSIBLE, "6.1", name="its COB-ID")
 def _identifier(subject: Subject) -> Steps:
     found = need(subject.readable(SYNC), "the file has no SYNC (0x1005) that can be read")
     content = data_type(found).write(subject.number(SYNC)).hex(" ").upper()
     return [step.read(f"{title(found)} is the default", SYNC, data=content)]
 
 
-@SYNC_CHAPTER.clause("7.3.5", "Identifiers", Tier.DESTRUCTIVE, "8.10", name="SYNC, TIME, EMCY")
+@Clause(SYNC_CHAPTER, "7.3.5", "Identifiers", Tier.DESTRUCTIVE, "8.10", name="SYNC, TIME, EMCY")
 def _restricted(subject: Subject) -> Steps:
     found = filter(None, map(subject.settable, (SYNC, standard.TIME, standard.EMCY)))
     for each in need([*found], "the file has none of 0x1005, 0x1012 and 0x1014 that can be written"):
@@ -196,7 +195,7 @@ def _sync(subject: Subject, digits: str = "") -> Data:
     return {"raw": f"{subject.model.pdos.sync_cob_id or 0:03X}#{digits}"}
 
 
-@SYNC_CHAPTER.clause(*PRODUCER, "6.2, 6.6", group="SYNC at its time, without data", needs=[_producer()])
+@Clause(*PRODUCER, "6.2, 6.6", group="SYNC at its time, without data", needs=[_producer()])
 def _produced(subject: Subject) -> Steps:
     at_its_time = step.every(_sync(subject), PERIOD // 1000, 5)
     # Over ten seconds a tester's own computer may be late by more: here it is seen that none is missing.
@@ -209,46 +208,38 @@ def _produced(subject: Subject) -> Steps:
 
 def _following(subject: Subject, type_: int) -> Pdo:
     """Return the first TPDO that may follow SYNC; raises Lacks without one."""
-    tpdos = (each for each in subject.of(PdoDirection.TPDO) if has(subject.need_seen, each))
-    found = next((each for each in tpdos if subject.may_be((each.index, TRANSMISSION_TYPE), type_)), None)
+    seen = subject.seen(PdoDirection.TPDO)
+    found = next((each for each in seen if subject.may_be((each.index, TRANSMISSION_TYPE), type_)), None)
     return need(found, f"the file has no valid TPDO whose transmission type can be {type_}")
 
 
-def _typed(subject: Subject, pdo: Pdo, type_: int, *steps: Data) -> Steps:
-    """Do some steps with another transmission type of a PDO."""
-    found = need(subject.settable((pdo.index, TRANSMISSION_TYPE)), NOT_SETTABLE)
-    yield step.save(found)
-    name = f"{pdo.title}: transmission type {type_}"
-    yield step.write(name, address_of(found), value=type_, optional=codes(*BUSY, *OUTSIDE))
-    yield from (*steps, *step.undoing(step.nmt("pre-operational")), step.put_back(found))
-
-
-@SYNC_CHAPTER.clause(*OWN_SYNC, "6.3", group="a TPDO with every second SYNC of its own", needs=[_producer()])
+@Clause(*OWN_SYNC, "6.3", group="a TPDO with every second SYNC of its own", needs=[_producer()])
 def _every_second(subject: Subject) -> Steps:
     """Have a TPDO follow the device's own SYNC: with every second one of them."""
     tpdo = _following(subject, 2)
     yield from _configured(subject, 0)
     looks = _started(subject), step.nmt("start"), step.every(frame_of(tpdo), 2 * PERIOD // 1000, 3)
-    yield from _typed(subject, tpdo, 2, *looks)
+    yield from having(subject, [tpdo], TRANSMISSION_TYPE, 2, *looks)
 
 
 NO_NEED_OF_PERIOD = settable(SYNC_PERIOD, 0, lack="the file has no period of SYNC (0x1006) that can be 0")
 WITHOUT = [need_uncounted_sync, NO_NEED_OF_PERIOD]
 
 
-@SYNC_CHAPTER.clause(*CONSUMER, "6.4", group="a TPDO with each SYNC though the period is 0", needs=WITHOUT)
+@Clause(*CONSUMER, "6.4", group="a TPDO with each SYNC though the period is 0", needs=WITHOUT)
 def _without_period(subject: Subject) -> Steps:
     """Send SYNC to a device that has no period of it: it is a consumer all the same."""
     tpdo = _following(subject, 1)
     # 0x1006 is the producer's period and the consumer's watch; a consumer without one follows each SYNC all the same.
     with_each = step.group("with each SYNC", sync(subject), step.expect("it comes", frame_of(tpdo), SOON))
-    return [NO_MORE, *_typed(subject, tpdo, 1, step.nmt("start"), {**with_each, "repeat": 3})]
+    looks = step.nmt("start"), {**with_each, "repeat": 3}
+    return [NO_MORE, *having(subject, [tpdo], TRANSMISSION_TYPE, 1, *looks)]
 
 
 # Counter
 
 
-@SYNC_CHAPTER.clause(*COUNTER, name="its values")
+@Clause(*COUNTER, name="its values")
 def _numbers(subject: Subject) -> Steps:
     """Write what the counter cannot be, and change it while SYNC has a period (CiA 301, 7.5.2.22)."""
     need(subject.settable(SYNC_COUNTER), "the file has no SYNC counter (0x1019) that can be written")
@@ -270,7 +261,7 @@ def _changed_in_use(subject: Subject) -> Steps:
     yield step.asking("6.9", SYNC_CHAPTER.group(subject, "not while SYNC has a period", [PERIODIC, changed]))
 
 
-@SYNC_CHAPTER.clause(*COUNTER, "6.7", group=f"a counter up to {OVERFLOW}", needs=[_producer(OVERFLOW)])
+@Clause(*COUNTER, "6.7", group=f"a counter up to {OVERFLOW}", needs=[_producer(OVERFLOW)])
 def _counted(subject: Subject) -> Steps:
     yield from _configured(subject, OVERFLOW)
     yield _started(subject)
@@ -285,12 +276,12 @@ def _counted(subject: Subject) -> Steps:
 COUNTED = (Kept(SYNC_PERIOD, 0), Kept(SYNC_COUNTER, OVERFLOW, 2))
 
 
-@SYNC_CHAPTER.clause(*STORED, "6.8")
+@Clause(*STORED, "6.8")
 def _counter_stored(subject: Subject) -> Steps:
     return [kept_over_reset(subject, "the counter is stored", COUNTED)]
 
 
-@SYNC_CHAPTER.clause(*STORED, "6.10", name="all of it is stored")
+@Clause(*STORED, "6.10", name="all of it is stored")
 def _stored(subject: Subject) -> Steps:
     """Store all of SYNC: after a reset the device sends it by itself."""
     need(subject.model.pdos.sync_cob_id is not None, NO_SYNC)

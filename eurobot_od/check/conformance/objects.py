@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.clauses import NO_DEVICE_TYPE, Chapter, Clause, Subject, Tier, need
 from eurobot_od.check.conformance.step import BUSY, NO_BLOCKS, OUTSIDE, Data, Steps, codes, title
-from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, need
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import standard, values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
@@ -59,14 +58,14 @@ def _tried(subject: Subject) -> Iterator[ODVariable]:
     return (each for each in _writable(subject) if not subject.dictionary.flags(address_of(each)))
 
 
-@CHAPTER.clause("7.2.4.3.17", "Unknown object")
+@Clause(CHAPTER, "7.2.4.3.17", "Unknown object")
 def _unknown_objects(subject: Subject) -> Steps:
     for address in _free(subject):
         asked = "2.6" if address[0] == GIVEN_UP else ""
         yield step.asking(asked, step.read(f"read {label(address)}", address, abort=codes(*NO_OBJECT)))
 
 
-@CHAPTER.clause("7.2.4.3.17", "Unknown object", Tier.REVERSIBLE)
+@Clause(CHAPTER, "7.2.4.3.17", "Unknown object", Tier.REVERSIBLE)
 def _unknown_written(subject: Subject) -> Steps:
     for address in _free(subject):
         yield step.write(f"write {label(address)}", address, data="00", abort=codes(*NO_OBJECT))
@@ -76,7 +75,7 @@ def _free(subject: Subject) -> Iterator[Address]:
     return ((index, 0) for index in FREE if index not in subject.dictionary.members)
 
 
-@CHAPTER.clause("7.2.4.3.17", "Unknown sub-index")
+@Clause(CHAPTER, "7.2.4.3.17", "Unknown sub-index")
 def _unknown_subindices(subject: Subject) -> Steps:
     for index, members in subject.dictionary.members.items():
         # The one after the last: a device that does not check its sub-indices reads what lies behind the record.
@@ -90,7 +89,7 @@ def _unknown_subindices(subject: Subject) -> Steps:
 # Identity
 
 
-@CHAPTER.clause("7.5.2.21", "Identity")
+@Clause(CHAPTER, "7.5.2.21", "Identity")
 def _identity(subject: Subject) -> Steps:
     for subindex, number in enumerate(subject.dictionary.identity[:3], start=1):
         each = subject.find((IDENTITY, subindex))
@@ -108,7 +107,7 @@ def _told(each: ODVariable, number: int) -> Data:
         return step.skip(title(each), f"[DeviceInfo] of the file: {error}")
 
 
-@CHAPTER.clause("7.4.9", "Structure", ctt="4.5", name="0x1000:255")
+@Clause(CHAPTER, "7.4.9", "Structure", ctt="4.5", name="0x1000:255")
 def _structure(subject: Subject) -> Steps:
     """Read what 0x1000 says about itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
     need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
@@ -120,7 +119,7 @@ def _structure(subject: Subject) -> Steps:
 # Values
 
 
-@CHAPTER.clause("7.4.4", "Length of the type", ctt="4.1, 4.7")
+@Clause(CHAPTER, "7.4.4", "Length of the type", ctt="4.1, 4.7")
 def _readable(subject: Subject) -> Steps:
     """Read everything; the value must have the length of its type. What has no value now may say so."""
     for each in subject.objects:
@@ -136,7 +135,7 @@ def _readable(subject: Subject) -> Steps:
             yield step.read(title(each), address_of(each), **blocks, optional=codes(*none_now, *without))
 
 
-@CHAPTER.clause("7.3.2.2.3", "Default after a reset", Tier.REVERSIBLE, "4.2, 4.8")
+@Clause(CHAPTER, "7.3.2.2.3", "Default after a reset", Tier.REVERSIBLE, "4.2, 4.8")
 def _defaults(subject: Subject) -> Steps:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
@@ -161,15 +160,15 @@ def _default(each: ODVariable) -> Steps:
 # Access
 
 
-@CHAPTER.clause("7.4.5", "Write-only", ctt="2.4, 4.4", name="every object")
+@Clause(CHAPTER, "7.4.5", "Write-only", ctt="2.4, 4.4", name="every object")
 def _write_only(subject: Subject) -> Steps:
     write_only = [each for each in subject.objects if not each.readable]
     for each in need(write_only, "the file has no write-only object"):
         yield step.read(title(each), address_of(each), abort=codes(*WRITE_ONLY))
 
 
-@CHAPTER.clause("7.4.5", "Read-only", Tier.DESTRUCTIVE, "4.3", only=MAKERS)
-@CHAPTER.clause("7.4.5", "Read-only", Tier.REVERSIBLE, "4.3", only=COMMUNICATION_PROFILE)
+@Clause(CHAPTER, "7.4.5", "Read-only", Tier.DESTRUCTIVE, "4.3", only=MAKERS)
+@Clause(CHAPTER, "7.4.5", "Read-only", Tier.REVERSIBLE, "4.3", only=COMMUNICATION_PROFILE)
 def _read_only(subject: Subject) -> Steps:
     for each in subject.objects:
         if not each.writable:
@@ -180,7 +179,7 @@ def _read_only(subject: Subject) -> Steps:
             yield step.asking(asked, step.write(title(each), address_of(each), data=zeros, abort=codes(*READ_ONLY)))
 
 
-@CHAPTER.clause("7.4.5", "Writable", Tier.REVERSIBLE, "4.9")
+@Clause(CHAPTER, "7.4.5", "Writable", Tier.REVERSIBLE, "4.9")
 def _own_values(subject: Subject) -> Steps:
     """Write what is there already, and read it again."""
     for each in _writable(subject):
@@ -209,8 +208,8 @@ def _has_value(each: ODVariable) -> bool:
 # Refusals
 
 
-@CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.DESTRUCTIVE, only=MAKERS)
-@CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.REVERSIBLE, only=COMMUNICATION_PROFILE)
+@Clause(CHAPTER, "7.2.4.3.17", "Wrong length", Tier.DESTRUCTIVE, only=MAKERS)
+@Clause(CHAPTER, "7.2.4.3.17", "Wrong length", Tier.REVERSIBLE, only=COMMUNICATION_PROFILE)
 def _wrong_lengths(subject: Subject) -> Steps:
     for each in _tried(subject):
         size = data_type(each).size
@@ -236,8 +235,8 @@ def _refused(each: ODVariable, refused: Sequence[Data]) -> Data:
     return step.keeping(title(each), each, *refused, step.unchanged(each))
 
 
-@CHAPTER.clause("7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, only=MAKERS)
-@CHAPTER.clause("7.2.4.3.17", "Limits", Tier.REVERSIBLE, only=COMMUNICATION_PROFILE)
+@Clause(CHAPTER, "7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, only=MAKERS)
+@Clause(CHAPTER, "7.2.4.3.17", "Limits", Tier.REVERSIBLE, only=COMMUNICATION_PROFILE)
 def _limits(subject: Subject) -> Steps:
     for each in _tried(subject):
         refused = list(_outside(each))
@@ -264,7 +263,7 @@ def _outside(each: ODVariable) -> Steps:
 # Other values: destructive
 
 
-@CHAPTER.clause("7.4.5", "Writable", Tier.DESTRUCTIVE)
+@Clause(CHAPTER, "7.4.5", "Writable", Tier.DESTRUCTIVE)
 def _other_values(subject: Subject) -> Steps:
     """Write another value to each of the device's own settings, and put back the one it had."""
     for each in _tried(subject):

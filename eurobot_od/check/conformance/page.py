@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od.check import report
-from eurobot_od.check.conformance.clauses import StepName
-from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.conformance.clauses import StepName, Tier
 from eurobot_od.check.report import Status, StepReason, StepResult, SuiteResult
 from eurobot_od.export import forms
 from eurobot_od.export.forms import DocBlock, DocHeading, DocTable, Paragraph, Preformatted

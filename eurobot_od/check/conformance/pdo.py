@@ -15,10 +15,9 @@ from typing import TypeAlias
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, StepsOf
+from eurobot_od.check.conformance.clauses import Chapter, Clause, Lacks, Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.check.conformance.objects import NO_OBJECT
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Data, Steps, codes, hexadecimal, title
-from eurobot_od.check.conformance.subject import Lacks, Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.device.device import Device
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type
@@ -38,7 +37,10 @@ MISSING = 0x1FFF
 NOT_SETTABLE = "cannot be read, written and put back"
 
 
-def each_of(direction: PdoDirection, steps: Callable[[Subject, Pdo], Steps], name: str = "{}") -> StepsOf[Subject]:
+OfPdo: TypeAlias = Callable[[Subject, Pdo], Steps]
+
+
+def each_of(direction: PdoDirection, steps: OfPdo, name: str = "{}") -> Callable[[Subject], Steps]:
     """Make steps for all PDOs of a direction that hold; where one lacks something, a skip of this name."""
 
     def of_each(subject: Subject) -> Steps:
@@ -293,30 +295,17 @@ def _entry(each: ODVariable) -> str:
 
 RPDO, TPDO = PdoDirection.RPDO, PdoDirection.TPDO
 
-
-def _enter(
-    direction: PdoDirection,
-    steps: Callable[[Subject, Pdo], Steps],
-    number: str,
-    topic: str,
-    tier: Tier = Tier.READING,
-    ctt: str = "",
-    name: str = "{}",
-) -> None:
-    """Enter what is done with each PDO of a direction as a clause."""
-    CHAPTER.clause(number, topic, tier, ctt, name=direction.name)(each_of(direction, steps, name))
-
-
-CHAPTER.clause("7.5.2.35", "RPDOs", ctt="3.1")(partial(_scan, direction=RPDO))
-CHAPTER.clause("7.5.2.37", "TPDOs", ctt="3.2")(partial(_scan, direction=TPDO))
-_enter(RPDO, _default_mapping, "7.5.2.36", "RPDO mapping", ctt="3.21")
-_enter(TPDO, _default_mapping, "7.5.2.38", "TPDO mapping", ctt="3.21")
-_enter(RPDO, _restricted, "7.3.5", "RPDO identifier", Tier.REVERSIBLE, "8.10", RESTRICTED_NAME)
-_enter(TPDO, _restricted, "7.3.5", "TPDO identifier", Tier.REVERSIBLE, "8.10", RESTRICTED_NAME)
-_enter(RPDO, _communication, "7.5.2.35", "RPDO communication", Tier.REVERSIBLE)
-_enter(RPDO, _mapping, "7.5.2.36", "RPDO mapping", Tier.REVERSIBLE)
-_enter(TPDO, _communication, "7.5.2.37", "TPDO communication", Tier.REVERSIBLE)
-_enter(TPDO, _mapping, "7.5.2.38", "TPDO mapping", Tier.REVERSIBLE)
+Clause(CHAPTER, "7.5.2.35", "RPDOs", ctt="3.1")(partial(_scan, direction=RPDO))
+Clause(CHAPTER, "7.5.2.37", "TPDOs", ctt="3.2")(partial(_scan, direction=TPDO))
+Clause(CHAPTER, "7.5.2.36", "RPDO mapping", ctt="3.21", name="RPDO")(each_of(RPDO, _default_mapping))
+Clause(CHAPTER, "7.5.2.38", "TPDO mapping", ctt="3.21", name="TPDO")(each_of(TPDO, _default_mapping))
+for _each in PdoDirection:
+    _of_each = each_of(_each, _restricted, RESTRICTED_NAME)
+    Clause(CHAPTER, "7.3.5", f"{_each.name} identifier", Tier.REVERSIBLE, "8.10", name=_each.name)(_of_each)
+Clause(CHAPTER, "7.5.2.35", "RPDO communication", Tier.REVERSIBLE, name="RPDO")(each_of(RPDO, _communication))
+Clause(CHAPTER, "7.5.2.36", "RPDO mapping", Tier.REVERSIBLE, name="RPDO")(each_of(RPDO, _mapping))
+Clause(CHAPTER, "7.5.2.37", "TPDO communication", Tier.REVERSIBLE, name="TPDO")(each_of(TPDO, _communication))
+Clause(CHAPTER, "7.5.2.38", "TPDO mapping", Tier.REVERSIBLE, name="TPDO")(each_of(TPDO, _mapping))
 
 
 # When TPDOs are sent
@@ -331,7 +320,7 @@ SOON, QUIET = f"{3 * EVENT_TIME} ms", "300 ms"
 
 NO_SYNC = "the file has no SYNC (0x1005) with an identifier"
 
-NO_SUCH_TYPE = (AbortCode.VALUE, AbortCode.TOO_HIGH, AbortCode.TOO_LOW, *BUSY)
+NO_SUCH_TYPE = (*BUSY, *OUTSIDE)
 """Aborts of a device that does not send a TPDO by SYNC."""
 
 EVENT_TYPES, REMOTE_TYPES = (254, 255), (252, 253, 254, 255)
@@ -366,8 +355,8 @@ def _sent_when(
             need(len(chosen) > 1, "the file has not two TPDOs that can be so")
             return [steps(subject, chosen)]
 
-        CHAPTER.clause(number, topic, tier, alone, name="TPDO")(each_of(PdoDirection.TPDO, of_one))
-        CHAPTER.clause(number, topic, tier, together, name="several TPDOs")(of_all)
+        Clause(CHAPTER, number, topic, tier, alone, name="TPDO")(each_of(PdoDirection.TPDO, of_one))
+        Clause(CHAPTER, number, topic, tier, together, name="several TPDOs")(of_all)
         return steps
 
     return enter
@@ -398,7 +387,7 @@ PARAMETERS: Mapping[int, tuple[str, Mapping[str, object]]] = {
 """What a parameter is called, and how it is written, by its sub-index."""
 
 
-def _with(subject: Subject, pdos: Pdos, sub: int, value: int, *steps: Data) -> Steps:
+def having(subject: Subject, pdos: Pdos, sub: int, value: int, *steps: Data) -> Steps:
     """Do some steps with another value of a parameter of each PDO, then put back the one it had."""
     what, more = PARAMETERS[sub]
     back: list[Data] = []
@@ -434,7 +423,7 @@ def _by_event_timer(subject: Subject, pdos: Pdos) -> Data:
         step.wait("50 ms"),
         *_none("none in STOPPED", pdos),
     )
-    group = step.group(f"{_named(pdos)} by event timer", *_with(subject, pdos, EVENT_TIMER, EVENT_TIME, *steps))
+    group = step.group(f"{_named(pdos)} by event timer", *having(subject, pdos, EVENT_TIMER, EVENT_TIME, *steps))
     # CiA's tool asks for type 254 as an event; with another default only the timer is asked.
     only_timer = "3.5" if len(pdos) == 1 else "3.11, 3.17"
     return step.asking("" if all(each.transmission_type == EVENT_TYPES[0] for each in pdos) else only_timer, group)
@@ -477,7 +466,7 @@ def _by_sync(subject: Subject, pdos: Pdos) -> Data:
         # Twice: a device that sends once on a change of its parameters would pass with one.
         {**step.group("with each SYNC", sync(subject), _come("it comes", pdos)), "repeat": 2},
     )
-    return step.group(f"{_named(pdos)} by SYNC", *_with(subject, pdos, TRANSMISSION_TYPE, 1, *steps))
+    return step.group(f"{_named(pdos)} by SYNC", *having(subject, pdos, TRANSMISSION_TYPE, 1, *steps))
 
 
 def _acyclic(subject: Subject, pdo: Pdo) -> None:
@@ -495,7 +484,7 @@ def _by_acyclic_sync(subject: Subject, pdos: Pdos) -> Data:
         step.wait("100 ms"),
         *_none("none until the next SYNC", pdos),
     )
-    return step.group(f"{_named(pdos)} by SYNC after an event", *_with(subject, pdos, TRANSMISSION_TYPE, 0, *steps))
+    return step.group(f"{_named(pdos)} by SYNC after an event", *having(subject, pdos, TRANSMISSION_TYPE, 0, *steps))
 
 
 # By remote frame

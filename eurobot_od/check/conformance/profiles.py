@@ -21,9 +21,8 @@ from typing import NamedTuple, TypeAlias
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Need
+from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Clause, Need, Subject, Tier, awake, need
 from eurobot_od.check.conformance.step import Data, Steps, hexadecimal, title
-from eurobot_od.check.conformance.subject import Subject, Tier, awake, need
 from eurobot_od.check.conformance.suite import documents
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od import cia401, cia402
@@ -125,7 +124,7 @@ def _off(drive: TestedDrive) -> Steps:
     return _into(drive, State.DISABLED)
 
 
-@DRIVE.clause("6.2", "Objects")
+@Clause(DRIVE, "6.2", "Objects")
 def _objects(drive: TestedDrive) -> Steps:
     for index in (cia402.CONTROLWORD, cia402.STATUSWORD):  # mandatory: a drive without them is red
         variable = drive.find((index, 0))
@@ -157,11 +156,11 @@ def _table(drive: TestedDrive, powered: bool) -> Steps:
             yield step.group(name, *steps, *_off(drive))
 
 
-DRIVE.clause("8.1", "States", Tier.REVERSIBLE)(partial(_table, powered=False))
-DRIVE.clause("8.1", "States with torque", Tier.MOTION)(partial(_table, powered=True))
+Clause(DRIVE, "8.1", "States", Tier.REVERSIBLE)(partial(_table, powered=False))
+Clause(DRIVE, "8.1", "States with torque", Tier.MOTION)(partial(_table, powered=True))
 
 
-@DRIVE.clause("8.4", "Quick stop", Tier.MOTION)
+@Clause(DRIVE, "8.4", "Quick stop", Tier.MOTION)
 def _quick_stop(drive: TestedDrive) -> Steps:
     option = cia402.QUICK_STOP_OPTION, 0
     stopped = _commanded(DriveCommand.QUICK_STOP)
@@ -180,7 +179,7 @@ def _quick_stop(drive: TestedDrive) -> Steps:
     yield step.group("ends in Switch on disabled", leaves, *_into(drive, State.ENABLED), stopped, ended, back)
 
 
-@DRIVE.clause("8.4", "Connection", Tier.MOTION, group="a lost heartbeat, and its reset")
+@Clause(DRIVE, "8.4", "Connection", Tier.MOTION, group="a lost heartbeat, and its reset")
 def _lost_heartbeat(drive: TestedDrive) -> Steps:
     """Lose a heartbeat that the drive watches: it has a fault, which a rising edge resets."""
     watched, option, another = (CONSUMED_HEARTBEATS, 1), (cia402.ABORT_CONNECTION, 0), drive.another
@@ -227,7 +226,7 @@ HOME_IS_HERE = 37
 HOMES = [_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION)]
 
 
-@DRIVE.clause("11.1", "Homing", Tier.MOTION, group="present position is home", needs=HOMES)
+@Clause(DRIVE, "11.1", "Homing", Tier.MOTION, group="present position is home", needs=HOMES)
 def _homing(drive: TestedDrive) -> Steps:
     done = cia402.BIT_12 | cia402.TARGET_REACHED
     yield step.write(f"method {HOME_IS_HERE}", (cia402.HOMING_METHOD, 0), value=HOME_IS_HERE)
@@ -242,7 +241,7 @@ def _homing(drive: TestedDrive) -> Steps:
 MOVES = [_has(Mode.PROFILE_POSITION, cia402.TARGET_POSITION, cia402.PROFILE_VELOCITY, cia402.POSITION)]
 
 
-@DRIVE.clause("10.1", "Profile position", Tier.MOTION, group="there and back", needs=MOVES)
+@Clause(DRIVE, "10.1", "Profile position", Tier.MOTION, group="there and back", needs=MOVES)
 def _position(drive: TestedDrive) -> Steps:
     """Move by the distance that is allowed, and back."""
     distance, velocity = drive.motion
@@ -272,7 +271,7 @@ def _moved(drive: TestedDrive, distance: int) -> Steps:
 TURNS = [_has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY)]
 
 
-@DRIVE.clause("14.1", "Profile velocity", Tier.MOTION, group="up, and quick stop", needs=TURNS)
+@Clause(DRIVE, "14.1", "Profile velocity", Tier.MOTION, group="up, and quick stop", needs=TURNS)
 def _velocity(drive: TestedDrive) -> Steps:
     velocity, target = drive.motion.velocity, (cia402.TARGET_VELOCITY, 0)
     near = max(velocity // 20, 1)
@@ -356,7 +355,7 @@ FUNCTIONS: Mapping[int, tuple[Sequence[Kind], int]] = {
 """What a bit of 0x1000 says that there is, and the object where it usually is."""
 
 
-@MODULE.clause("0x1000", "Device type")
+@Clause(MODULE, "0x1000", "Device type")
 def _device_type(module: TestedModule) -> Steps:
     says = module.number(DEVICE_TYPE)
     yield step.read("an I/O module", DEVICE_TYPE, expect=says)
@@ -368,12 +367,12 @@ def _device_type(module: TestedModule) -> Steps:
             yield step.skip(words, f"0x1000 says that it has no {words}")
 
 
-@MODULE.clause("0x6000", "Inputs")
+@Clause(MODULE, "0x6000", "Inputs")
 def _inputs(module: TestedModule) -> Steps:
     return [step.read(title(each), address_of(each), data="any") for _, each in module.blocks(_INPUTS)]
 
 
-@MODULE.clause("0x6002", "Polarity of inputs", Tier.REVERSIBLE)
+@Clause(MODULE, "0x6002", "Polarity of inputs", Tier.REVERSIBLE)
 def _input_polarity(module: TestedModule) -> Steps:
     """Invert one bit after the other; the inputs have to be at rest."""
     for kind, each in module.blocks(cia401.DIGITAL_INPUTS):
@@ -413,14 +412,14 @@ def _settings(module: TestedModule, indices: tuple[int, ...], values: tuple[int,
 
 for _topic, (_indices, _values) in SETTINGS.items():
     _made = partial(_settings, indices=_indices, values=_values)
-    MODULE.clause(hexadecimal(_indices[0]), _topic, Tier.REVERSIBLE)(_made)
+    Clause(MODULE, hexadecimal(_indices[0]), _topic, Tier.REVERSIBLE)(_made)
 
 
 SWITCHED = 0x55, 0xAA, 0xFF, 0x00
 """Each bit both ways, next to bits that differ from it and to bits that do not; off at the end."""
 
 
-@MODULE.clause("0x6200", "Outputs", Tier.OUTPUTS)
+@Clause(MODULE, "0x6200", "Outputs", Tier.OUTPUTS)
 def _outputs(module: TestedModule) -> Steps:
     for kind, each in module.blocks(_OUTPUTS):
         values = [_every(kind.bits, byte) for byte in SWITCHED] if isinstance(kind, DigitalOutputs) else [1, 100, 0]

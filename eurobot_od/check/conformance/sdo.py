@@ -8,10 +8,9 @@ from __future__ import annotations
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.clauses import NO_DEVICE_TYPE, Chapter, Clause, Subject, Tier, awake, fresh, need
 from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED, NO_OBJECT
 from eurobot_od.check.conformance.step import NO_BLOCKS, Data, Steps, codes, title
-from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, awake, fresh, need
 from eurobot_od.check.suite import Blocks
 from eurobot_od.od.objects import address_of, data_type, default_bytes
 from eurobot_od.od.standard import DEVICE_TYPE, GUARD_TIME, HEARTBEAT_TIME, SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS
@@ -79,14 +78,14 @@ def _usual(subject: Subject) -> Address:
 
 
 # The official tool reads 0x1000 once expedited and once "segmented"; of 4 bytes both are the same frames.
-@CHAPTER.clause("7.2.4.3.6", "SDO upload", ctt="2.1, 2.13", group="the device type in one answer")
+@Clause(CHAPTER, "7.2.4.3.6", "SDO upload", ctt="2.1, 2.13", group="the device type in one answer")
 def _expedited_upload(subject: Subject) -> Steps:
     need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
     answer = step.expect("4 bytes", subject.answer("43001000????????"), WITHIN)
     return [_asked(subject, DEVICE_TYPE), answer]
 
 
-@CHAPTER.clause("7.2.4.3.7", "SDO upload", name="by segments")
+@Clause(CHAPTER, "7.2.4.3.7", "SDO upload", name="by segments")
 def _segmented_upload(subject: Subject) -> Steps:
     each = need(_long(subject), NO_SEGMENTS)
     yield step.asking("2.16, 2.18", step.read(f"{title(each)} by segments", address_of(each), data="any"))
@@ -104,7 +103,7 @@ def _segmented_upload(subject: Subject) -> Steps:
 WITH_CRC, WITHOUT_CRC = Blocks.PLAIN.value, Blocks.WITHOUT_CRC.value
 
 
-@CHAPTER.clause("7.2.4.3.12", "SDO block upload")
+@Clause(CHAPTER, "7.2.4.3.12", "SDO block upload")
 def _block_upload(subject: Subject) -> Steps:
     # Block transfer is optional; a server without it refuses the first request, and nothing else is wrong with it.
     device_type, long = subject.find(DEVICE_TYPE), _long(subject)
@@ -129,7 +128,7 @@ def _asked_of(each: ODVariable, guard: str, heartbeat: str) -> str:
     return {GUARD_TIME: guard, HEARTBEAT_TIME: heartbeat}.get(address_of(each), "")
 
 
-@CHAPTER.clause("7.2.4.3.4", "SDO download", name="by segments")
+@Clause(CHAPTER, "7.2.4.3.4", "SDO download", name="by segments")
 def _segmented_download(subject: Subject) -> Steps:
     each = _number(subject)
     yield _by_segments(subject, each)
@@ -140,7 +139,7 @@ def _segmented_download(subject: Subject) -> Steps:
     yield step.keeping("a wrong toggle bit is refused", each, *_begun(subject, each), *refused)
 
 
-@CHAPTER.clause("7.2.4.3.4", "SDO download", Tier.REVERSIBLE, "2.14", name="0x100C by segments")
+@Clause(CHAPTER, "7.2.4.3.4", "SDO download", Tier.REVERSIBLE, "2.14", name="0x100C by segments")
 def _segmented_guard_time(subject: Subject) -> Steps:
     each = need(subject.settable(GUARD_TIME), NOT_GUARDED)
     yield _by_segments(subject, need(each if _known(each) else None, NOT_GUARDED))
@@ -157,12 +156,12 @@ def _by_segments(subject: Subject, each: ODVariable) -> Data:
     return step.asking(_asked_of(each, "2.14", "2.15"), step.keeping(f"{title(each)} by segments", each, *whole))
 
 
-@CHAPTER.clause("7.2.4.3.8", "SDO block download", name="in blocks")
+@Clause(CHAPTER, "7.2.4.3.8", "SDO block download", name="in blocks")
 def _block_download(subject: Subject) -> Steps:
     return _in_blocks(_number(subject))
 
 
-@CHAPTER.clause("7.2.4.3.8", "SDO block download", Tier.REVERSIBLE, "2.20, 2.24", name="0x100C in blocks")
+@Clause(CHAPTER, "7.2.4.3.8", "SDO block download", Tier.REVERSIBLE, "2.20, 2.24", name="0x100C in blocks")
 def _block_guard_time(subject: Subject) -> Steps:
     return _in_blocks(need(subject.settable(GUARD_TIME), NOT_GUARDED))
 
@@ -177,7 +176,7 @@ def _in_blocks(each: ODVariable) -> Steps:
 # Aborts
 
 
-@CHAPTER.clause("7.2.4.3.17", "SDO abort", ctt="2.7", group="an unknown command is refused")
+@Clause(CHAPTER, "7.2.4.3.17", "SDO abort", ctt="2.7", group="an unknown command is refused")
 def _unknown_command(subject: Subject) -> Steps:
     # 0xE0: the one of eight that no request has (CiA 301, 7.2.4.3). It is about an object that there is, so that only
     # the command can be refused.
@@ -185,7 +184,7 @@ def _unknown_command(subject: Subject) -> Steps:
     return [sent, _aborted(subject, AbortCode.UNKNOWN_COMMAND, AbortCode.GENERAL)]
 
 
-@CHAPTER.clause("7.2.4.3.17", "SDO abort", group="a client's abort is not answered")
+@Clause(CHAPTER, "7.2.4.3.17", "SDO abort", group="a client's abort is not answered")
 def _client_aborts(subject: Subject) -> Steps:
     yield _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL))
     # An abort that is answered by an abort would go to and fro for ever.
@@ -193,7 +192,7 @@ def _client_aborts(subject: Subject) -> Steps:
     yield awake(subject, "the next request is")
 
 
-@CHAPTER.clause("7.2.4.3.17", "SDO abort", name="a transfer that is left alone")
+@Clause(CHAPTER, "7.2.4.3.17", "SDO abort", name="a transfer that is left alone")
 def _unfinished(subject: Subject) -> Steps:
     each = _number(subject)
     begun, same = [*_begun(subject, each)], step.unchanged(each)
@@ -208,7 +207,7 @@ def _unfinished(subject: Subject) -> Steps:
 # Numbers of blocks
 
 
-@CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.26", group="a block of 128 segments is refused")
+@Clause(CHAPTER, "7.2.4.3.12", "SDO block upload", ctt="2.26", group="a block of 128 segments is refused")
 def _block_size(subject: Subject) -> Steps:
     """Ask for blocks of one segment more than there are."""
     need(subject.readable(_usual(subject)), NOTHING_SHORT)
@@ -218,7 +217,7 @@ def _block_size(subject: Subject) -> Steps:
     yield _aborted(subject, AbortCode.BLOCK_SIZE, AbortCode.GENERAL, *NO_BLOCKS)
 
 
-@CHAPTER.clause("7.2.4.3.13", "SDO block upload", ctt="2.27", group="an acknowledgement of 128 segments is refused")
+@Clause(CHAPTER, "7.2.4.3.13", "SDO block upload", ctt="2.27", group="an acknowledgement of 128 segments is refused")
 def _sequence_number(subject: Subject) -> Steps:
     """Acknowledge more segments than a block can have."""
     need(subject.readable(_usual(subject)), NOTHING_SHORT)
@@ -237,7 +236,7 @@ def _sequence_number(subject: Subject) -> Steps:
 # Servers
 
 
-@CHAPTER.clause("7.5.2.33", "SDO server")
+@Clause(CHAPTER, "7.5.2.33", "SDO server")
 def _servers(subject: Subject) -> Steps:
     """Read where each server is; the first has the identifiers of the predefined connection set."""
     for index in subject.dictionary.members:
@@ -259,7 +258,7 @@ def _servers(subject: Subject) -> Steps:
         yield step.skip("0x1200", "the file has no SDO server (0x1200)")
 
 
-@CHAPTER.clause("7.5.2.33", "SDO server", Tier.REVERSIBLE, "2.29", name="further servers")
+@Clause(CHAPTER, "7.5.2.33", "SDO server", Tier.REVERSIBLE, "2.29", name="further servers")
 def _further_servers(subject: Subject) -> Steps:
     """See that further servers have their defaults after a reset of the communication."""
     further = [each for each in subject.objects if each.index in SDO_SERVERS[1:] and _known(each)]

@@ -19,6 +19,9 @@ Steps: TypeAlias = "Iterable[Data]"
 LONGEST_NAME = 60
 """Characters of a ParameterName that a step's name has."""
 
+BOOT_TIME = "10 s"
+"""How long a device may take from a reset to its boot-up, and to its first SDO answer; the standard names no time."""
+
 PRECISION = "20 ms"
 """By how much a frame may be off its time; the standard names no precision."""
 
@@ -111,9 +114,9 @@ def rewritten(name: str, variable: ODVariable, kept: str = "present", bits: int 
     return write(name, address_of(variable), **{key: written}, **more)
 
 
-def booted(within: str, name: str = "boot-up") -> Data:
+def booted(name: str = "boot-up") -> Data:
     """Wait for the boot-up, which ends a reset."""
-    return {"name": name, "boot-up": "awaited", "within": within}
+    return {"name": name, "boot-up": "awaited", "within": BOOT_TIME}
 
 
 def unchanged(variable: ODVariable, name: str = "nothing has changed", kept: str = "present", **more: object) -> Data:

@@ -10,9 +10,8 @@ from typing import NamedTuple
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.clauses import Chapter, Clause, Subject, Tier, fresh, need, or_skipped
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, hexadecimal, title
-from eurobot_od.check.conformance.subject import Subject, Tier, fresh, need, or_skipped
 from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, default_of, in_limits
 from eurobot_od.od.values import NOT_VALID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, UNSIGNED32, Address, label
@@ -59,7 +58,7 @@ def _other(each: ODVariable) -> int:
     return next((present + offset for offset in OFFSETS if in_limits(each, present + offset)), present - 1)
 
 
-@CHAPTER.clause("7.3.2.2.3", "Values", Tier.REVERSIBLE, name="a reset")
+@Clause(CHAPTER, "7.3.2.2.3", "Values", Tier.REVERSIBLE, name="a reset")
 def _power_on_values(subject: Subject) -> Steps:
     """See that what was not stored is gone with a reset."""
     lack = "the file has none of 0x1006, 0x1015 and 0x1017 that can be read, written and put back"
@@ -104,13 +103,13 @@ def _signatures(subject: Subject, index: int) -> Steps:
         yield step.asking(WRONG_SIGNATURE.get(address_of(each), ""), refused)
 
 
-CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, name="the signature")(partial(_signatures, index=standard.STORE))
-CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the signature")(
+Clause(CHAPTER, "7.5.2.13", "Store", Tier.DESTRUCTIVE, name="the signature")(partial(_signatures, index=standard.STORE))
+Clause(CHAPTER, "7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the signature")(
     partial(_signatures, index=standard.RESTORE)
 )
 
 
-@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, name="store and restore")
+@Clause(CHAPTER, "7.5.2.13", "Store", Tier.DESTRUCTIVE, name="store and restore")
 def _stored(subject: Subject) -> Steps:
     """Store another value, see that it survives a reset, and restore the file's: all parameters, and by themselves."""
     for sub, asked in RIGHT_SIGNATURE.items():
@@ -188,7 +187,7 @@ def kept_over_reset(
     )
 
 
-@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "2.30", name="SDO client")
+@Clause(CHAPTER, "7.5.2.13", "Store", Tier.DESTRUCTIVE, "2.30", name="SDO client")
 def _clients(subject: Subject) -> Steps:
     """Store the identifiers of the first SDO client, not valid ones."""
     there = (each for each in standard.SDO_CLIENTS if each in subject.dictionary.members)
@@ -199,7 +198,7 @@ def _clients(subject: Subject) -> Steps:
     return [kept_over_reset(subject, f"0x{index:04X}", values)]
 
 
-@CHAPTER.clause("7.5.2.23", "Verify configuration", Tier.DESTRUCTIVE, "8.9")
+@Clause(CHAPTER, "7.5.2.23", "Verify configuration", Tier.DESTRUCTIVE, "8.9")
 def _verified(subject: Subject) -> Steps:
     """Store the date of the configuration, and see that a change of the configuration clears it (7.5.2.23)."""
     date, time = standard.VERIFY_CONFIGURATION

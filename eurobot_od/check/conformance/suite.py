@@ -7,10 +7,9 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from eurobot_od.check.conformance import broadcasts, error_control, nmt, objects, pdo, sdo, step, storage
-from eurobot_od.check.conformance.clauses import ANSWERS, Chapter
+from eurobot_od.check.conformance import broadcasts, nmt, objects, pdo, sdo, step, storage
+from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Subject, Tier, awake
 from eurobot_od.check.conformance.step import Data, hexadecimal, title
-from eurobot_od.check.conformance.subject import BOOT_TIME, Subject, Tier, awake
 from eurobot_od.check.report import AS_THEY_WERE
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ERRORS, VERIFY_CONFIGURATION
@@ -61,7 +60,7 @@ def _inline(value: Any, key: str = "") -> str:
 CHAPTERS = (
     *(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo)),
     broadcasts.EMCY_CHAPTER,
-    error_control.CHAPTER,
+    nmt.GUARDED,
     broadcasts.SYNC_CHAPTER,
 )
 """The suites, in the order in which they are run: what the later ones rely on comes first."""
@@ -86,7 +85,7 @@ def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
     reset = {**step.nmt("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on [reversible]"}
     pause = {**step.nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [reversible]"}
     # One that sends no boot-up is red for that, and asked for all the rest.
-    up = {**step.booted(BOOT_TIME, "7.2.8.3.3 Boot-up: boot-up after reset [reversible]"), "needed": "no"}
+    up = {**step.booted("7.2.8.3.3 Boot-up: boot-up after reset [reversible]"), "needed": "no"}
     alive = awake(subject, ANSWERS)
     marks = {clause: subject.kept(each) for clause, (tier, each) in MARKS.items() if subject.tier.allows(tier)}
     named = [(f"{clause} Values: {title(each[0])}", each) for clause, kept in marks.items() for each in kept]

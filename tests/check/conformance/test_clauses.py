@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, StepName, settable
+from eurobot_od.check.conformance.clauses import Chapter, Clause, StepName, Subject, Tier, need, settable
 from eurobot_od.check.conformance.step import Data, Steps
-from eurobot_od.check.conformance.subject import Subject, Tier, need
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.eds_text import DEVICE_TYPE, variable
@@ -16,24 +15,24 @@ from tests.rows import rows
 CHAPTER = Chapter[Subject]("odd", "odd things", fresh=True)
 
 
-@CHAPTER.clause("7.1", "Nothing needed")
+@Clause(CHAPTER, "7.1", "Nothing needed")
 def _alone(_: Subject) -> Steps:
     return [step.wait("2 ms"), step.wait("3 ms")]
 
 
-@CHAPTER.clause("7.2", "A need", ctt="2.1", group="together", needs=[settable(HEARTBEAT_TIME, 5, lack="no 5 ms")])
+@Clause(CHAPTER, "7.2", "A need", ctt="2.1", group="together", needs=[settable(HEARTBEAT_TIME, 5, lack="no 5 ms")])
 def _grouped(_: Subject) -> Steps:
     return [step.wait("4 ms")]
 
 
-@CHAPTER.clause("7.3", "Found on the way", name="whatever")
+@Clause(CHAPTER, "7.3", "Found on the way", name="whatever")
 def _found_late(_: Subject) -> Steps:
     yield step.wait("5 ms")
     need(0, "there is none")
 
 
-@CHAPTER.clause("7.4", "Twice", Tier.REVERSIBLE)
-@CHAPTER.clause("7.4", "Twice", Tier.REVERSIBLE)
+@Clause(CHAPTER, "7.4", "Twice", Tier.REVERSIBLE)
+@Clause(CHAPTER, "7.4", "Twice", Tier.REVERSIBLE)
 def _reversible(_: Subject) -> Steps:
     return [step.wait("6 ms")]
 

@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 
 from eurobot_od.check.conformance import suite
-from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.device.faults import Fault
 from eurobot_od.device.simulated import SimulatedDevice
 from tests.kit.devices import MODULE, first_red, suites

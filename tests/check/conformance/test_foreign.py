@@ -8,7 +8,7 @@ from math import inf
 
 import pytest
 
-from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, StepResult, changed
 from eurobot_od.check.runner import Interrupt, RunOptions

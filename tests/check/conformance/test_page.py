@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.conformance import page
-from eurobot_od.check.conformance.clauses import StepName
+from eurobot_od.check.conformance.clauses import StepName, Tier
 from eurobot_od.check.conformance.page import DeviceRun
-from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Step, Suite
 from eurobot_od.device.faults import FAULTS

@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from eurobot_od.check.conformance import suite
+from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.check.conformance.sdo import NO_NUMBER
 from eurobot_od.check.conformance.step import Data
-from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
