@@ -288,29 +288,14 @@ ROW, LEGEND_ROW = 45, 58
 WIDTH = 3000
 """Width of the time line."""
 
-HEIGHT = 2640
-"""From the legend's first line to the foot of the page."""
-
-HEADS = 6
-"""Rows taken up by headings, gaps, and the lines that say what is left out."""
-
 TIME_TICK, MOST_TICKS = 10, 60
 """Seconds between two marks, and the most of them: one far-off time in a log must not make it draw for ever."""
 
 
 def column(recording: Recording, facts: Facts) -> str:
-    """Draw legend and tables, one below the other."""
-    legend = list(_legend(recording, facts))
-    below = LEGEND_ROW * len(legend) + 90
-    rows = (HEIGHT - below) // ROW - HEADS
-    # Stops get a third of the rows in any case, and whatever the gotos leave free.
-    stops = min(len(recording.stops), max(rows // 3, rows - len(recording.gotos)))
-    gotos = min(len(recording.gotos), rows - stops)
-    return svg.group(
-        *(svg.moved((0, LEGEND_ROW * row), each) for row, each in enumerate(legend)),
-        svg.moved((0, below), _table("Gotos", GOTO_COLUMNS, recording.gotos, gotos)),
-        svg.moved((0, below + ROW * (gotos + 4)), _table("Stops", STOP_COLUMNS, recording.stops, stops)),
-    )
+    """Draw the legend."""
+    rows = enumerate(_legend(recording, facts))
+    return svg.group(*(svg.moved((0, LEGEND_ROW * row), each) for row, each in rows))
 
 
 def ticks(tick: int, end: float) -> range:
@@ -342,54 +327,6 @@ def _explained(words: str, *sample: str) -> str:
 
 def _stroke(colour: str, width: float, dashes: str | None) -> str:
     return svg.line((-45, 0), (45, 0), stroke=colour, stroke_width=width, stroke_dasharray=dashes)
-
-
-# Tables
-
-
-class TableColumn(NamedTuple):
-    """A column: where it stands, how it is aligned, its heading, and what it says about a row."""
-
-    x: int
-    anchor: str
-    heading: str
-    words: Callable[..., str]
-
-    def cell(self, row: int, words: str, fill: str) -> str:
-        """Write words into a row, counted from the table's heading."""
-        return style.label((self.x, row * ROW), words, fill=fill, size=style.SMALL, anchor=self.anchor)
-
-
-GOTO_COLUMNS = (
-    TableColumn(45, "end", "no", lambda goto: str(goto.number)),
-    TableColumn(160, "end", "at s", lambda goto: f"{goto.sent:.1f}"),
-    TableColumn(365, "end", "to mm", lambda goto: f"{goto.message.x}, {goto.message.y}"),
-    TableColumn(455, "end", "deg", lambda goto: str(goto.message.angle)),
-    TableColumn(540, "end", "%", lambda goto: str(goto.message.speed)),
-    TableColumn(
-        565,
-        "start",
-        "",
-        lambda goto: goto.ending if goto.ended is None else f"{goto.ending} {goto.ended - goto.sent:.1f} s",
-    ),
-)
-STOP_COLUMNS = (
-    TableColumn(45, "end", "", lambda stop: stop.letter),
-    TableColumn(160, "end", "at s", lambda stop: f"{stop.time:.1f}"),
-    TableColumn(195, "start", "", lambda stop: f"{stop.name}: {stop.reason}"),
-)
-
-
-def _table(heading: str, columns: Sequence[TableColumn], rows: Sequence[object], shown: int) -> str:
-    """Draw the first `shown` rows; if there are more, the line below says how many."""
-    lines = [svg.text((0, 0), heading, font_size=style.TEXT, font_weight="bold", fill=style.INK)]
-    lines += [column.cell(1, column.heading, style.PALE) for column in columns]
-    for row, each in enumerate(rows[:shown], 2):
-        lines += [column.cell(row, column.words(each), style.INK) for column in columns]
-    if len(rows) > shown:
-        more, place = f"and {len(rows) - shown} more", (195, (shown + 2) * ROW)
-        lines.append(style.label(place, more, fill=style.PALE, anchor="start"))
-    return svg.group(*lines)
 
 
 # Time line
