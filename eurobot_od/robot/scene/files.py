@@ -77,7 +77,7 @@ PNG = ".png"
 PICTURE_FORMATS: Mapping[str, Callable[[SeenMatch, str], bytes]] = {
     ".svg": lambda match, title: sheet(match.recording, match.facts, title).encode(),
     ".html": lambda match, title: side_by_side({title: match}, title),
-    # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
+    # One pixel for each unit of the drawing.
     PNG: lambda match, title: bytes(
         _renderer().svg_to_bytes(svg_string=sheet(match.recording, match.facts, title), width=PAGE[0])
     ),
