@@ -83,11 +83,9 @@ class Command(NamedTuple):
     module: str
 
 
-class Scene(Protocol):
-    """A node of the robot that the command `node` runs, with what it has besides the bus."""
-
-    def play(self, live: Live) -> int | None:
-        """Do what the options say; return the exit status, None if the node is to go on by itself."""
+Scene: TypeAlias = "Callable[[Live], int | None]"
+"""What a node of the robot does on a bus that the command `node` runs; returns the exit status, None if the node is to
+go on by itself."""
 
 
 class NodeRun(NamedTuple):
@@ -109,7 +107,7 @@ class Stage(Protocol):
         """Return what else a node is made with, by the names that its class has for it; `facts` are those of --set."""
 
     def set_up(self, node: Node, run: NodeRun) -> Scene:
-        """Give the node what it has besides the bus."""
+        """Give the node what it has besides the bus, and return what it does there."""
 
 
 def _no_catalogue() -> Catalogue:
