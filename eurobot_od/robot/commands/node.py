@@ -31,9 +31,6 @@ if TYPE_CHECKING:
 OF_THE_CORE = ("team", "drill", "strategy")
 """Options that make sense for the core only."""
 
-APART = (("strategy", "team"), ("strategy", "drill"))
-"""Options that do not go together."""
-
 SHIPPED = "shipped"
 """What stands for the strategy that comes with the program, in place of a file."""
 
@@ -64,9 +61,9 @@ class NodeOptions:
                 raise LocalError(f"--{option} is for the core, not for {spoken}")
         if self.world and not role:
             raise LocalError(f"--world is for the robot's nodes, not for {spoken}")
-        for one, other in APART:
-            if self._has(one) and self._has(other):
-                raise LocalError(f"--{one} and --{other} do not go together")
+        for option in ("team", "drill"):
+            if self.strategy and self._has(option):
+                raise LocalError(f"--strategy and --{option} do not go together")
         if self.strategy and not self.world:
             raise LocalError("--strategy goes with --world only: a match is played in a world")
 

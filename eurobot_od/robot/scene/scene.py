@@ -241,7 +241,7 @@ def looks(facts: Facts, start: messages.StartConfigurationSet | None) -> Iterato
     raw = svg.group(ring, _front(RAW, colour, 4))
     yield Look("raw position", messages.NaviPositionResponse.__name__, colour, RAW, raw, ring, trail=False)
     for whom, (name, dashes) in style.OTHERS.items():
-        paint, radius = style.colour_of(name), diameter(facts, start, whom) / 2
+        paint, radius = style.colour_of(name), _radius(facts, start, whom)
         disc = style.robot_mark(radius, paint, dashes)
         heading = style.robot_mark(radius, paint, dashes, (), _front(radius, paint))
         yield Look(name, whom.__name__, paint, radius, heading, disc, dashes)
@@ -251,12 +251,10 @@ def _front(radius: float, colour: str, width: float = 12) -> str:
     return svg.line(style.CENTRE, (radius, 0), stroke=colour, stroke_width=width)
 
 
-def diameter(
-    facts: Facts, start: messages.StartConfigurationSet | None, whom: type[messages.PositionResponse]
-) -> float:
-    """Return the diameter of another robot in mm: an enemy's from the start configuration, else what the facts say."""
-    field = f"{style.OTHERS[whom][0].replace(' ', '_')}_diameter"
-    return 10 * (getattr(start, field, None) or 0) or 2 * facts.others[messages.SOURCES[whom]].radius
+def _radius(facts: Facts, start: messages.StartConfigurationSet | None, whom: type[messages.PositionResponse]) -> float:
+    """Return the radius of another robot in mm: an enemy's from the start configuration, else what the facts say."""
+    field = messages.DIAMETERS.get(messages.SOURCES[whom], "")
+    return 5.0 * (getattr(start, field, None) or 0) or facts.others[messages.SOURCES[whom]].radius
 
 
 # What explains it
@@ -290,15 +288,12 @@ ROW = 58
 def column(recording: Recording, facts: Facts) -> str:
     """Draw the legend of a match."""
     rows = enumerate((*_of_match(recording), *legend(facts)))
-    return svg.group(
-        *(
-            svg.group(
-                svg.moved((45, ROW * row + 30), drawing),
-                style.label((125, ROW * row + 43), words, anchor="start"),
-            )
-            for row, (words, drawing) in rows
-        )
-    )
+    return svg.group(*(svg.moved((0, ROW * row), _row_of(each)) for row, each in rows))
+
+
+def _row_of(explained: Explained) -> str:
+    words = style.label((125, 43), explained.words, anchor="start")
+    return svg.group(svg.moved((45, 30), explained.drawing), words)
 
 
 def _of_match(recording: Recording) -> Iterator[Explained]:
