@@ -41,10 +41,8 @@ if TYPE_CHECKING:
     from eurobot_od.check.suite import Suite
     from eurobot_od.device.faults import Fault
     from eurobot_od.device.node import Node
-    from eurobot_od.export.description import Drawings
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.pdo.kinds import Catalogue
-    from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.reports import SeasonReport
     from eurobot_od.traffic.diagnosis.incidents import Watcher
     from eurobot_od.web.page import Panel
@@ -83,11 +81,9 @@ class Command(NamedTuple):
     module: str
 
 
-class Scene(Protocol):
-    """A node of the robot that the command `node` runs, with what it has besides the bus."""
-
-    def play(self, live: Live) -> int | None:
-        """Do what the options say; return the exit status, None if the node is to go on by itself."""
+Scene: TypeAlias = "Callable[[Live], int | None]"
+"""What a node of the robot does on a bus that the command `node` runs; returns the exit status, None if the node is to
+go on by itself."""
 
 
 class NodeRun(NamedTuple):
@@ -109,7 +105,7 @@ class Stage(Protocol):
         """Return what else a node is made with, by the names that its class has for it; `facts` are those of --set."""
 
     def set_up(self, node: Node, run: NodeRun) -> Scene:
-        """Give the node what it has besides the bus."""
+        """Give the node what it has besides the bus, and return what it does there."""
 
 
 def _no_catalogue() -> Catalogue:
@@ -124,9 +120,9 @@ class Plugin(NamedTuple):
     `nodes` are its node classes by the names of their EDS files, `faults` what can be wrong with them besides what can
     be wrong with any device. `suites` is a folder of check suites. `partners` gives simulated nodes that are checked
     their surroundings, with all chance from a seed, and returns what some do by themselves, by their names. `panels`
-    are views of the page, `drawings` what messages draw in an MCAP file, `reports` questions to a season, `watchers`
-    rules of the robot's own for `diagnose`. `stage` are the options that `node` has for its nodes. `table` is the
-    protocol table that other tables may build on, `folder` where its other files lie.
+    are views of the page, `reports` questions to a season, `watchers` rules of the robot's own for `diagnose`. `stage`
+    are the options that `node` has for its nodes. `table` is the protocol table that other tables may build on,
+    `folder` where its other files lie.
     """
 
     name: str = ""
@@ -137,7 +133,6 @@ class Plugin(NamedTuple):
     suites: Path | None = None
     partners: Callable[[Sequence[Node], int, Callable[[], float]], Mapping[str, Program]] = lambda *_: {}
     panels: Callable[[], Sequence[type[Panel]]] = tuple
-    drawings: Callable[[Messages], Drawings] = lambda _: {}
     reports: Callable[[], Mapping[str, SeasonReport]] = dict
     watchers: Callable[[], Sequence[type[Watcher]]] = tuple
     stage: Callable[[], type[Stage]] | None = None

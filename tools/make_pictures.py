@@ -74,7 +74,7 @@ def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
 
 
 def field_alone(drawing: str) -> str:
-    """Return the field without the tables beside it, its texts large enough for a page that is 830 px wide."""
+    """Return the field without what is beside it, its texts large enough for a page that is 830 px wide."""
     cropped = re.sub(r'viewBox="[^"]*"', f'viewBox="{FIELD_ALONE}"', drawing, count=1)
     return re.sub(r'font-size="(28|31|36|38)"', f'font-size="{LEGIBLE}"', cropped)
 

@@ -219,7 +219,7 @@ def _dictionary(devices: Devices, name: str | None, node_id: int | None) -> Dict
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:
     """Wait until the node's end, after `duration` in s. Raises BusError, NodeFailed, NoAnswer, OSError."""
     end = inf if duration is None else live.clock() + duration
-    status = None if scene is None else scene.play(live)
+    status = None if scene is None else scene(live)
     if status is not None:
         return ExitStatus(status)
     while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:

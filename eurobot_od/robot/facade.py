@@ -10,7 +10,6 @@ from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
 from functools import partial, wraps
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, cast
 
 from eurobot_od import plugin
@@ -84,10 +83,8 @@ class Robot:
         self._leaving.callback(sigterm.hold)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._leaving.__exit__(kind, error, trace)
+    def __exit__(self, *raised: Any) -> None:
+        self._leaving.__exit__(*raised)
 
     def play(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
         """Run a team's strategy, a coroutine that awaits the core's calls, and return its result.

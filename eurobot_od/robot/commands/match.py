@@ -16,7 +16,7 @@ from eurobot_od import plugin
 from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
 from eurobot_od.cli.devices import Dialect
-from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, assigned, counted, span, write
+from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, assigned, counted, span
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -94,7 +94,7 @@ class AskedMatch:
     against: strategy of a second robot, instead of enemy 1
     log: write all frames there, in the format of its suffix; with --seeds {seed} stands for each seed
     log_failure: what to do when the log cannot be written (default: go-on); the exit status is 3 in any case
-    field: draw the match: .svg, .html or .png; with --compare the points as .svg, or as .html the matches side by side
+    field: draw the match: .svg, .html or .png; with --compare .html, the matches side by side
     as_json: print as JSON: timeline and summary, or a line for each seed
     """
 
@@ -281,7 +281,7 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
     # one match starts without
-    from eurobot_od.robot.match.seeds import SEED, PlayedMatch, bar_marks, play_many, report, settings
+    from eurobot_od.robot.match.seeds import SEED, PlayedMatch, play_many, report, settings
 
     asked.refuse(("speed", "seed", "field", *OF_A_BUS), "is for one match, and does not go with --seeds")
     log = None if asked.log is None else str(asked.log)
@@ -300,7 +300,7 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
                 print(json.dumps(match.as_data()))
         status = ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
     if played and not asked.as_json:
-        print(*report(played, bar_marks(sys.stdout.encoding)), sep="\n")
+        print(*report(played), sep="\n")
     return status
 
 
@@ -309,7 +309,7 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
 
 def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
-    from eurobot_od.robot.match.seeds import compared, farthest_apart, picture_of, play_many
+    from eurobot_od.robot.match.seeds import compared, farthest_apart, play_many
 
     asked.refuse(("speed", "seed", "strategy", "log", *OF_A_BUS), "does not go with --compare")
     if asked.campaign.results is not None:
@@ -317,8 +317,8 @@ def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     if asked.seeds is None or len({file.stem for file in asked.compare}) < max(len(asked.compare), 2):
         raise LocalError("--compare needs two strategies or more, with different names, and --seeds")
     if asked.field is not None:
-        if asked.field.suffix.lower() not in (".svg", ".html"):
-            raise LocalError(f"--field {asked.field}: with --compare it is an .svg or .html")
+        if asked.field.suffix.lower() != ".html":
+            raise LocalError(f"--field {asked.field}: with --compare it is an .html")
         check_writable(asked.field)
     played = {}
     for file in asked.compare:
@@ -329,9 +329,7 @@ def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
         print(json.dumps({name: [match.as_data() for match in matches] for name, matches in played.items()}))
     else:
         print(*compared(played), sep="\n")
-    if asked.field is not None and asked.field.suffix.lower() == ".svg":
-        write(asked.field, picture_of(played) + "\n")
-    elif asked.field is not None:
+    if asked.field is not None:
         seed = farthest_apart(played)
         _draw_side_by_side(asked, replace(options, seed=seed))
         if not asked.as_json:

@@ -34,12 +34,8 @@ OF_ONE_LINE = {
 OF_FOLDER = ("conftest.py",)
 """Files of a folder, which `--robot` names."""
 
-AT_ROOT = {
-    "README.md": "README.md",
-    "pyproject.toml": "pyproject.toml",
-    "eurobot-od.yaml": "eurobot-od.yaml",
-    "test_robot.py": "tests/test_robot.py",
-}
+AT_ROOT = {each: each for each in ("README.md", "pyproject.toml", "eurobot-od.yaml")}
+AT_ROOT["test_robot.py"] = "tests/test_robot.py"
 """Files of a package that are not in the folder of its modules, and where they are."""
 
 

@@ -16,7 +16,7 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.device.node import Node
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.plugin import NodeRun
+from eurobot_od.plugin import NodeRun, Scene
 from eurobot_od.robot.commands import status_of
 from eurobot_od.robot.model.options import MatchOptions, WorldAddress, facts_for, facts_given
 from eurobot_od.robot.model.values import TeamColour
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 
 OF_THE_CORE = ("team", "drill", "strategy")
 """Options that make sense for the core only."""
-
-APART = (("strategy", "team"), ("strategy", "drill"))
-"""Options that do not go together."""
 
 SHIPPED = "shipped"
 """What stands for the strategy that comes with the program, in place of a file."""
@@ -64,9 +61,9 @@ class NodeOptions:
                 raise LocalError(f"--{option} is for the core, not for {spoken}")
         if self.world and not role:
             raise LocalError(f"--world is for the robot's nodes, not for {spoken}")
-        for one, other in APART:
-            if self._has(one) and self._has(other):
-                raise LocalError(f"--{one} and --{other} do not go together")
+        for option in ("team", "drill"):
+            if self.strategy and self._has(option):
+                raise LocalError(f"--strategy and --{option} do not go together")
         if self.strategy and not self.world:
             raise LocalError("--strategy goes with --world only: a match is played in a world")
 
@@ -82,32 +79,21 @@ class NodeOptions:
             raise LocalError(f"--set is for nodes that go by facts of the robot, not for a {kind.__name__}")
         return {"facts": facts_for(dictionary.file, facts_given(facts))}
 
-    def set_up(self, node: Node, run: NodeRun) -> NodeScene:
-        """Give the node its instruments; raises WorldError, LocalError, OSError."""
+    def set_up(self, node: Node, run: NodeRun) -> Scene:
+        """Give the node its instruments; raises WorldError, LocalError, OSError. On the bus: BusError, NoAnswer."""
         played = _strategy(self.strategy) if self.strategy else None
         world = enter(node, self.world, run.duration) if self.world else None
-        return NodeScene(node, run, self, played, world)
 
-
-@dataclass(frozen=True)
-class NodeScene:
-    """A node with its instruments, in a `world` of another process if the options name one."""
-
-    node: Node
-    run: NodeRun
-    options: NodeOptions
-    strategy: Strategy | None
-    world: tuple[RemoteVehicle, MatchOptions] | None
-
-    def play(self, live: Live) -> ExitStatus | None:
-        """Do what a core does by the options; None if the node is to go on. Raises BusError, NoAnswer."""
-        end = inf if self.run.duration is None else live.clock() + self.run.duration
-        if not isinstance(self.node, Core):
+        def play(live: Live) -> ExitStatus | None:
+            end = inf if run.duration is None else live.clock() + run.duration
+            if not isinstance(node, Core):
+                return None
+            if played and world:
+                return _play(live, node, *world, played, run)
+            _lead(node, self, lambda: max(end - live.clock(), 0.0))
             return None
-        if self.strategy and self.world:
-            return _play(live, self.node, *self.world, self.strategy, self.run)
-        _lead(self.node, self.options, lambda: max(end - live.clock(), 0.0))
-        return None
+
+        return play
 
 
 def _strategy(name: str) -> Strategy:

@@ -33,9 +33,7 @@ from eurobot_od.robot.world.bodies import Touch
 from eurobot_od.robot.world.world import EventKind, MatchEvent
 from eurobot_od.season import campaign
 from eurobot_od.season.campaign import HERE, Workers
-from eurobot_od.support import svg
 from eurobot_od.support.files import digest_of
-from eurobot_od.support.svg import Axis
 from eurobot_od.traffic.recorder import recording
 
 if TYPE_CHECKING:  # only kept results need the extra `season`
@@ -279,11 +277,6 @@ def _digest(options: MatchOptions, strategies: StrategyFiles) -> str:
 # A histogram of whole numbers, as lines of text
 
 
-BLOCKS = " ▏▎▍▌▋▊▉█"
-"""Nothing, the parts of a character, and a whole one."""
-
-ASCII = " #"
-
 WIDTH = 40
 """Characters of the longest bar."""
 
@@ -293,28 +286,17 @@ MOST_ROWS = 15
 STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
-def bar_marks(encoding: str | None) -> str:
-    """Return the characters for bars that an encoding has."""
-    try:
-        BLOCKS.encode(encoding or "ascii")
-    except (UnicodeEncodeError, LookupError):
-        return ASCII
-    return BLOCKS
-
-
-def histogram(values: Sequence[int], characters: str = BLOCKS) -> Iterator[str]:
+def histogram(values: Sequence[int]) -> Iterator[str]:
     """Yield how often values from 0 up occur, with a row for each step from the least to the greatest."""
     step = next((each for each in STEPS if max(values) // each - min(values) // each < MOST_ROWS), STEPS[-1])
     counts = Counter(value // step for value in values)
     most, width = max(counts.values()), len(str(max(counts) * step + step - 1))
-    parts = len(characters) - 1
     # Empty rows are drawn as well: a gap in the middle is worth seeing.
     for number in range(min(counts), max(counts) + 1):
         first, last = number * step, number * step + step - 1
         name = f"{first:>{width}}" if step == 1 else f"{first:>{width}} to {last:>{width}}"
-        length = round(counts[number] / most * WIDTH * parts) or (counts[number] > 0)  # a single match is visible, too
-        bar = characters[-1] * (length // parts) + characters[length % parts].strip()
-        yield f"{name}  {bar} {counts[number]}"
+        length = round(counts[number] / most * WIDTH) or (counts[number] > 0)  # a single match is visible, too
+        yield f"{name}  {'#' * length} {counts[number]}"
 
 
 # The figures
@@ -416,8 +398,8 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
 NO_TASKS = "no task was done in any match: `await core.act(task)` does one of those in robot.yaml"
 
 
-def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]:
-    """Yield lines that sum up the matches, at least one; `marks` are the characters of the histogram."""
+def report(matches: Sequence[PlayedMatch]) -> Iterator[str]:
+    """Yield lines that sum up the matches, at least one."""
     yield f"{'gotos':<30} {'matches':>8} {'gotos':>8}"
     for end, in_matches, gotos in endings(matches):
         yield f"{end:<30} {in_matches:>8} {gotos:>8}"
@@ -436,7 +418,7 @@ def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]
         where = f"position error at {len(errors)} arrivals"
         yield f"{where}: mean {fmean(errors):.1f} mm, RMS {rms:.1f} mm, 95 % up to {most:.1f} mm"
     if points := [match.points for match in matches if match.summary]:
-        yield from ("", "matches by points", *histogram(points, marks))
+        yield from ("", "matches by points", *histogram(points))
     yield ""
     yield from _to_look_at(matches)
 
@@ -524,34 +506,3 @@ def farthest_apart(played: Played) -> int:
         raise LocalError("no seed was played to its end with each strategy, so there is nothing to be drawn")
     farthest: Sequence[PlayedMatch] = max(rows, key=lambda row: max(map(POINTS.of, row)) - min(map(POINTS.of, row)))
     return farthest[0].seed
-
-
-LEFT, TOP, PLOT, HEIGHT, RIGHT, BOTTOM = 56, 64, 880, 320, 24, 40
-"""Margins, and the size of the plot; one unit is a pixel."""
-
-
-def picture_of(played: Played) -> str:
-    """Return an SVG document with the points at each seed, a dot for each strategy, and a line at each mean."""
-    points = {name: [POINTS.of(match) for match in matches] for name, matches in played.items()}
-    seeds = [match.seed for match in next(iter(played.values()))]
-    across = Axis(-0.5, len(seeds) - 0.5, LEFT, LEFT + PLOT)
-    up = Axis(0.0, max(1.0, *(max(values) for values in points.values())), TOP + HEIGHT, TOP)
-    drawn = [*svg.axis_up(up, LEFT, LEFT + PLOT)]
-    for place, (name, values) in enumerate(points.items()):
-        colour, (mean, half) = svg.COLOURS[place % len(svg.COLOURS)], interval(values)
-        top, bottom = up.at(mean + half), up.at(mean - half)
-        drawn.append(svg.rectangle((LEFT, top), PLOT, bottom - top, fill=colour, opacity=0.15))
-        drawn.append(svg.line((LEFT, up.at(mean)), (LEFT + PLOT, up.at(mean)), stroke=colour))
-        drawn += (
-            svg.group(
-                svg.title(f"{name}, seed {seed}: {value:g}"),
-                svg.circle((across.at(number), up.at(value)), 3, fill=colour),
-            )
-            for number, (seed, value) in enumerate(zip(seeds, values))
-        )
-        legend = f"{name}: {mean:.1f} ± {half:.1f} points"
-        drawn.append(svg.text((LEFT + 290 * place, TOP - 18), legend, font_size=svg.TEXT, fill=colour))
-    title, dots = f"Points, seeds {seeds[0]} to {seeds[-1]}", "a dot for each match; lines: means, with 95 % intervals"
-    drawn.append(svg.text((LEFT, TOP + HEIGHT + 24), dots, font_size=svg.TEXT, fill=svg.PALE))
-    width, height = LEFT + PLOT + RIGHT, TOP + HEIGHT + BOTTOM
-    return svg.document(title, svg.heading(title), *drawn, width=width, height=height)

@@ -209,6 +209,15 @@ MaybeMillimetres: TypeAlias = Annotated["int | None", Coordinate("mm")]
 MaybeSource: TypeAlias = Annotated["Source | OutOfRange", Choice(Source)]
 
 
+class PositionResponse(NamedTuple):
+    """What the answers to all requests for a position have (document Table 2); `source` is whose it is."""
+
+    x: MaybeMillimetres
+    y: MaybeMillimetres
+    angle: MaybeDegrees
+    source: MaybeSource
+
+
 @CATALOGUE.message(GTP, always=True)
 class EmergencyShutdown(NamedTuple):
     """GTP Stop to all nodes: the mushroom was hit (document 4.2.2); nodes keep their safe state."""
@@ -266,13 +275,10 @@ class NaviPositionRequest(NamedTuple):
 
 
 @CATALOGUE.message(ELP)
-class NaviPositionResponse(NamedTuple):
+class NaviPositionResponse(PositionResponse):
     """ELP: raw position of our robot, navigation to drive (document Table 2)."""
 
-    x: MaybeMillimetres
-    y: MaybeMillimetres
-    angle: MaybeDegrees
-    source: MaybeSource
+    __slots__ = ()
 
 
 @CATALOGUE.message(ELP)
@@ -281,13 +287,10 @@ class KalmanPositionRequest(NamedTuple):
 
 
 @CATALOGUE.message(ELP)
-class KalmanPositionResponse(NamedTuple):
+class KalmanPositionResponse(PositionResponse):
     """ELP: filtered position of our robot, drive to core (document Table 2)."""
 
-    x: MaybeMillimetres
-    y: MaybeMillimetres
-    angle: MaybeDegrees
-    source: MaybeSource
+    __slots__ = ()
 
 
 @CATALOGUE.message(ELP)
@@ -296,13 +299,10 @@ class Enemy1PositionRequest(NamedTuple):
 
 
 @CATALOGUE.message(ELP)
-class Enemy1PositionResponse(NamedTuple):
+class Enemy1PositionResponse(PositionResponse):
     """ELP: position of enemy 1, navigation to core (document Table 2)."""
 
-    x: MaybeMillimetres
-    y: MaybeMillimetres
-    angle: MaybeDegrees
-    source: MaybeSource
+    __slots__ = ()
 
 
 @CATALOGUE.message(ELP)
@@ -311,13 +311,10 @@ class Enemy2PositionRequest(NamedTuple):
 
 
 @CATALOGUE.message(ELP)
-class Enemy2PositionResponse(NamedTuple):
+class Enemy2PositionResponse(PositionResponse):
     """ELP: position of enemy 2, navigation to core (document Table 2)."""
 
-    x: MaybeMillimetres
-    y: MaybeMillimetres
-    angle: MaybeDegrees
-    source: MaybeSource
+    __slots__ = ()
 
 
 @CATALOGUE.message(ELP)
@@ -326,13 +323,10 @@ class ConfederatePositionRequest(NamedTuple):
 
 
 @CATALOGUE.message(ELP)
-class ConfederatePositionResponse(NamedTuple):
+class ConfederatePositionResponse(PositionResponse):
     """ELP: position of the confederate, navigation to core (document Table 2)."""
 
-    x: MaybeMillimetres
-    y: MaybeMillimetres
-    angle: MaybeDegrees
-    source: MaybeSource
+    __slots__ = ()
 
 
 DIAMETERS: Mapping[Source, str] = {Source.ENEMY_1: "enemy_1_diameter", Source.ENEMY_2: "enemy_2_diameter"}
@@ -391,13 +385,6 @@ class CheckDriveResponse(NamedTuple):
 
 
 StopMessage: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
-PositionResponse: TypeAlias = (
-    NaviPositionResponse
-    | KalmanPositionResponse
-    | Enemy1PositionResponse
-    | Enemy2PositionResponse
-    | ConfederatePositionResponse
-)
 
 
 class Position(NamedTuple):

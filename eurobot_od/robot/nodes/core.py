@@ -40,7 +40,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping
 from functools import partial
 from math import inf
-from typing import Any, ClassVar, NamedTuple, get_args
+from typing import Any, ClassVar, NamedTuple
 
 from eurobot_od.device.bound import BoundObject, seconds
 from eurobot_od.device.objects import Store
@@ -823,5 +823,5 @@ class Core(CallingNode, CoreSettings):
         messages.StartConfigurationConfirm: lambda core, _: (
             messages.EmergencyShutdown() if core.shut_down and core._configuring is None else None
         ),
-        **dict.fromkeys(get_args(messages.PositionResponse), _saw),
+        **dict.fromkeys((each.response for each in messages.POSITIONS), _saw),
     }

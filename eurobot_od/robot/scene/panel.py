@@ -145,8 +145,7 @@ class FieldPanel(Panel):
         return self._event(PageEvent(name, "goto", goto.sent, text, end, str(goto.number), wrong), items)
 
     def _stop(self, stop: RecordedStop) -> PageEvent:
-        name = f"stop {stop.letter}"
-        event = PageEvent(name, "stop", stop.time, stop.words, mark=stop.letter, wrong=True)
+        event = PageEvent(f"stop {stop.letter}", "stop", stop.time, stop.words, mark=stop.letter, wrong=True)
         return self._event(event, self._scene.stop(stop))
 
     def _event(self, event: PageEvent, items: Iterable[Item]) -> PageEvent:

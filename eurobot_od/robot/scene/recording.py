@@ -57,18 +57,17 @@ class RecordedGoto:
 
 @dataclass(frozen=True)
 class RecordedStop:
-    """A stop: its letter (A, B, ...), time in s, name and reason, and where the robot was then, if that is known."""
+    """A stop: its letter (A, B, ...), time in s, what it was and why, and where the robot was then, if it is known."""
 
     letter: str
     time: float
-    name: str
-    reason: str
+    what: str
     place: PathPoint | None
 
     @property
     def words(self) -> str:
         """What it was, and why."""
-        return f"{self.letter}: {self.name}: {self.reason}"
+        return f"{self.letter}: {self.what}"
 
 
 class TouchMark(NamedTuple):
@@ -192,12 +191,12 @@ class Recorder:
         self._standing = stop
         self._end(now, Outcome.STOPPED)
         letter, place = _letter(len(self.recording.stops)), at(self.recording.path, now)
-        name, reason = ("Stop Drive", "commanded")
+        what = (
+            "Emergency Shutdown: mushroom" if isinstance(stop, messages.EmergencyShutdown) else "Stop Drive: commanded"
+        )
         if isinstance(stop, messages.EmergencyStop):
-            name, reason = "Emergency Stop", kinds(messages.EmergencyStop)["obstacle"].text(stop.obstacle)
-        elif isinstance(stop, messages.EmergencyShutdown):
-            name, reason = "Emergency Shutdown", "mushroom"
-        self.recording.stops.append(RecordedStop(letter, now, name, reason, place))
+            what = f"Emergency Stop: {kinds(messages.EmergencyStop)['obstacle'].text(stop.obstacle)}"
+        self.recording.stops.append(RecordedStop(letter, now, what, place))
         self._news.append(self.recording.stops[-1])
 
     def _end(self, now: float, outcome: Outcome) -> None:

@@ -28,8 +28,8 @@ class Colour(NamedTuple):
     dark: str
 
 
-NAMES = ("ink", "pale", "paper", "surface", "grid", "goto", "stop", "reached", "replaced")
-INK, PALE, PAPER, SURFACE, GRID, GOTO, STOP, REACHED, REPLACED = (f"var(--field-{each})" for each in NAMES)
+NAMES = ("ink", "pale", "paper", "surface", "grid", "goto", "stop")
+INK, PALE, PAPER, SURFACE, GRID, GOTO, STOP = (f"var(--field-{each})" for each in NAMES)
 PUSHED, FIXED, TREE, TRUTH, TOUCH = "#e8762c", "#8d6e63", "#558b2f", "#12b5a0", "#d500f9"
 """Those that are the same on both grounds."""
 
@@ -47,8 +47,6 @@ COLOURS: Mapping[str, Colour] = {
     GRID: Colour(svg.GRID, "#3a4048"),
     GOTO: Colour("#1c2f6b", "#9fb6ff"),
     STOP: Colour(svg.RED, "#ff8a80"),
-    REACHED: Colour(svg.GREEN, "#7bd99b"),
-    REPLACED: Colour("#78909c", "#90a4ae"),
     colour_of("red"): Colour("#d32f2f", "#ff6e64"),
     colour_of("yellow"): Colour("#9a7000", "#e0a800"),
     colour_of("enemy 1"): Colour("#4a148c", "#9575ff"),
@@ -89,13 +87,6 @@ PASSAGES = {
     Passage.FORCED: ("barrier, never crossed", None, 14),
 }
 """What the ring around a barrier that a goto asked for means, its dashes and width."""
-
-OUTCOMES: Mapping[Outcome | None, str] = {
-    Outcome.ARRIVED: REACHED,
-    **dict.fromkeys((Outcome.STOPPED, Outcome.BLOCKED, Outcome.NOT_POSSIBLE), STOP),
-    **dict.fromkeys((Outcome.REPLACED, None), REPLACED),
-}
-"""Colours of gotos by how they ended; None is still under way."""
 
 RAMP = ((0x7F, 0xCD, 0xEE), (0x2F, 0x8F, 0xD0), (0x34, 0x57, 0xA6), (0x2A, 0x1F, 0x6B))
 """Colours of the time from start to end; they get darker, so that the order is seen in grey as well."""

@@ -264,19 +264,10 @@ RETRY = 0.5
 
 
 class WorldTruth(NamedTuple):
-    """What is true of a robot at a time of the world, in s: where it is, its points, and its number of touches."""
+    """What is true of a robot: where it is, and its points."""
 
-    time: float
-    x: float
-    y: float
-    angle: float
+    pose: Pose
     points: int
-    touches: int
-
-    @property
-    def pose(self) -> Pose:
-        """Its true pose."""
-        return Pose(self.x, self.y, self.angle)
 
 
 class _Connection:
@@ -361,7 +352,7 @@ class RemoteVehicle:
 
     def truth(self) -> WorldTruth:
         """Ask what is true of the robot; raises WorldError."""
-        return self._asked(lambda answer: WorldTruth(**answer), "truth")
+        return self._asked(lambda each: WorldTruth(Pose(each["x"], each["y"], each["angle"]), each["points"]), "truth")
 
     # Wheels, beacons, distance sensor
 

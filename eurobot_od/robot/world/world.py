@@ -23,7 +23,7 @@ from enum import Enum
 from functools import partial
 from typing import Any, Protocol
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import look_up
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.model.places import Point, Pose, is_near
 from eurobot_od.robot.model.robot_file import Facts, Field, RobotShape, Task, Worth
@@ -385,10 +385,7 @@ class World:
         return self.game.finish(name, self._task(name, task), self.robots[name].pose, self.clock())
 
     def _task(self, name: str, task: str) -> Task:
-        tasks = self.facts.tasks(self._teams[name])
-        if task not in tasks:
-            raise UnknownName("task", task, tasks)
-        return tasks[task]
+        return look_up("task", task, self.facts.tasks(self._teams[name]))
 
 
 class LocalVehicle:

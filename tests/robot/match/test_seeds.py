@@ -13,7 +13,6 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.referee import StrategyFiles
 from eurobot_od.robot.match.seeds import (
-    ASCII,
     FIGURES,
     FORCED,
     MOST_LISTED,
@@ -232,7 +231,7 @@ def test_the_position_error_is_that_of_all_arrivals() -> None:
 
 
 def test_the_histogram_has_a_line_for_each_step_of_points() -> None:
-    lines = list(report([FINE, STOPPED, match(7)], ASCII))
+    lines = list(report([FINE, STOPPED, match(7)]))
     begin = lines.index("matches by points")
     assert [lines[begin + 1].split()[0], lines[begin + 1].split()[-1], lines[begin + 11].split()[-1]] == [
         "10",

@@ -1,13 +1,11 @@
-"""Strategies side by side: means, intervals, differences at the same seeds, and the picture of it."""
+"""Strategies side by side: means, intervals, differences at the same seeds, and the seed to be drawn."""
 
 from __future__ import annotations
-
-from xml.etree import ElementTree
 
 import pytest
 
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.match.seeds import PlayedMatch, compared, farthest_apart, interval, picture_of
+from eurobot_od.robot.match.seeds import PlayedMatch, compared, farthest_apart, interval
 from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.model.values import OURS
 
@@ -36,13 +34,6 @@ def test_a_line_for_each_seed_and_the_differences_at_the_same_seeds() -> None:
     assert "quick against slow: points +3.25 ± 0.49; more at 4 seeds, fewer at 0" in lines
     assert "same against slow: points +0.00 ± 1.13, which may be chance; more at 2 seeds, fewer at 2" in lines
     assert "same against slow: touches +0.00 ± 0.00, the same at each seed; more at 0 seeds, fewer at 0" in lines
-
-
-def test_the_picture_has_a_dot_for_each_match_and_says_whose() -> None:
-    drawing = ElementTree.fromstring(picture_of(PLAYED))
-    _, *words = [each.text for each in drawing.iter("{http://www.w3.org/2000/svg}title")]  # the picture's, the dots'
-    assert len(words) == 12
-    assert "quick, seed 4: 24" in words
 
 
 def test_the_seed_to_be_drawn_is_the_first_of_those_whose_points_differ_most() -> None:

@@ -79,32 +79,32 @@ def test_gotos(messages: list[Message], expected: list[tuple[Outcome | None, flo
     assert endings(recorded(*messages)) == expected
 
 
-STOPS: list[tuple[str, list[Message], list[tuple[str, float, str, str]]]] = [
-    ("an enemy", [EmergencyStop(Obstacle.ENEMY)], [("A", 0, "Emergency Stop", "enemy")]),
-    ("an object", [EmergencyStop(Obstacle.OBJECT)], [("A", 0, "Emergency Stop", "object")]),
-    ("no known obstacle", [EmergencyStop(OutOfRange(7))], [("A", 0, "Emergency Stop", "7 (out of range)")]),
-    ("shutdown", [EmergencyShutdown()], [("A", 0, "Emergency Shutdown", "mushroom")]),
+STOPS: list[tuple[str, list[Message], list[tuple[str, float, str]]]] = [
+    ("an enemy", [EmergencyStop(Obstacle.ENEMY)], [("A", 0, "Emergency Stop: enemy")]),
+    ("an object", [EmergencyStop(Obstacle.OBJECT)], [("A", 0, "Emergency Stop: object")]),
+    ("no known obstacle", [EmergencyStop(OutOfRange(7))], [("A", 0, "Emergency Stop: 7 (out of range)")]),
+    ("shutdown", [EmergencyShutdown()], [("A", 0, "Emergency Shutdown: mushroom")]),
     (
         "again after a late confirm",
         [ONE, StopDrive(), GotoConfirm(), StopDrive()],
-        [("A", 1, "Stop Drive", "commanded")],
+        [("A", 1, "Stop Drive: commanded")],
     ),
     (
         "two in a row that differ",
         [EmergencyStop(Obstacle.ENEMY), EmergencyShutdown()],
-        [("A", 0, "Emergency Stop", "enemy"), ("B", 1, "Emergency Shutdown", "mushroom")],
+        [("A", 0, "Emergency Stop: enemy"), ("B", 1, "Emergency Shutdown: mushroom")],
     ),
     (
         "the same for the next goto",
         [ONE, StopDrive(), TWO, StopDrive()],
-        [("A", 1, "Stop Drive", "commanded"), ("B", 3, "Stop Drive", "commanded")],
+        [("A", 1, "Stop Drive: commanded"), ("B", 3, "Stop Drive: commanded")],
     ),
 ]
 
 
 @pytest.mark.parametrize(("messages", "expected"), [row[1:] for row in STOPS], ids=[row[0] for row in STOPS])
-def test_stops(messages: list[Message], expected: list[tuple[str, float, str, str]]) -> None:
-    assert [(s.letter, s.time, s.name, s.reason) for s in recorded(*messages).stops] == expected
+def test_stops(messages: list[Message], expected: list[tuple[str, float, str]]) -> None:
+    assert [(s.letter, s.time, s.what) for s in recorded(*messages).stops] == expected
 
 
 def test_letters_go_on_after_z() -> None:

@@ -64,12 +64,12 @@ def test_a_disc_keeps_its_place_when_the_goto_ends() -> None:
 
 
 def test_a_stop_stands_where_the_robot_was_or_nowhere() -> None:
-    scene, stop = MatchScene(FACTS), RecordedStop("A", 6.0, "Emergency Stop", "enemy", PathPoint(6, 700, 1950, None))
+    scene, stop = MatchScene(FACTS), RecordedStop("A", 6.0, "Emergency Stop: enemy", PathPoint(6, 700, 1950, None))
     (item,) = scene.stop(stop)
     assert (place_of(item), item.begin, item.end) == ((700, 50 + SIGN), 6.0, None), (
         "below: above it there is the border"
     )
-    assert list(scene.stop(RecordedStop("B", 7.0, "Stop Drive", "commanded", None))) == []
+    assert list(scene.stop(RecordedStop("B", 7.0, "Stop Drive: commanded", None))) == []
 
 
 @rows("scale", [1.0, 2.0, 3.0])
@@ -85,7 +85,7 @@ def test_no_sign_covers_the_name_of_a_start_zone(kind: str, scale: float) -> Non
     assert len(names) == 2
     covered = []
     for x, y in [(x, y) for x in range(0, int(WIDTH) + 1, 60) for y in range(int(HEIGHT) - 700, int(HEIGHT) - 40, 20)]:
-        stop = RecordedStop("A", 6.0, "Emergency Stop", "enemy", PathPoint(6, x, y, None))
+        stop = RecordedStop("A", 6.0, "Emergency Stop: enemy", PathPoint(6, x, y, None))
         scene, place = MatchScene(FACTS), (x, HEIGHT - y)
         (item,) = (
             each for each in (scene.goto(goto(1, x, y)) if kind == "goto" else scene.stop(stop)) if each.layer == MARKS
