@@ -16,7 +16,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -35,9 +35,9 @@ from eurobot_od.season.columns import ENTRY, FOREIGN, FRAMES, FROM_DATA, LENGTH,
 from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import Follower, is_followed
-from eurobot_od.traffic.entries import REMEMBERED, Damage, Raw
-from eurobot_od.traffic.meaning import Decoder, Meaning, SdoTransfer, Unmapped
+from eurobot_od.traffic.decoding import Following, is_followed
+from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.meaning import Decoder, SdoTransfer, Unmapped
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, LSS, NMT, SDO, CanopenService, Fields
 
 VERSION = b"5"
@@ -189,9 +189,8 @@ class _MessageTable:
 
 
 class _InForce(NamedTuple):
-    """How the frames of a channel are decoded, one by one and by columns, and by COB-ID where its messages go."""
+    """How the frames of a channel are decoded by columns, and by COB-ID where its messages go."""
 
-    decode: Callable[[Raw], Meaning]
     decoding: NetworkDecoding
     tables: Mapping[int, _MessageTable]
 
@@ -242,8 +241,7 @@ class RunTables:
         self._messages: list[_MessageTable] = []
         self._first = self._in_force(decoding)
         self._now: dict[str, _InForce] = {}
-        self._shown: dict[str, Decoder] = {}
-        self._follow = Follower(decoding.decoder, self._shown.__setitem__)
+        self._following = Following(decoding.decoder)
         self._counts = {"frames": 0, "damage": 0}
         self._ends: dict[str, float | None] = {"start": None, "end": None}
 
@@ -255,7 +253,7 @@ class RunTables:
     def _in_force(self, decoding: NetworkDecoding) -> _InForce:
         found = {cob_id: _MessageTable(each, self._file) for cob_id, each in decoding.messages.items()}
         self._messages += found.values()
-        return _InForce(lru_cache(REMEMBERED)(decoding.decoder), decoding, found)
+        return _InForce(decoding, found)
 
     def _file(self, decoding: MessageDecoding) -> _Table:
         """Return the file for a message's rows; the first mapping that has some takes the message's name."""
@@ -272,7 +270,7 @@ class RunTables:
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         with self._stack:  # closes the files whatever happens: after an error they are thrown away
             if error is None:
-                for channel, last, transfer in self._follow.unfinished():
+                for channel, last, transfer in self._following.unfinished():
                     assert isinstance(last.raw, Frame)
                     self._transfers.append(self._heard[channel, last.raw.cob_id] | of_transfer(transfer))
                 self._write_services()
@@ -309,17 +307,17 @@ class RunTables:
         followed = frames.filter(self._decoding.followed & ~pl.col("remote"))
         for number, time, channel, cob_id, data, *_ in followed.select(FRAMES.names()).iter_rows():
             force = self._now.get(channel, self._first)
-            meaning = force.decode(Frame(cob_id, data))
+            meaning = self._following.decode(channel)(Frame(cob_id, data))
             if is_followed(meaning):
                 place = {"line": number, "t": time, "channel": channel}
-                said = self._follow(time, channel, meaning)
+                said = self._following.follow(time, channel, meaning)
                 if said.name == SDO:
                     self._heard[channel, cob_id] = place
                 if said.transfer:
                     self._transfers.append(place | of_transfer(said.transfer))
                 if said.defects:
                     wrong += [place | {"kind": each.damage.value, "text": each.text} for each in said.defects]
-            if decoder := self._shown.pop(channel, None):
+            if (decoder := self._following.decoder(channel)) is not force.decoding.decoder:
                 part = (channel_is == channel) & line.is_between(done.get(channel, -1), number, closed="right")
                 yield from self._of_messages(frames.filter(part), force)
                 self._now[channel], done[channel] = self._in_force(self._decoding.as_shown(decoder)), number
