@@ -91,13 +91,11 @@ class NetworkDecoding:
     @cached_property
     def followed(self) -> pl.Expr:
         """Whether a frame may show what is in force: of SDO or LSS, a command of NMT, or a boot-up."""
-        named: dict[str, list[int]] = {}
-        for cob_id, each in self.services.items():
-            named.setdefault(each.name, []).append(cob_id)
-        is_boot_up = pl.col("cob_id").is_in(named.get(HEARTBEAT, [])) & (pl.col("data") == bytes(1))
-        return (
-            pl.col("cob_id").is_in([cob_id for name in (SDO, LSS, NMT) for cob_id in named.get(name, ())]) | is_boot_up
-        )
+
+        def is_of(*names: str) -> pl.Expr:
+            return pl.col("cob_id").is_in([cob_id for cob_id, each in self.services.items() if each.name in names])
+
+        return is_of(SDO, LSS, NMT) | (is_of(HEARTBEAT) & (pl.col("data") == bytes(1)))
 
 
 EMPTY = pl.DataFrame(schema={columns.WORD: pl.UInt64, LENGTH: pl.UInt32})
