@@ -510,13 +510,14 @@ class DecodedLog:
     ) -> int | None:
         """Fill in rows one by one, and return the place of a frame that changes what those after it mean."""
         output, wanted, times, known = self._asked.output, self._asked.wanted, batch.times, in_use.known
+        follow, decoder = self._following.follow, self._following.decoder
         for place in places:
             row, defects, followed = known(batch.raw(place))
-            if followed and (said := self._following.follow(times[place], channel, followed)) is not followed:
+            if followed and (said := follow(times[place], channel, followed)) is not followed:
                 row, defects = output.row(said) if wanted is None or wanted(said) else None, said.defects
             rows[place] = row
             if defects:
                 self._defects[place] = defects
-            if followed and self._following.decoder(channel) is not in_use.decoder:
+            if followed and decoder(channel) is not in_use.decoder:
                 return place
         return None
