@@ -13,10 +13,10 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -35,9 +35,9 @@ from eurobot_od.season.columns import ENTRY, FOREIGN, FRAMES, FROM_DATA, LENGTH,
 from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import Follower, is_followed
-from eurobot_od.traffic.entries import REMEMBERED, Damage, Raw
-from eurobot_od.traffic.meaning import Decoder, Meaning, SdoTransfer, Unmapped
+from eurobot_od.traffic.decoding import Following, is_followed
+from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.meaning import Decoder, SdoTransfer, Unmapped
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, LSS, NMT, SDO, CanopenService, Fields
 
 VERSION = b"5"
@@ -91,13 +91,11 @@ class NetworkDecoding:
     @cached_property
     def followed(self) -> pl.Expr:
         """Whether a frame may show what is in force: of SDO or LSS, a command of NMT, or a boot-up."""
-        named: dict[str, list[int]] = {}
-        for cob_id, each in self.services.items():
-            named.setdefault(each.name, []).append(cob_id)
-        is_boot_up = pl.col("cob_id").is_in(named.get(HEARTBEAT, [])) & (pl.col("data") == bytes(1))
-        return (
-            pl.col("cob_id").is_in([cob_id for name in (SDO, LSS, NMT) for cob_id in named.get(name, ())]) | is_boot_up
-        )
+
+        def is_of(*names: str) -> pl.Expr:
+            return pl.col("cob_id").is_in([cob_id for cob_id, each in self.services.items() if each.name in names])
+
+        return is_of(SDO, LSS, NMT) | (is_of(HEARTBEAT) & (pl.col("data") == bytes(1)))
 
 
 EMPTY = pl.DataFrame(schema={columns.WORD: pl.UInt64, LENGTH: pl.UInt32})
@@ -164,38 +162,6 @@ class _Table:
             self._writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema))
 
 
-class _MessageTable:
-    """The table of a message; its frames are kept until there are MANY, as to decode and write a few costs as much."""
-
-    def __init__(self, decoding: MessageDecoding, table: Callable[[MessageDecoding], _Table]) -> None:
-        self._decoding, self._table = decoding, table
-        self._kept: list[pl.DataFrame] = []
-
-    def take(self, frames: pl.DataFrame) -> list[pl.DataFrame]:
-        """Take frames; return what is wrong with those that are written now."""
-        # A batch has some of each message: written as they come, a table would be of many small row groups, which a
-        # reader opens one by one.
-        self._kept.append(frames)
-        return self.flush() if sum(map(len, self._kept)) >= MANY else []
-
-    def flush(self) -> list[pl.DataFrame]:
-        """Decode and write the frames that are kept; return what is wrong with them."""
-        if not self._kept:
-            return []
-        rows, wrong = self._decoding(pl.concat(self._kept))
-        self._kept.clear()
-        self._table(self._decoding).write(rows)
-        return wrong
-
-
-class _InForce(NamedTuple):
-    """How the frames of a channel are decoded, one by one and by columns, and by COB-ID where its messages go."""
-
-    decode: Callable[[Raw], Meaning]
-    decoding: NetworkDecoding
-    tables: Mapping[int, _MessageTable]
-
-
 OF_SERVICES = {SDO: tables.SDO, EMCY_NAME: tables.EMCY, HEARTBEAT: tables.HEARTBEAT, NMT: tables.NMT}
 """The tables of the services."""
 
@@ -223,7 +189,10 @@ def said_by(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
 
 
 class RunTables:
-    """All tables of a run, each a file in a folder; they are whole at the end of the `with` block."""
+    """All tables of a run, each a file in a folder; they are whole at the end of the `with` block.
+
+    The frames of a message are kept until there are MANY, as to decode and write a few costs as much.
+    """
 
     def __init__(self, folder: Path, run: str, decoding: NetworkDecoding) -> None:
         self._folder, self._decoding = folder, decoding
@@ -239,11 +208,9 @@ class RunTables:
         self._transfers: list[Fields] = []
         self._heard: dict[tuple[str, int], Fields] = {}
         self._files: dict[str, _Table] = {}
-        self._messages: list[_MessageTable] = []
-        self._first = self._in_force(decoding)
-        self._now: dict[str, _InForce] = {}
-        self._shown: dict[str, Decoder] = {}
-        self._follow = Follower(decoding.decoder, self._shown.__setitem__)
+        self._kept: dict[MessageDecoding, list[pl.DataFrame]] = {each: [] for each in decoding.messages.values()}
+        self._now: dict[str, NetworkDecoding] = {}
+        self._following = Following(decoding.decoder)
         self._counts = {"frames": 0, "damage": 0}
         self._ends: dict[str, float | None] = {"start": None, "end": None}
 
@@ -251,11 +218,6 @@ class RunTables:
         table = _Table(self._folder / f"{name}{tables.SUFFIX}", schema)
         self._stack.callback(table.close)
         return table
-
-    def _in_force(self, decoding: NetworkDecoding) -> _InForce:
-        found = {cob_id: _MessageTable(each, self._file) for cob_id, each in decoding.messages.items()}
-        self._messages += found.values()
-        return _InForce(lru_cache(REMEMBERED)(decoding.decoder), decoding, found)
 
     def _file(self, decoding: MessageDecoding) -> _Table:
         """Return the file for a message's rows; the first mapping that has some takes the message's name."""
@@ -272,18 +234,18 @@ class RunTables:
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         with self._stack:  # closes the files whatever happens: after an error they are thrown away
             if error is None:
-                for channel, last, transfer in self._follow.unfinished():
+                for channel, last, transfer in self._following.unfinished():
                     assert isinstance(last.raw, Frame)
                     self._transfers.append(self._heard[channel, last.raw.cob_id] | of_transfer(transfer))
                 self._write_services()
-                self._write_damage(wrong for each in self._messages for wrong in each.flush())
+                self._write_damage(wrong for each in self._kept for wrong in self._flushed(each))
                 for message in self._decoding.messages.values():
                     if message.table not in self._files:  # also a table without rows is there for a query
                         self._file(message)
 
     def row(self) -> dict[str, Any]:
         """Return the run's row: network, amounts, start and end."""
-        last = next(reversed(self._now.values()), self._first).decoding
+        last = next(reversed(self._now.values()), self._decoding)
         return {"network": last.network, "eds": last.eds, **self._counts, **self._ends}
 
     def take(self, batch: ColumnBatch) -> None:
@@ -308,28 +270,30 @@ class RunTables:
         wrong: list[Fields] = []
         followed = frames.filter(self._decoding.followed & ~pl.col("remote"))
         for number, time, channel, cob_id, data, *_ in followed.select(FRAMES.names()).iter_rows():
-            force = self._now.get(channel, self._first)
-            meaning = force.decode(Frame(cob_id, data))
+            decoding = self._now.get(channel, self._decoding)
+            meaning = self._following.decode(channel)(Frame(cob_id, data))
             if is_followed(meaning):
                 place = {"line": number, "t": time, "channel": channel}
-                said = self._follow(time, channel, meaning)
+                said = self._following.follow(time, channel, meaning)
                 if said.name == SDO:
                     self._heard[channel, cob_id] = place
                 if said.transfer:
                     self._transfers.append(place | of_transfer(said.transfer))
                 if said.defects:
                     wrong += [place | {"kind": each.damage.value, "text": each.text} for each in said.defects]
-            if decoder := self._shown.pop(channel, None):
+            if (decoder := self._following.decoder(channel)) is not decoding.decoder:
                 part = (channel_is == channel) & line.is_between(done.get(channel, -1), number, closed="right")
-                yield from self._of_messages(frames.filter(part), force)
-                self._now[channel], done[channel] = self._in_force(self._decoding.as_shown(decoder)), number
-        for channel, force in self._now.items():
-            yield from self._of_messages(frames.filter((channel_is == channel) & (line > done.get(channel, -1))), force)
+                yield from self._of_messages(frames.filter(part), decoding)
+                now, done[channel] = self._decoding.as_shown(decoder), number
+                self._now[channel], self._kept = now, self._kept | {each: [] for each in now.messages.values()}
+        for channel, decoding in self._now.items():
+            left = frames.filter((channel_is == channel) & (line > done.get(channel, -1)))
+            yield from self._of_messages(left, decoding)
         rest = frames.filter(~channel_is.is_in(list(self._now))) if self._now else frames
-        yield from self._of_messages(rest, self._first)
+        yield from self._of_messages(rest, self._decoding)
         yield pl.DataFrame(wrong, FOREIGN)
 
-    def _of_messages(self, frames: pl.DataFrame, force: _InForce) -> Iterator[pl.DataFrame]:
+    def _of_messages(self, frames: pl.DataFrame, decoding: NetworkDecoding) -> Iterator[pl.DataFrame]:
         """Write the messages; yield what is wrong with them and with all other frames."""
         others = []
         remote = frames["remote"]
@@ -337,16 +301,28 @@ class RunTables:
             others.append(frames.filter(remote))
             frames = frames.filter(~remote)
         for (cob_id,), some in frames.partition_by("cob_id", as_dict=True).items():
-            if int(cob_id) in force.tables:
-                yield from force.tables[int(cob_id)].take(some)
+            if message := decoding.messages.get(int(cob_id)):
+                self._kept[message].append(some)
+                # A batch has some of each message: written as they come, a table would be of many small row groups,
+                # which a reader opens one by one.
+                if sum(map(len, self._kept[message])) >= MANY:
+                    yield from self._flushed(message)
             else:
                 others.append(some)
-                service = force.decoding.services.get(int(cob_id))
+                service = decoding.services.get(int(cob_id))
                 if service and service.name in self._said and service.name != SDO:
                     self._said[service.name].append(said_by(service, some))
         if others:
-            known = force.decoding
-            yield from columns.of_others(pl.concat(others), known.services, known.messages, known.others)
+            yield from columns.of_others(pl.concat(others), decoding.services, decoding.messages, decoding.others)
+
+    def _flushed(self, message: MessageDecoding) -> list[pl.DataFrame]:
+        """Decode and write the frames of a message that are kept; return what is wrong with them."""
+        kept, self._kept[message] = self._kept[message], []
+        if not kept:
+            return []
+        rows, wrong = message(pl.concat(kept))
+        self._file(message).write(rows)
+        return wrong
 
     def _write_services(self) -> None:
         self._said[SDO].append(pl.DataFrame(self._transfers, rows_of(tables.SDO)))

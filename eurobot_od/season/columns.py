@@ -150,11 +150,6 @@ def readable(binding: Binding) -> pl.Expr:
     return (pl.col(LENGTH) >= binding.layout.length) | pl.col(LENGTH).is_in(binding.lengths)
 
 
-def flagged(binding: Binding, field: str) -> pl.Expr | None:
-    """Return the raw value where a field is out of range, null elsewhere; None if it always is in range."""
-    return _Field(binding, field).outside()
-
-
 class _Field:
     """One field of a message, and the expressions on it."""
 
@@ -183,7 +178,7 @@ class _Field:
             yield FieldColumn(f"{self.field}_flag", pl.coalesce(flags), {"null": "a plain value", "words": words})
 
     def outside(self) -> pl.Expr | None:
-        """Return the raw value where it is out of range, null elsewhere."""
+        """Return the raw value where it is out of range, null elsewhere; None if it always is in range."""
         ranges = self._plain_ranges()
         # Every raw value is a plain one: a column of flags that are never set would cost time and space in each file.
         if sum(map(_count, ranges)) == _count(self.raws):
@@ -349,7 +344,7 @@ def _checks(binding: Binding) -> Iterator[Check]:
         text = pl.concat_str(start, got, pl.lit(f" bytes of data, expected {end}"))
         yield Check(Damage.WRONG_LENGTH, is_so, text)
     for field in binding.limits:
-        raw = flagged(binding, field)
+        raw = _Field(binding, field).outside()
         if raw is not None:
             start = pl.lit(f"{binding.name}: {field} = ")
             allowed = pl.lit(f", allowed: {binding.kinds[field].allowed(binding.limits[field])}")

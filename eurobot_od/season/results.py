@@ -76,10 +76,6 @@ def form_of(hint: Any) -> Form:
     return Form(pa.struct(list(schema(hint))), row, partial(record_of, hint))
 
 
-def _each(of: Callable[[Iterable[Any]], Any], convert: Callable[[Any], Any], values: Iterable[Any]) -> Any:
-    return of(map(convert, values))
-
-
 def _unless_none(convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return lambda value: None if value is None else convert(value)
 

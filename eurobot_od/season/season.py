@@ -42,10 +42,12 @@ SDO, EMCY, HEARTBEAT, NMT = "sdo", "emcy", "heartbeat", "nmt"
 TEXT, OCTETS, WORD = pa.large_string(), pa.large_binary(), pa.dictionary(pa.uint32(), pa.large_string())
 """Types as Polars gives them; WORD is for texts that repeat."""
 
-PLACE = tuple(
-    pa.field(name, type_, nullable=False)
-    for name, type_ in (("run", WORD), ("line", pa.uint64()), ("t", pa.float64()), ("channel", WORD))
-)
+
+def _never_null(**types: pa.DataType) -> list[pa.Field]:
+    return [pa.field(name, type_, nullable=False) for name, type_ in types.items()]
+
+
+PLACE = _never_null(run=WORD, line=pa.uint64(), t=pa.float64(), channel=WORD)
 SAID = {
     "run": "the log, a row of the table runs",
     "line": "line of the log, or number of the entry where there are no lines",
@@ -90,14 +92,7 @@ def _schema(*names: str, place: Iterable[pa.Field] = PLACE) -> pa.Schema:
 
 SCHEMAS: Mapping[str, pa.Schema] = {
     RUNS: _schema(*("run", "log", "format", "bytes", "start", "end", "frames", "damage", "network", "eds"), place=()),
-    FRAMES: pa.schema(
-        [
-            *PLACE,
-            pa.field("cob_id", pa.uint32(), nullable=False),
-            pa.field("data", OCTETS, nullable=False),
-            pa.field("remote", pa.bool_(), nullable=False),
-        ]
-    ),
+    FRAMES: pa.schema([*PLACE, *_never_null(cob_id=pa.uint32(), data=OCTETS, remote=pa.bool_())]),
     DAMAGE: _schema("kind", "text"),
     SDO: _schema(
         *("node", "direction", "index", "subindex", "object", "value", "content", "size", "how", "seconds", "whole"),

@@ -255,30 +255,50 @@ FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT, LSS)
 SHOWN = range(FIRST, MANUFACTURER[0])
 """The objects of which some say what other frames mean."""
 
-Changed: TypeAlias = Callable[[str, Decoder], None]
-
 
 def is_followed(meaning: Meaning) -> bool:
     """Whether the frames before may change what a frame means."""
     return meaning.group == CANOPEN and meaning.name in FOLLOWED and not meaning.defects
 
 
-class Follower:
-    """Takes the frames of FOLLOWED in their order.
+class Following:
+    """Decodes the entries of a log or of a bus in their order, or takes those of FOLLOWED that others have decoded.
 
-    `changed` is called with a channel, and with the decoder of its frames from now on, when one of them has shown that
-    its sender is set otherwise than before. `is_guarded` says whether a master has asked for a node's state.
+    A frame may show that its sender is set otherwise than before: the `decoder` of its channel is another one then.
+    `is_guarded` says whether a master has asked for a node's state.
     """
 
-    def __init__(self, decoder: Decoder, changed: Changed) -> None:
-        self._first, self._changed = decoder, changed
-        self._decoders: dict[str, Decoder] = {}
+    def __init__(self, decoder: Decoder) -> None:
+        self._first, self._decoders = decoder, dict[str, Decoder]()
+        # Most frames on a bus are requests and confirms without data: their meaning is kept.
+        self._decode_first, self._decode = lru_cache(REMEMBERED)(decoder), dict[str, Callable[[Raw], Meaning]]()
+        self._messages = {each.cob_id for each in decoder.protocol.bindings}
         self._shown: dict[str, InForce] = {}
         self._transfers = Transfers()
         self._asked: set[tuple[str, int]] = set()
         self.is_guarded = False
         self._last: dict[tuple[str, int], Meaning] = {}
         self._lss = defaultdict[str, LssConfiguration](LssConfiguration)
+
+    def decoder(self, channel: str) -> Decoder:
+        """Return the decoder for what the devices on a channel have in force now."""
+        return self._decoders.get(channel, self._first)
+
+    def decode(self, channel: str) -> Callable[[Raw], Meaning]:
+        """Return what decodes the frames of a channel one by one, without those before them."""
+        return self._decode.get(channel, self._decode_first)
+
+    def at(self, time: float, channel: str, raw: Raw) -> Callable[[Raw], Meaning]:
+        """Take in an entry, and return what decodes it: for one that may never be decoded."""
+        decode = self.decode(channel)
+        if raw[0] not in self._messages:
+            self(time, channel, raw)
+        return decode
+
+    def __call__(self, time: float, channel: str, raw: Raw) -> Meaning:
+        """Return what an entry means; the time is in s, the channel that of a log."""
+        meaning = self._decode.get(channel, self._decode_first)(raw)
+        return self.follow(time, channel, meaning) if is_followed(meaning) else meaning
 
     def shown(self, channel: str, node_id: int) -> Mapping[Address, int]:
         """Return what a device has shown that it has by now."""
@@ -289,7 +309,7 @@ class Follower:
             self._shown[channel] = InForce(self._first.dictionaries, self._first.learned)
         return self._shown[channel]
 
-    def __call__(self, time: float, channel: str, meaning: Meaning) -> Meaning:
+    def follow(self, time: float, channel: str, meaning: Meaning) -> Meaning:
         """Return what a frame of a log's channel means after those before it; the time is in s."""
         frame = meaning.raw
         assert isinstance(frame, Frame)
@@ -303,7 +323,7 @@ class Follower:
             return meaning
         if meaning.name != SDO:
             return self._guarded(channel, frame, self._booted(channel, frame, meaning))
-        end = self._decoders.get(channel, self._first).services[frame.cob_id].end
+        end = self.decoder(channel).services[frame.cob_id].end
         if end is None or frame.is_remote:
             return meaning
         self._last[channel, end.channel] = meaning
@@ -328,9 +348,8 @@ class Follower:
 
     def _news(self, channel: str, is_news: bool) -> None:
         if is_news:
-            former = self._decoders.get(channel, self._first)
-            self._decoders[channel] = former.as_shown(self._shown[channel])
-            self._changed(channel, self._decoders[channel])
+            now = self._decoders[channel] = self.decoder(channel).as_shown(self._shown[channel])
+            self._decode[channel] = lru_cache(REMEMBERED)(now)
 
     def _booted(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
         """Say what transfers a boot-up cuts off."""
@@ -361,38 +380,6 @@ class Follower:
         return meaning
 
 
-class Following:
-    """Decodes the entries of a log or of a bus in their order."""
-
-    def __init__(self, decoder: Decoder) -> None:
-        # Most frames on a bus are requests and confirms without data: their meaning is kept.
-        self._decode = lru_cache(REMEMBERED)(decoder)
-        self._decode_now: dict[str, Callable[[Raw], Meaning]] = {}
-        self._first, self._now = decoder, dict[str, Decoder]()
-        self._follow = Follower(decoder, self._change)
-        self.shown = self._follow.shown
-        self._messages = {each.cob_id for each in decoder.protocol.bindings}
-
-    def _change(self, channel: str, decoder: Decoder) -> None:
-        self._now[channel], self._decode_now[channel] = decoder, lru_cache(REMEMBERED)(decoder)
-
-    def decoder(self, channel: str) -> Decoder:
-        """Return the decoder for what the devices on a channel have in force now."""
-        return self._now.get(channel, self._first)
-
-    def at(self, time: float, channel: str, raw: Raw) -> Callable[[Raw], Meaning]:
-        """Take in an entry, and return what decodes it: for one that may never be decoded."""
-        decode = self._decode_now.get(channel, self._decode)
-        if raw[0] not in self._messages:
-            self(time, channel, raw)
-        return decode
-
-    def __call__(self, time: float, channel: str, raw: Raw) -> Meaning:
-        """Return what an entry means; the time is in s, the channel that of a log."""
-        meaning = self._decode_now.get(channel, self._decode)(raw)
-        return self._follow(time, channel, meaning) if is_followed(meaning) else meaning
-
-
 EVERYTHING = Window()
 
 Known: TypeAlias = tuple[Any, tuple[Defect, ...], Meaning | None]
@@ -410,7 +397,7 @@ class InUse:
             row = output.row(meaning) if wanted is None or wanted(meaning) else None
             return row, meaning.defects, meaning if is_followed(meaning) else None
 
-        self.known = known
+        self.known, self.decoder = known, decoder
         self._bindings = {each.cob_id: each for each in decoder.protocol.bindings} if wanted is None else {}
         self._rows_of, self._made = output.rows_of, dict[int | Raw, Rows | None]()
 
@@ -462,14 +449,15 @@ class DecodedLog:
     def __init__(self, asked: Decoding, decoder: Decoder, first: InUse) -> None:
         self._asked, self._first = asked, first
         self._now: dict[str, InUse] = {}
-        self._follow = Follower(decoder, self._change)
-        self.unfinished = self._follow.unfinished
+        self._following = Following(decoder)
+        self.unfinished = self._following.unfinished
         self._defects: dict[int, tuple[Defect, ...]] = {}
-        self._has_changed = False
 
-    def _change(self, channel: str, decoder: Decoder) -> None:
-        self._now[channel] = InUse(decoder, self._asked.output, self._asked.wanted)
-        self._has_changed = True
+    def _in_use(self, channel: str) -> InUse:
+        decoder, in_use = self._following.decoder(channel), self._now.get(channel, self._first)
+        if in_use.decoder is not decoder:
+            in_use = self._now[channel] = InUse(decoder, self._asked.output, self._asked.wanted)
+        return in_use
 
     def defects(self) -> list[tuple[int, tuple[Defect, ...]]]:
         """Return what was wrong in the last batch, by the places in it."""
@@ -490,9 +478,9 @@ class DecodedLog:
 
     def _until_a_change(self, batch: Batch, channel: str, places: Sequence[int], rows: list[Any]) -> int:
         """Fill in rows of a channel's entries at these places; return of how many."""
-        in_use = self._now.get(channel, self._first)
+        in_use = self._in_use(channel)
         data, known, groups = batch.data, in_use.known, batch.grouped(places)
-        is_guarded = self._follow.is_guarded or any(isinstance(head, RemoteFrame) for head in groups)
+        is_guarded = self._following.is_guarded or any(isinstance(head, RemoteFrame) for head in groups)
         messages: list[tuple[list[int], Rows]] = []
         others: list[int] = []
         for head, group in groups.items():
@@ -522,14 +510,14 @@ class DecodedLog:
     ) -> int | None:
         """Fill in rows one by one, and return the place of a frame that changes what those after it mean."""
         output, wanted, times, known = self._asked.output, self._asked.wanted, batch.times, in_use.known
-        self._has_changed = False
+        follow, decoder = self._following.follow, self._following.decoder
         for place in places:
             row, defects, followed = known(batch.raw(place))
-            if followed and (said := self._follow(times[place], channel, followed)) is not followed:
+            if followed and (said := follow(times[place], channel, followed)) is not followed:
                 row, defects = output.row(said) if wanted is None or wanted(said) else None, said.defects
             rows[place] = row
             if defects:
                 self._defects[place] = defects
-            if self._has_changed:
+            if followed and decoder(channel) is not in_use.decoder:
                 return place
         return None

@@ -127,11 +127,7 @@ class Batch(NamedTuple):
         """Return batches that follow each other as one."""
         if len(parts) == 1:
             return parts[0]
-        lines, times, channels, heads, data, _ = (
-            list(chain.from_iterable(each)) for each in zip(*map(_stamped, parts))
-        )
-        stamps = [stamp for part in parts for stamp in _stamped(part).stamps or ()]
-        return cls(lines, times, channels, heads, data, stamps)
+        return cls(*(list(chain.from_iterable(each)) for each in zip(*map(_stamped, parts))))
 
     def raw(self, place: int) -> Raw:
         """Return what stands at a place in the batch."""

@@ -50,6 +50,7 @@ a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from math import ceil, floor, lcm, log10
@@ -187,19 +188,16 @@ Waits: TypeAlias = tuple[int, int, int]
 """A message that another waits for: its bits, its period, and how long before an instance may have fallen due."""
 
 
+@dataclass(frozen=True)
 class Analysis:
     """The analysis of a list of messages, their times in bit times.
 
     `mailboxes` says how many a node has; a node that is not named has enough.
     """
 
-    def __init__(
-        self,
-        messages: Sequence[PeriodicMessage],
-        errors: ErrorRate = NO_ERRORS,
-        mailboxes: Mapping[str, int] = MappingProxyType({}),
-    ) -> None:
-        self.messages, self.errors, self.mailboxes = tuple(messages), errors, mailboxes
+    messages: Sequence[PeriodicMessage]
+    errors: ErrorRate = NO_ERRORS
+    mailboxes: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
     def load(self) -> Fraction:

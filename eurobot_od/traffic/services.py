@@ -435,21 +435,15 @@ def services(
 
 def _broadcast(names: Mapping[int, str], master: str) -> Services:
     """Return the services that belong to no node."""
-    plainly = {
-        0x072: "negotiation of a new master",
-        0x073: "who is the active master?",
-        0x074: "a device that can be master is there",
-        0x075: "who can be master?",
-        0x076: "negotiation of a new master is forced",
-    }
     return {
         values.NMT_COB_ID: CanopenService(NMT, "", (2,), partial(nmt_words, names), master, fields=nmt_fields),
         0x001: CanopenService(GFC, "", (0,), said_plainly("all devices into their safe state")),
         0x071: CanopenService(FLYING_MASTER, "", (2,), partial(active_master, names), master),
-        **{
-            cob_id: CanopenService(FLYING_MASTER, "", ANY_LENGTH, said_plainly(what))
-            for cob_id, what in plainly.items()
-        },
+        0x072: CanopenService(FLYING_MASTER, "", ANY_LENGTH, said_plainly("negotiation of a new master")),
+        0x073: CanopenService(FLYING_MASTER, "", ANY_LENGTH, said_plainly("who is the active master?")),
+        0x074: CanopenService(FLYING_MASTER, "", ANY_LENGTH, said_plainly("a device that can be master is there")),
+        0x075: CanopenService(FLYING_MASTER, "", ANY_LENGTH, said_plainly("who can be master?")),
+        0x076: CanopenService(FLYING_MASTER, "", ANY_LENGTH, said_plainly("negotiation of a new master is forced")),
         values.SYNC_COB_ID: CanopenService(SYNC_NAME, "", (0, 1), sync_words, master),
         values.TIME_COB_ID: CanopenService(TIME_NAME, "", TIME_LENGTHS, time_words, master),
         standard.REQUESTS: CanopenService(LSS, "", (8,), partial(lss_words, "request", LSS_REQUESTS), master),

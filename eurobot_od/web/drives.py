@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.client.drive402 import Drive402
 from eurobot_od.client.master import Master
-from eurobot_od.errors import EurobotError, LocalError, UnknownName
+from eurobot_od.errors import EurobotError, LocalError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import MODE_WORDS, TRANSITIONS, State
@@ -191,12 +191,11 @@ class Drives:
 
     def command(self, axis: AxisAddress, name: str, numbers: Numbers = MappingProxyType({})) -> None:
         """Carry out a command; raises UnknownName, LocalError for a target out of bounds, DriveError, and of SDO."""
-        if name not in COMMANDS:
-            raise UnknownName("command of a drive", name, COMMANDS)
+        act = look_up("command of a drive", name, COMMANDS)
         for target in LARGEST.keys() & numbers.keys():
             self._check(axis, target, numbers[target])
         self._jogs.pop(axis, None)
-        self._unless_stopped(axis, lambda drive: COMMANDS[name](drive, numbers))
+        self._unless_stopped(axis, lambda drive: act(drive, numbers))
 
     def _check(self, axis: AxisAddress, target: str, value: int) -> None:
         low, high = bounds(self._dictionaries[axis.node_id], axis, target)

@@ -22,7 +22,7 @@ from eurobot_od.client.configure import read_object
 from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.client.streams import read_history
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand
-from eurobot_od.errors import EurobotError, LocalError, RemoteError, UnknownName
+from eurobot_od.errors import EurobotError, LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.standard import REVISION
@@ -82,9 +82,7 @@ class Requests:
             if not isinstance(said, dict):
                 raise LocalError("a request is a JSON object")
             number, name = said.get("id"), str(said.get("do"))
-            if name not in REQUESTS:
-                raise UnknownName("request", name[:40], REQUESTS)
-            function, way, acts = REQUESTS[name]
+            function, way, acts = look_up("request", name[:40], REQUESTS)
             if acts and not self.control:
                 raise LocalError("this page is read-only: start the server with --control")
             done = partial(function, self, said)
@@ -130,9 +128,7 @@ class Requests:
         number = int(name.removeprefix("node ")) if name.removeprefix("node ").isdecimal() else None
         if number in NODE_IDS:
             return int(name.removeprefix("node "))
-        if name not in named:
-            raise UnknownName("node", name, named)
-        return named[name]
+        return look_up("node", name, named)
 
     def _objects(self, node_id: int) -> ObjectDictionary | None:
         return next((each.objects for each in self.session.decoder.dictionaries if each.node_id == node_id), None)
@@ -254,9 +250,8 @@ class Requests:
     def nmt(self, said: Arguments) -> str:
         """Send an NMT command to a node, or to all."""
         command, node = _text(said, "command"), _text(said, "node")
-        if command not in COMMANDS:
-            raise UnknownName("NMT command", command, COMMANDS)
-        return self._send_nmt(COMMANDS[command], ALL_NODES if node == "all" else self._node_id(node))
+        known = look_up("NMT command", command, COMMANDS)
+        return self._send_nmt(known, ALL_NODES if node == "all" else self._node_id(node))
 
     def _send_nmt(self, command: NmtCommand, node_id: int) -> str:
         return self._send(Frame(NMT_COB_ID, bytes([command, node_id])))

@@ -11,6 +11,7 @@ waits for something counts from what the log has shown; a log may begin and end 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import chain
@@ -18,20 +19,12 @@ from typing import Any
 
 from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
-from eurobot_od.lint.findings import LEVELS
+from eurobot_od.lint.findings import LEVELS, Severity
 from eurobot_od.od.standard import HEARTBEAT_TIME
-from eurobot_od.support.texts import amount
+from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import Following
-from eurobot_od.traffic.diagnosis.incidents import (
-    Incident,
-    Incidents,
-    ObservedBus,
-    Occurrences,
-    SeenAt,
-    Watcher,
-    verdict,
-)
+from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Watcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
 from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, SyncWatcher, TimeWatcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
@@ -286,4 +279,9 @@ class Diagnosis:
 
     def verdict(self, found: Sequence[Incident]) -> str:
         """Return the answer in one line."""
-        return verdict(found, f"{amount(self.frames, 'frame')}, {duration(self.seconds + self._span, 1)}")
+        seen = f"{amount(self.frames, 'frame')}, {duration(self.seconds + self._span, 1)}"
+        counts = Counter(each.rule.severity for each in found)
+        levels = ", ".join(amount(counts[each], LEVELS[each]) for each in Severity if counts[each])
+        if not found:
+            return f"Nothing is wrong in {seen}"
+        return one_line(f"{levels} in {seen}. {'First look at' if len(found) > 1 else 'It is'} {found[0].title}")

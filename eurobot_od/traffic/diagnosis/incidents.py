@@ -20,7 +20,7 @@ from eurobot_od.lint.findings import LEVELS, Severity
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 from eurobot_od.support import texts
-from eurobot_od.support.texts import amount, one_line
+from eurobot_od.support.texts import one_line
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 MOST = 20
@@ -174,16 +174,6 @@ class Incidents:
         if len({each.channel for each in found}) < 2:
             found = [replace(each, channel="") for each in found]
         return sorted(found, key=lambda each: (each.rule.rank, -each.seen.number))
-
-
-def verdict(incidents: Sequence[Incident], seen: str) -> str:
-    """Return the answer in one line; `seen` says how much was looked at."""
-    counts = {each: sum(incident.rule.severity is each for incident in incidents) for each in Severity}
-    found = ", ".join(amount(number, LEVELS[each]) for each, number in counts.items() if number)
-    if not found:
-        return f"Nothing is wrong in {seen}"
-    first = incidents[0]
-    return one_line(f"{found} in {seen}. {'First look at' if len(incidents) > 1 else 'It is'} {first.title}")
 
 
 def lines(incidents: Sequence[Incident]) -> Iterator[str]:

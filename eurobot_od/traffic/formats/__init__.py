@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import PurePath
 from typing import Any, BinaryIO, cast
 
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, look_up
 from eurobot_od.traffic.entries import LARGEST, Batch, Damage, Entries, Foreign, gathered
 from eurobot_od.traffic.formats.lines import read_lines
 
@@ -176,11 +176,9 @@ def _said_by(beginning: bytes, name: object) -> str:
 
 def _reader(suffix: str, name: object, most: int = MANY) -> Callable[[BinaryIO, int], Iterator[Batch]]:
     """Return the function that reads a format; of one without lines in batches of at most `most` entries."""
-    if suffix not in FORMATS:
-        raise UnknownName("log format", suffix, FORMATS)
+    module, function = look_up("log format", suffix, FORMATS)
     if suffix in BY_NAME and not isinstance(name, str):  # SQLite and asammdf open the file themselves
         raise LocalError(f"a log in the format {suffix} must be a file")
-    module, function = FORMATS[suffix]
     found: Any = getattr(import_module(f"eurobot_od.traffic.formats.{module}"), function)
     if isinstance(found, type):
         return lambda file, largest: read_lines(file, found(), largest)

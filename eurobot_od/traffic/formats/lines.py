@@ -276,7 +276,8 @@ ASC_EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1
 """A line with a time that is not a frame: a word in place of the channel, or after it."""
 
 ASC_DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
-ASC_ERROR_FRAME, ASC_FD, ASC_DATA, ASC_REMOTE, ASC_EXTENDED = b"errorframe", b"CANFD", b"d", (b"r", b"R"), (b"x", b"X")
+ASC_ERROR_FRAME, ASC_FD, ASC_EXTENDED = b"errorframe", b"CANFD", (b"x", b"X")
+ASC_DATA, ASC_KINDS = b"d", (b"d", b"r", b"R")
 
 
 ASC_BITS, ASC_FD_FLAG, ASC_REMOTE_FLAG = (b"0", b"1"), 0x1000, 0x10
@@ -312,21 +313,19 @@ class AscFormat(LineFormat):
         if is_of_fd_hardware:
             channel, *words = words
         if ASC_ERROR_FRAME in line.lower():
-            text = entries.shortened(line.split(None, 2)[2])
-            return self._time(stamp), _asc_channel(channel), Foreign(Damage.ERROR_FRAME, text)
-        if is_of_fd_hardware:
-            made: Raw = self._of_fd_hardware(*words)
-            return self._time(stamp), _asc_channel(channel), made
-        identifier, direction, kind, *rest = words
-        extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
-        if direction not in ASC_DIRECTIONS or kind not in (*ASC_REMOTE, ASC_DATA):
-            raise ValueError(line)
-        if kind in ASC_REMOTE:  # CANalyzer leaves the length out
-            # After it may stand how long the frame was, by its name.
-            made = entries.frame(number, b"", extended, int(rest[0], self._base) if rest and len(rest[0]) < 3 else 0)
+            made: Raw = Foreign(Damage.ERROR_FRAME, entries.shortened(line.split(None, 2)[2]))
         else:
-            made = entries.frame(number, self._data(*rest), extended)
+            made = self._of_fd_hardware(*words) if is_of_fd_hardware else self._classic(*words)
         return self._time(stamp), _asc_channel(channel), made
+
+    def _classic(self, identifier: bytes, direction: bytes, kind: bytes, *rest: bytes) -> Raw:
+        extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
+        if direction not in ASC_DIRECTIONS or kind not in ASC_KINDS:
+            raise ValueError(kind)
+        if kind == ASC_DATA:
+            return entries.frame(number, self._data(*rest), extended)
+        # CANalyzer leaves the length out; after it may stand how long the frame was, by its name.
+        return entries.frame(number, b"", extended, int(rest[0], self._base) if rest and len(rest[0]) < 3 else 0)
 
     def _of_fd_hardware(self, direction: bytes, identifier: bytes, *rest: bytes) -> Raw:
         """Read a line of hardware for CAN FD, which records classic frames as well; flags tell which it is.
