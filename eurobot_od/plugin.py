@@ -41,8 +41,10 @@ if TYPE_CHECKING:
     from eurobot_od.check.suite import Suite
     from eurobot_od.device.faults import Fault
     from eurobot_od.device.node import Node
+    from eurobot_od.export.description import Drawings
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.pdo.kinds import Catalogue
+    from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.reports import SeasonReport
     from eurobot_od.traffic.diagnosis.incidents import Watcher
     from eurobot_od.web.page import Panel
@@ -120,9 +122,9 @@ class Plugin(NamedTuple):
     `nodes` are its node classes by the names of their EDS files, `faults` what can be wrong with them besides what can
     be wrong with any device. `suites` is a folder of check suites. `partners` gives simulated nodes that are checked
     their surroundings, with all chance from a seed, and returns what some do by themselves, by their names. `panels`
-    are views of the page, `reports` questions to a season, `watchers` rules of the robot's own for `diagnose`. `stage`
-    are the options that `node` has for its nodes. `table` is the protocol table that other tables may build on,
-    `folder` where its other files lie.
+    are views of the page, `drawings` what messages draw in an MCAP file, `reports` questions to a season, `watchers`
+    rules of the robot's own for `diagnose`. `stage` are the options that `node` has for its nodes. `table` is the
+    protocol table that other tables may build on, `folder` where its other files lie.
     """
 
     name: str = ""
@@ -133,6 +135,7 @@ class Plugin(NamedTuple):
     suites: Path | None = None
     partners: Callable[[Sequence[Node], int, Callable[[], float]], Mapping[str, Program]] = lambda *_: {}
     panels: Callable[[], Sequence[type[Panel]]] = tuple
+    drawings: Callable[[Messages], Drawings] = lambda _: {}
     reports: Callable[[], Mapping[str, SeasonReport]] = dict
     watchers: Callable[[], Sequence[type[Watcher]]] = tuple
     stage: Callable[[], type[Stage]] | None = None

@@ -92,7 +92,7 @@ def mcap(
     devices: Devices,
     emcy: EmcyFiles = (),
 ) -> None:
-    """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message.
+    """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any.
 
     log: log in any format; -: standard input
     output: the MCAP file
@@ -105,9 +105,9 @@ def mcap(
     check_writable(output)  # before a long log is decoded for nothing
     file = BytesIO()  # what was there before stays if anything fails
     logged = (entry for _, entry in entries([log], reading))
-    messages, damage = write_mcap(file, logged, decoder)
+    messages, poses, damage = write_mcap(file, logged, decoder, devices.robot.drawings(decoder.protocol))
     write_whole(output, file.getvalue())
-    print(f"{output}: {amount(messages, 'message')}, {damage} damaged")
+    print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
 
 
 def xdd(file: Annotated[str, Option(metavar="FILE", is_file=True)], *, output: Output = None) -> None:

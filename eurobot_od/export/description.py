@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import Limits, label
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import Run, merged
-from eurobot_od.pdo.kinds import Real
+from eurobot_od.pdo.kinds import Message, Real
 from eurobot_od.pdo.protocol import Protocol
 
 
@@ -170,3 +170,21 @@ class Identifiers:
         found = next(each for each in candidates if each.lower() not in self._taken)
         self._taken.add(found.lower())
         return found
+
+
+# What messages draw in a log for Foxglove
+
+
+class Drawing(NamedTuple):
+    """How a message is drawn: the name of a well-known schema, its properties, and the function that draws it.
+
+    `of` gets the message and the time in the form of MCAP's schemas.
+    """
+
+    schema: str
+    properties: Mapping[str, Any]
+    of: Callable[[Message, dict[str, int]], dict[str, Any] | None]
+
+
+Drawings = Mapping[str, Drawing]
+"""What messages draw, by their names."""

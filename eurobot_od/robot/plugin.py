@@ -95,6 +95,7 @@ ROBOT = Plugin(
     suites=HERE / "check" / "suites",
     partners=lambda *nodes: _imported("check", "partners")(*nodes),
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
+    drawings=lambda protocol: _imported("scene.files", "drawings")(protocol),
     reports=partial(_imported, "season", "REPORTS"),
     watchers=lambda: (_imported("check.diagnosis", "EurobotWatcher"),),
     stage=partial(_imported, "commands.node", "NodeOptions"),

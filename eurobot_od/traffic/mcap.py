@@ -1,6 +1,7 @@
 """A log as MCAP, which Foxglove and PlotJuggler open: a channel for each message, JSON with a schema.
 
-A message has the words and numbers of `decode --json`, null for unknown.
+A message has the words and numbers of `decode --json`, null for unknown. If a message draws something, such as a pose,
+that goes into a channel of its own; the caller says which message draws what.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import IO, Any, NamedTuple
 
 from mcap.writer import Writer
 
+from eurobot_od.export.description import Drawings
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.kinds import ColumnForm, Message, kinds, plain
 from eurobot_od.traffic.decoding import Following
@@ -35,17 +37,18 @@ TYPES: Mapping[ColumnForm, str] = {
 
 
 class Written(NamedTuple):
-    """How many messages were written, and how many entries were damaged."""
+    """How many messages and drawings were written, and how many entries were damaged."""
 
     messages: int = 0
+    drawings: int = 0
     damage: int = 0
 
 
-def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder) -> Written:
+def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawings: Drawings) -> Written:
     """Write the entries of a log; services become text, and damaged entries go to the channel `damage`."""
     writer = Writer(file)
     writer.start(library="eurobot-od")
-    channels = _Channels(writer)
+    channels = _Channels(writer, drawings)
     counts, latest = Counter[str](), 0.0
     following = Following(decoder)
     for line, time, channel, raw in entries:
@@ -53,7 +56,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder) -> Wri
         place = {"line": line, "channel": channel}
         # MCAP's times are unsigned nanoseconds in 64 bits: an entry with another time is reported at the last good one.
         if 0 <= time < END_OF_TIME:
-            latest, made = time, channels.of(meaning, place)
+            latest, made = time, channels.of(meaning, place, time)
         else:
             text = f"the time {time:g} s is not in 0..{END_OF_TIME:g}"
             time, made = latest, [(DAMAGE, {"text": text, "_": place})]
@@ -61,23 +64,33 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder) -> Wri
             channels.add(name, content, time, meaning)
         names = [name for name, _ in made]
         counts["messages"] += meaning.name in names and meaning.message is not None
+        counts["drawings"] += sum(name.endswith(DRAWN) for name in names)
         counts["damage"] += DAMAGE in names
     writer.finish()  # type: ignore[no-untyped-call]
     return Written(**counts)
 
 
+DRAWN = "/drawing"
+"""The end of the name of a drawing's channel."""
+
+
 class _Channels:
     """The channels of a file; each is made when something is written to it."""
 
-    def __init__(self, writer: Writer) -> None:
-        self._writer = writer
+    def __init__(self, writer: Writer, drawings: Drawings) -> None:
+        self._writer, self._drawings = writer, drawings
         self._ids: dict[tuple[str, type[Message] | None], int] = {}
 
-    def of(self, meaning: Meaning, place: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    def of(self, meaning: Meaning, place: dict[str, Any], time: float) -> list[tuple[str, dict[str, Any]]]:
         """Return what an entry becomes, with the channel for each part."""
         made: list[tuple[str, dict[str, Any]]] = []
         if meaning.message is not None:
             made.append((meaning.name, plain(meaning.message) | {"_": place}))
+            drawing = self._drawings.get(meaning.name)
+            seconds, rest = divmod(round(time * NANOSECONDS), NANOSECONDS)
+            drawn = drawing.of(meaning.message, {"sec": seconds, "nsec": rest}) if drawing else None
+            if drawn is not None:
+                made.append((f"{meaning.name}{DRAWN}", drawn))
         elif not meaning.defects:
             made.append((meaning.name, {"text": meaning.text, "_": place}))
         if meaning.defects:
@@ -90,7 +103,8 @@ class _Channels:
         type_ = type(meaning.message) if name == meaning.name and meaning.message is not None else None
         key = name, type_
         if key not in self._ids:
-            schema_id = self._writer.register_schema(name, SCHEMA, json.dumps(_schema(name, type_)).encode())
+            title, schema = self._schema(name, type_)
+            schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
             known = {}
             if type_ is not None and isinstance(meaning.raw, Frame):
                 known = {"cob_id": f"0x{identifier_text(meaning.raw.cob_id)}", "senders": meaning.sender}
@@ -99,16 +113,18 @@ class _Channels:
         now = round(time * NANOSECONDS)
         self._writer.add_message(self._ids[key], now, json.dumps(content, ensure_ascii=False).encode(), now)
 
-
-def _schema(name: str, type_: type[Message] | None) -> dict[str, Any]:
-    properties: dict[str, Any] = {"text": {"type": "string"}}
-    if type_ is not None:
-        properties = {}
-        for field, kind in kinds(type_).items():
-            # A code, or a value out of range, may take the place of a number or a word.
-            types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
-            properties[field] = {"type": [*types], **({"description": f"in {kind.unit}"} if kind.unit else {})}
-    return {"type": "object", "title": name, "properties": properties | {"_": PLACE}}
+    def _schema(self, name: str, type_: type[Message] | None) -> tuple[str, dict[str, Any]]:
+        drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
+        if drawing is not None:  # viewers know what to draw by the name of the schema
+            return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
+        properties: dict[str, Any] = {"text": {"type": "string"}}
+        if type_ is not None:
+            properties = {}
+            for field, kind in kinds(type_).items():
+                # A code, or a value out of range, may take the place of a number or a word.
+                types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
+                properties[field] = {"type": [*types], **({"description": f"in {kind.unit}"} if kind.unit else {})}
+        return name, {"type": "object", "title": name, "properties": properties | {"_": PLACE}}
 
 
 PLACE = {"type": "object", "properties": {"line": {"type": "integer"}, "channel": {"type": "string"}}}

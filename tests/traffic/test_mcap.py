@@ -1,9 +1,10 @@
-"""MCAP as its own reader sees it: channels, schemas, times, values, damage."""
+"""MCAP as its own reader sees it: channels, schemas, times, values, poses, damage."""
 
 from __future__ import annotations
 
 import json
 from io import BytesIO
+from math import sqrt
 from typing import Any
 
 import jsonschema
@@ -17,6 +18,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import GotoFault, Source
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.scene.files import drawings
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry
 from eurobot_od.traffic.mcap import Written, write
 
@@ -37,7 +39,7 @@ ENTRIES: list[LogEntry] = [
 def found() -> dict[str, list[tuple[float, dict[str, Any]]]]:
     """The content of all channels, each valid by its schema."""
     file = BytesIO()
-    assert write(file, ENTRIES, DECODER) == Written(4, 2)
+    assert write(file, ENTRIES, DECODER, drawings(DECODER.protocol)) == Written(4, 2, 2)
     made: dict[str, list[tuple[float, dict[str, Any]]]] = {}
     for schema, channel, message in make_reader(BytesIO(file.getvalue())).iter_messages():
         content = json.loads(message.data)
@@ -58,6 +60,16 @@ def test_each_message_has_its_channel(found: dict[str, list[tuple[float, dict[st
     assert found["/Heartbeat"][0][1]["text"] == "drive, operational"
 
 
+def test_places_are_poses_in_metres(found: dict[str, list[tuple[float, dict[str, Any]]]]) -> None:
+    ((time, goto),) = found["/Goto XY/drawing"]
+    assert time == 1.5
+    assert goto["timestamp"] == {"sec": 1, "nsec": 500_000_000}
+    assert goto["pose"]["position"] == {"x": 1.5, "y": 0.5, "z": 0.0}
+    assert goto["pose"]["orientation"] == pytest.approx({"x": 0, "y": 0, "z": sqrt(0.5), "w": sqrt(0.5)})
+    assert found["/Kalman Position Response/drawing"][0][1]["pose"]["orientation"]["w"] == 1.0
+    assert "/Navi Position Response/drawing" not in found
+
+
 def test_damage_is_kept(found: dict[str, list[tuple[float, dict[str, Any]]]]) -> None:
     assert [content["text"] for _, content in found["/damage"]] == [
         "! unknown identifier: 7E6#3132",
@@ -69,7 +81,7 @@ def test_damage_is_kept(found: dict[str, list[tuple[float, dict[str, Any]]]]) ->
 def test_a_time_that_mcap_cannot_have_is_damage(time: float) -> None:
     file = BytesIO()
     entries = [ENTRIES[0], (2, time, *ENTRIES[1][2:]), ENTRIES[2]]
-    assert write(file, entries, DECODER) == Written(2, 1)
+    assert write(file, entries, DECODER, drawings(DECODER.protocol)) == Written(2, 1, 1)
     damage = [
         (message.log_time / 1e9, json.loads(message.data))
         for _, channel, message in make_reader(BytesIO(file.getvalue())).iter_messages()

@@ -1,4 +1,4 @@
-"""A match as a file: the picture as SVG or PNG, the page that plays it as HTML.
+"""A match as a file: the picture as SVG or PNG, the page that plays it as HTML; and poses for programs that draw.
 
 The suffix of the file tells its form.
 """
@@ -6,13 +6,18 @@ The suffix of the file tells its form.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from math import cos, radians, sin
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od import plugin
 from eurobot_od.errors import UnknownName
+from eurobot_od.export.description import Drawing
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.kinds import Message, OutOfRange
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.model.messages import SOURCES, GotoXY
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
@@ -129,3 +134,49 @@ def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[PathPoint]:
         if time - last >= STEP:
             last = time
             yield PathPoint(time, *pose)
+
+
+# Poses in messages: Foxglove's PoseInFrame, in metres, the angle as a quaternion around the upright axis
+
+
+FRAME = "field"
+"""The playing field, with its origin at the lower left."""
+
+MILLIMETRES = 1000
+
+TIME = {"type": "object", "title": "time", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+
+
+def _object(**properties: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties}
+
+
+def _numbers(names: str) -> dict[str, Any]:
+    return _object(**{name: {"type": "number"} for name in names})
+
+
+PROPERTIES: Mapping[str, Any] = {
+    "timestamp": TIME,
+    "frame_id": {"type": "string"},
+    "pose": _object(position=_numbers("xyz"), orientation=_numbers("xyzw")),
+}
+
+
+def pose(message: Message, time: dict[str, int]) -> dict[str, Any] | None:
+    """Return the pose in a message; None if it has no place. An unknown heading is drawn as 0."""
+    x, y, angle = (getattr(message, name) for name in ("x", "y", "angle"))
+    if x is None or y is None or OutOfRange in map(type, (x, y, angle)):
+        return None
+    # A quaternion holds half the angle: (0, 0, sin a/2, cos a/2) turns by a around the upright axis.
+    half = radians(angle or 0) / 2
+    position = {"x": x / MILLIMETRES, "y": y / MILLIMETRES, "z": 0.0}
+    orientation = {"x": 0.0, "y": 0.0, "z": sin(half), "w": cos(half)}
+    return {"timestamp": time, "frame_id": FRAME, "pose": {"position": position, "orientation": orientation}}
+
+
+POSE = Drawing("foxglove.PoseInFrame", PROPERTIES, pose)
+
+
+def drawings(protocol: Protocol) -> dict[str, Drawing]:
+    """Return the drawing for each message with a pose, by the names of the loaded files."""
+    return {each.name: POSE for each in protocol.bindings if each.type in (GotoXY, *SOURCES)}
