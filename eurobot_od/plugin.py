@@ -274,12 +274,7 @@ class Plugin(NamedTuple):
         return [NodeUnderTest(node, programs.get(node.name)) for node in nodes.values()]
 
     def simulate(
-        self,
-        suite: Suite,
-        options: RunOptions,
-        faults: Iterable[str] = (),
-        seed: int = 1,
-        profile: int = 0,
+        self, suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1, profile: int = 0
     ) -> SuiteResult:
         """Run a suite against simulated nodes, giving the faults to those that can have them; raises UnknownName.
 

@@ -318,12 +318,7 @@ class Checks:
         return "" if fits else f"skipped: it is for the dialect {suite.dialect}"
 
     def run(
-        self,
-        suite: Suite,
-        seed: int,
-        interrupt: Interrupt,
-        reported: set[Report],
-        show: Callable[[StepResult], None],
+        self, suite: Suite, seed: int, interrupt: Interrupt, reported: set[Report], show: Callable[[StepResult], None]
     ) -> SuiteResult:
         """Run a suite, unless it is skipped; `show` gets each step's result as it comes.
 

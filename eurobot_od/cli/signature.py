@@ -324,8 +324,5 @@ def _numeral(kind: Callable[[str], Any], what: str) -> Callable[[str], Any]:
     return read
 
 
-READERS: Mapping[Any, Callable[[str], Any]] = {
-    int: _numeral(int, "a whole number"),
-    float: _numeral(float, "a number"),
-}
+READERS: Mapping[Any, Callable[[str], Any]] = {int: _numeral(int, "a whole number"), float: _numeral(float, "a number")}
 """What reads a value of a type that does not read it itself, in words for a person."""

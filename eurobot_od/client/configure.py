@@ -616,11 +616,7 @@ def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | No
 
 
 def dcf_of_node(
-    node: RemoteNode,
-    dictionary: Dictionary,
-    baudrate_kbit: int,
-    stem: str,
-    things: Iterable[ODVariable] | None = None,
+    node: RemoteNode, dictionary: Dictionary, baudrate_kbit: int, stem: str, things: Iterable[ODVariable] | None = None
 ) -> tuple[Dcf, list[ObjectReading]]:
     """Return the DCF of a node as it is, and the objects that are left out, with the reasons.
 

@@ -49,12 +49,7 @@ class Station:
         on_error: OnError | None = None,
     ) -> None:
         self.node, self.plan = node, node.device.plan
-        self.gatekeeper = Gatekeeper(
-            node.device.protocol,
-            report=report,
-            clock=clock,
-            **_sizes(node),
-        )
+        self.gatekeeper = Gatekeeper(node.device.protocol, report=report, clock=clock, **_sizes(node))
         self.failure: NodeFailed | None = None
         self._on_error, self._backoff = on_error, Backoff()
         self._restarts_at: float | None = None

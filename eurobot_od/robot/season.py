@@ -80,9 +80,7 @@ REPORTS: Mapping[str, SeasonReport] = {
         Chart(ChartKind.HISTOGRAM, "position error, mm", "arrivals", f"{ARRIVALS} SELECT error FROM arrivals"),
     ),
     "stops": SeasonReport(
-        "Stops and their reasons",
-        STOPS,
-        Chart(ChartKind.BARS, "", "stops", f"SELECT reason, stops FROM ({STOPS})"),
+        "Stops and their reasons", STOPS, Chart(ChartKind.BARS, "", "stops", f"SELECT reason, stops FROM ({STOPS})")
     ),
 }
 """Reports by name, beside those for any devices."""

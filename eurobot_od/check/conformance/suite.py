@@ -71,10 +71,7 @@ def text(dictionary: Dictionary, tier: Tier = Tier.READING) -> str:
     return documents(_suite(Subject(dictionary, tier), chapter) for chapter in CHAPTERS)
 
 
-MARKS = {
-    "7.5.2.4": (Tier.DESTRUCTIVE, [ERRORS]),
-    "7.5.2.23": (Tier.READING, VERIFY_CONFIGURATION),
-}
+MARKS = {"7.5.2.4": (Tier.DESTRUCTIVE, [ERRORS]), "7.5.2.23": (Tier.READING, VERIFY_CONFIGURATION)}
 """What a device itself changes when it is asked, by clause, and from which tier on: errors that it remembers, and the
 date of its configuration, without which a master would take it for one that has not been configured."""
 

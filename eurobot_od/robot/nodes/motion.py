@@ -414,9 +414,7 @@ class Behaviour(NamedTuple):
 
 _BEHAVIOUR = {
     Phase.AIM: Behaviour(
-        Motion._after_aim,
-        lambda motion, pose, dt: motion._pivot(motion._view(pose).error, dt),
-        Motion._seconds_to_aim,
+        Motion._after_aim, lambda motion, pose, dt: motion._pivot(motion._view(pose).error, dt), Motion._seconds_to_aim
     ),
     Phase.DRIVE: Behaviour(Motion._after_drive, Motion._drive, Motion._seconds_to_drive),
     Phase.FACE: Behaviour(
@@ -445,10 +443,7 @@ class Braking:
         return self.command
 
 
-TOLLS = {
-    Passage.NORMAL: 100_000.0,
-    Passage.FORCED: math.inf,
-}
+TOLLS = {Passage.NORMAL: 100_000.0, Passage.FORCED: math.inf}
 """The toll of crossing a barrier, mm: more than the longest detour for a normal one, infinite for a forced one."""
 
 CORNERS = 8
