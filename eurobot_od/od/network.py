@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path, PurePath, PureWindowsPath
 from types import MappingProxyType
@@ -163,7 +164,7 @@ def read_network_file(text: str, file: str) -> NetworkFile:
         named = ((each, f"{file}{NODE_OF_BUS}{each.name}") for each in bus.nodes)
         nodes = [NodeFile(str(each.file), each.node_id, each.name, patch=(patch,)) for each, patch in named]
         return NetworkFile(nodes, bit_rate=bus.bit_rate, master=bus_file.MASTER)
-    number = converted(SCALAR, _as_in_an_eds)
+    number = replace(converted(SCALAR, _as_in_an_eds), whole=True)
     network: NetworkFile = read_yaml(text, shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: number}), file)
     if not network.nodes and not network.robot:
         raise FileError(file, "it names no nodes")
