@@ -10,10 +10,9 @@ How the document's wishes are met:
 - *Transmit-complete interrupt* (section 6). Nothing waits for a mailbox and nothing polls one: a frame is submitted to
   `Mailboxes`, and `complete`, which an interrupt would call, makes room for the next one.
 
-Rule of this file: it does not open a bus, start a thread or read a clock of its own accord; `bus/live` and
-`bus/simulated` bring the frames, the time and the threads. Only a program that reads a `MessageQueue` may wait, for as
-long as it says. Nothing that comes from the wire, and nothing that a listener does, raises out of `receive`: it is
-counted and reported.
+Rule of this file: bus, threads and clock are the caller's; `bus/live` and `bus/simulated` bring the frames, the time
+and the threads. Only a program that reads a `MessageQueue` may wait, for as long as it says. Nothing that comes from
+the wire, and nothing that a listener does, raises out of `receive`: it is counted and reported.
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ class Master:
         self.observers: tuple[Observer, ...] = ()
         self.periodic: list[PeriodicTask] = []
         self.failure: errors.BusError | None = None
-        """Why frames are no longer heard, where somebody else reads them; None as long as they are."""
+        """Why the bus can no longer be read, where another thread reads it; None while it can."""
         self._sdo_servers: dict[int, SdoChannel] = {}
         self.guard: AbstractContextManager[object] = nullcontext()
         """Held while frames are taken in, where another thread does that."""

@@ -371,6 +371,7 @@ class Simulation:
             controller.source.complete(frame)
         for observer in self.observers:
             observer(self.now, frame)
+        # What a station does not listen to stops at its receive filters.
         reached = (self._stations[each] for each in receivers if each in self._stations)
         stations = [each for each in reached if each.gatekeeper.hears(frame.cob_id)]
         # The frame is through for its senders, whatever the receivers then make of it: a program may be slow or frozen.

@@ -1,9 +1,9 @@
 """Conformance suites: what CiA 301 asks of a device, made from the device's own EDS or DCF.
 
 Theory of operation. `suite.text` writes suites in YAML, in the format of all others, and the reader reads them: what a
-generated suite can do, a written one can do, too, and a team may keep the text and edit it. Each chapter (`nmt`,
-`objects`, `sdo`, `storage`, `pdo`, `error_control`, `broadcasts`) is a list of CiA 301's clauses: a function is entered
-by `@CHAPTER.clause` with the clause, its topic, what it may cost and what it needs of the file, and makes the steps
+generated suite can do, a written one can do, too, and a team may keep the text and edit it. Each chapter (in `nmt`,
+`objects`, `sdo`, `storage`, `pdo`, `broadcasts`) is a list of CiA 301's clauses: a function is entered by
+`@Clause(CHAPTER, ...)` with the clause, its topic, what it may cost and what it needs of the file, and makes the steps
 (`step`) from the `Subject`, which is what the file says. The suites of device `profiles` are chapters as well. Clauses
 are run in the order of the file. The name of each step begins with the clause (`clauses.StepName`), by which a `page`
 reports a run: for the device's maker, and by the numbers of CiA's own test tool.

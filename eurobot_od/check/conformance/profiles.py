@@ -1,8 +1,8 @@
 """Suites for devices of a profile: drives by CiA 402, I/O modules by CiA 401.
 
-Rule of this file: nothing gives a motor torque but what needs `--motion`, and nothing there is faster or goes farther
-than it says; where the motor stands at the end is where it stood, or where its last step says. Nothing switches an
-output but what needs `--outputs`.
+Rule of this file: only what needs `--motion` gives a motor torque, and keeps to the speed and distance that it says; at
+its end the motor stands where it stood before, or where its last step says. Only what needs `--outputs` switches an
+output.
 
 A drive is asked for its objects, its state machine as a table, quick stop, a lost heartbeat, moves; a module for its
 objects, its settings, and outputs that are written and read back. Over the bus nobody sees a terminal: an output that

@@ -68,7 +68,7 @@ panel("field", (setup, source) => {
   h("div", {class: "act"}, goButton, h("span", {class: "hint"}, "click the field for a place")));
   const ASKED = 300, LONGEST = 60000;       // ms: how often the drive is asked, as the core would, and for how long
   let following = 0;
-  function follow(known) {                  // a goto that is sent from here is no core's: nobody else asks how it ends
+  function follow(known) {                  // the page itself has sent this goto: no core asks how it ends
     clearInterval(following);
     const end = performance.now() + LONGEST;
     following = setInterval(() => {
