@@ -8,7 +8,7 @@ from eurobot_od.lint.findings import Severity
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import GotoFault, Source
-from eurobot_od.traffic.diagnosis.incidents import IncidentRule, ObservedBus, Occurrences, Watcher
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule, ObservedBus, Occurrences, RuleRow, Watcher
 from eurobot_od.traffic.meaning import Meaning
 
 STOPS = (messages.StopDrive, messages.EmergencyStop, messages.EmergencyShutdown)
@@ -26,17 +26,20 @@ STANDS = 20
 class EurobotRule(IncidentRule):
     """The rules for the robot of 2014."""
 
-    STOP_NOT_OBEYED = (
-        Severity.ERROR, "The robot drives on after a stop",
-        "the drive did not hear the stop, does not brake, or is pushed",
-        "hit the mushroom; then look whether the drive is OPERATIONAL, and at its errors",
-        "document, Table 5: Stop Drive",
-    )  # fmt: skip
-    POSITION_SOURCE = (
-        Severity.ERROR, "A position has another source than its message",
-        "two nodes answer the same request, or the sender takes one position for another",
-        "look who sends under this identifier: unplug the drive or the navigation", "document, Table 2: source",
-    )  # fmt: skip
+    STOP_NOT_OBEYED = RuleRow(
+        Severity.ERROR,
+        "The robot drives on after a stop",
+        cause="the drive did not hear the stop, does not brake, or is pushed",
+        remedy="hit the mushroom; then look whether the drive is OPERATIONAL, and at its errors",
+        clause="document, Table 5: Stop Drive",
+    )
+    POSITION_SOURCE = RuleRow(
+        Severity.ERROR,
+        "A position has another source than its message",
+        cause="two nodes answer the same request, or the sender takes one position for another",
+        remedy="look who sends under this identifier: unplug the drive or the navigation",
+        clause="document, Table 2: source",
+    )
 
     @property
     def stage(self) -> int:

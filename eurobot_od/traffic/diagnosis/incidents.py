@@ -74,11 +74,20 @@ class Occurrences:
         self.places += other.places[: PLACES - len(self.places)]
 
 
-class IncidentRule(Enum):
-    """What is looked for: how bad it is, in a sentence, its likely `cause`, the `remedy`, and the `clause` or source.
+class RuleRow(NamedTuple):
+    """A row of a table of rules: how bad it is, what must not be, its likely `cause`, the `remedy`, its source."""
 
-    The members of a subclass are its table, the causes before what follows from them: incidents of equal severity are
-    shown in this order.
+    severity: Severity
+    what: str
+    cause: str
+    remedy: str
+    clause: str
+
+
+class IncidentRule(Enum):
+    """A table of rules: each member of a subclass has a `RuleRow`, and its attributes.
+
+    Causes stand before what follows from them: incidents of equal severity are shown in this order.
     """
 
     def __init__(self, severity: Severity, what: str, cause: str, remedy: str, clause: str) -> None:

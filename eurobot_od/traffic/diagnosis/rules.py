@@ -3,203 +3,442 @@
 from __future__ import annotations
 
 from eurobot_od.lint.findings import Severity
-from eurobot_od.traffic.diagnosis.incidents import IncidentRule
-
-E, W, I = Severity.ERROR, Severity.WARNING, Severity.INFO  # noqa: E741  # as the codes of `lint` begin
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule, RuleRow
 
 
 class BusRule(IncidentRule):
-    """The rules for any bus: level, what must not be, likely cause, remedy, clause."""
+    """The rules for any bus."""
 
     # The wire and the log
-    BUS_OFF = (E, "A controller is bus-off: it takes no part in the bus any more",
-        "a short circuit, a wrong bit rate or a missing terminator made too many transmissions fail",
-        "measure 60 ohm between CAN_H and CAN_L, compare the bit rates, then restart the controller",
-        "ISO 11898-1, 12.1")  # fmt: skip
-    BUS_SILENT = (E, "No frame comes at all",
-        "the adapter is not connected, has another bit rate than the bus, or no node has power",
-        "`doctor` lists adapters; compare the bit rates, measure 60 ohm between CAN_H and CAN_L", "ISO 11898-1",
-    )  # fmt: skip
-    ERROR_FRAME = (E, "Frames are destroyed by errors on the wire",
-        "a missing or third terminator, a loose plug, a wrong bit rate, nobody who acknowledges, or two "
-        "nodes that send the same identifier with other data",
-        "measure 60 ohm between CAN_H and CAN_L, compare the bit rates, unplug one node after the other",
-        "ISO 11898-1, 10.11")  # fmt: skip
-    FRAMES_MISSED = (W, "Frames came that could not be taken in",
-        "this computer was too slow for the bus, or did something else", "record to a file, and diagnose that",
-        "this program")  # fmt: skip
-    LOG_GAP = (W, "Nothing at all comes for longer than the heartbeats allow",
-        "the recording, or the whole bus, was interrupted", "look at the recorder, then at the supply of the bus",
-        "CiA 301, 7.2.8.2.2")  # fmt: skip
-    LOG_BACKWARDS = (
-        W, "Time runs backwards in the log", "two recordings in one file, or the clock of the recorder was set",
-        "cut the log there: times across it mean nothing", "the log")  # fmt: skip
-    LOG_UNREADABLE = (W, "A line of the log cannot be read", "the file is damaged, cut off, or has another format",
-        "record it again, or name its format by --format", "the log")  # fmt: skip
-    LOAD_HIGH = (W, "The bus carries more than 80 % in a second",
-        "messages are sent too often; urgent ones are still in time, the others wait",
-        "raise inhibit times and event timers, or the bit rate; `load` computes what is late; -b says the bit rate",
-        "CiA 301, 7.5.2.37 (inhibit time)")  # fmt: skip
-    LOAD_BURST = (
-        I, "The bus is full for 50 ms, though not for a second", "many messages fall due at once, as after a SYNC",
-        "spread event timers, or answers to SYNC, over time", "CiA 301, 7.5.2.37 (inhibit time)")  # fmt: skip
-    CAN_STARVE = (W, "A message can be later than its deadline, by its period and those of the more urgent ones",
-        "the bus is too slow for what is promised on it", "`load` says what holds it up",
-        "Davis, Burns, Bril, Lukkien 2007")  # fmt: skip
+    BUS_OFF = RuleRow(
+        Severity.ERROR,
+        "A controller is bus-off: it takes no part in the bus any more",
+        cause="a short circuit, a wrong bit rate or a missing terminator made too many transmissions fail",
+        remedy="measure 60 ohm between CAN_H and CAN_L, compare the bit rates, then restart the controller",
+        clause="ISO 11898-1, 12.1",
+    )
+    BUS_SILENT = RuleRow(
+        Severity.ERROR,
+        "No frame comes at all",
+        cause="the adapter is not connected, has another bit rate than the bus, or no node has power",
+        remedy="`doctor` lists adapters; compare the bit rates, measure 60 ohm between CAN_H and CAN_L",
+        clause="ISO 11898-1",
+    )
+    ERROR_FRAME = RuleRow(
+        Severity.ERROR,
+        "Frames are destroyed by errors on the wire",
+        cause=(
+            "a missing or third terminator, a loose plug, a wrong bit rate, nobody who acknowledges, or two nodes "
+            "that send the same identifier with other data"
+        ),
+        remedy="measure 60 ohm between CAN_H and CAN_L, compare the bit rates, unplug one node after the other",
+        clause="ISO 11898-1, 10.11",
+    )
+    FRAMES_MISSED = RuleRow(
+        Severity.WARNING,
+        "Frames came that could not be taken in",
+        cause="this computer was too slow for the bus, or did something else",
+        remedy="record to a file, and diagnose that",
+        clause="this program",
+    )
+    LOG_GAP = RuleRow(
+        Severity.WARNING,
+        "Nothing at all comes for longer than the heartbeats allow",
+        cause="the recording, or the whole bus, was interrupted",
+        remedy="look at the recorder, then at the supply of the bus",
+        clause="CiA 301, 7.2.8.2.2",
+    )
+    LOG_BACKWARDS = RuleRow(
+        Severity.WARNING,
+        "Time runs backwards in the log",
+        cause="two recordings in one file, or the clock of the recorder was set",
+        remedy="cut the log there: times across it mean nothing",
+        clause="the log",
+    )
+    LOG_UNREADABLE = RuleRow(
+        Severity.WARNING,
+        "A line of the log cannot be read",
+        cause="the file is damaged, cut off, or has another format",
+        remedy="record it again, or name its format by --format",
+        clause="the log",
+    )
+    LOAD_HIGH = RuleRow(
+        Severity.WARNING,
+        "The bus carries more than 80 % in a second",
+        cause="messages are sent too often; urgent ones are still in time, the others wait",
+        remedy=(
+            "raise inhibit times and event timers, or the bit rate; `load` computes what is late; -b says the bit rate"
+        ),
+        clause="CiA 301, 7.5.2.37 (inhibit time)",
+    )
+    LOAD_BURST = RuleRow(
+        Severity.INFO,
+        "The bus is full for 50 ms, though not for a second",
+        cause="many messages fall due at once, as after a SYNC",
+        remedy="spread event timers, or answers to SYNC, over time",
+        clause="CiA 301, 7.5.2.37 (inhibit time)",
+    )
+    CAN_STARVE = RuleRow(
+        Severity.WARNING,
+        "A message can be later than its deadline, by its period and those of the more urgent ones",
+        cause="the bus is too slow for what is promised on it",
+        remedy="`load` says what holds it up",
+        clause="Davis, Burns, Bril, Lukkien 2007",
+    )
 
     # Nodes: boot-up and NMT
-    TWO_NODES = (E, "Two nodes have the same node-ID",
-        "two devices are set to it by switches, LSS or a copied configuration",
-        "unplug one: the node-ID still answers? Give one of them another node-ID", "CiA 301, 7.3.3")  # fmt: skip
-    NEVER_HEARD = (E, "A device that has a file is never heard",
-        "it has no power, another bit rate or node-ID, or is not connected",
-        "`scan` lists who is there; then look at supply, plug, bit rate and node-ID", "CiA 301, 7.3.2.2.1")  # fmt: skip
-    NO_BOOT = (E, "A node does not boot up after a reset",
-        "it hangs in its start, or was given another node-ID or bit rate",
-        "switch its power off and on; look for its boot-up at other node-IDs", "CiA 301, 7.2.8.3.3")  # fmt: skip
-    BOOTS_OPERATIONAL = (E, "A node boots up in the middle of its work",
-        "its power broke down, its watchdog bit, or its program crashed",
-        "look at its supply under load, then at its memory of errors (`emcy`)", "CiA 301, 7.2.8.3.3")  # fmt: skip
-    BOOTS_AGAIN = (
-        W, "A node boots up again without a command", "its power is not stable yet, or it starts anew by itself",
-        "look at its supply; a device may say why (`emcy`)", "CiA 301, 7.2.8.3.3")  # fmt: skip
-    NOT_FOLLOWED = (E, "A node is in another NMT state than it was told",
-        "it was still booting, refuses because of an error, or a second master commands it",
-        "wait for its boot-up before the command; read 0x1001 and its errors (`emcy`)", "CiA 301, 7.3.2.2")  # fmt: skip
-    STATE_UNTOLD = (W, "A node changes its NMT state without a command",
-        "its error behaviour after a lost heartbeat or bus-off (0x1029), a start by itself (0x1F80), or a log that "
-        "lacks what its own computer sent", "look at its errors (`emcy`), and at whom it waits for (0x1016)",
-        "CiA 301, 7.3.2.2, 7.5.2.32")  # fmt: skip
-    NOT_STARTED = (W, "A node stays in PRE-OPERATIONAL: it sends no PDO",
-        "no master starts it, and it does not start by itself (0x1F80)",
-        "`nmt NODE start`, or `boot` for the whole network", "CiA 301, 7.3.2.2.1; CiA 302-2")  # fmt: skip
+    TWO_NODES = RuleRow(
+        Severity.ERROR,
+        "Two nodes have the same node-ID",
+        cause="two devices are set to it by switches, LSS or a copied configuration",
+        remedy="unplug one: the node-ID still answers? Give one of them another node-ID",
+        clause="CiA 301, 7.3.3",
+    )
+    NEVER_HEARD = RuleRow(
+        Severity.ERROR,
+        "A device that has a file is never heard",
+        cause="it has no power, another bit rate or node-ID, or is not connected",
+        remedy="`scan` lists who is there; then look at supply, plug, bit rate and node-ID",
+        clause="CiA 301, 7.3.2.2.1",
+    )
+    NO_BOOT = RuleRow(
+        Severity.ERROR,
+        "A node does not boot up after a reset",
+        cause="it hangs in its start, or was given another node-ID or bit rate",
+        remedy="switch its power off and on; look for its boot-up at other node-IDs",
+        clause="CiA 301, 7.2.8.3.3",
+    )
+    BOOTS_OPERATIONAL = RuleRow(
+        Severity.ERROR,
+        "A node boots up in the middle of its work",
+        cause="its power broke down, its watchdog bit, or its program crashed",
+        remedy="look at its supply under load, then at its memory of errors (`emcy`)",
+        clause="CiA 301, 7.2.8.3.3",
+    )
+    BOOTS_AGAIN = RuleRow(
+        Severity.WARNING,
+        "A node boots up again without a command",
+        cause="its power is not stable yet, or it starts anew by itself",
+        remedy="look at its supply; a device may say why (`emcy`)",
+        clause="CiA 301, 7.2.8.3.3",
+    )
+    NOT_FOLLOWED = RuleRow(
+        Severity.ERROR,
+        "A node is in another NMT state than it was told",
+        cause="it was still booting, refuses because of an error, or a second master commands it",
+        remedy="wait for its boot-up before the command; read 0x1001 and its errors (`emcy`)",
+        clause="CiA 301, 7.3.2.2",
+    )
+    STATE_UNTOLD = RuleRow(
+        Severity.WARNING,
+        "A node changes its NMT state without a command",
+        cause=(
+            "its error behaviour after a lost heartbeat or bus-off (0x1029), a start by itself (0x1F80), or a log "
+            "that lacks what its own computer sent"
+        ),
+        remedy="look at its errors (`emcy`), and at whom it waits for (0x1016)",
+        clause="CiA 301, 7.3.2.2, 7.5.2.32",
+    )
+    NOT_STARTED = RuleRow(
+        Severity.WARNING,
+        "A node stays in PRE-OPERATIONAL: it sends no PDO",
+        cause="no master starts it, and it does not start by itself (0x1F80)",
+        remedy="`nmt NODE start`, or `boot` for the whole network",
+        clause="CiA 301, 7.3.2.2.1; CiA 302-2",
+    )
 
     # Error control
-    HEARTBEAT_LOST = (
-        E, "A heartbeat stays away for more than two periods", "the node has no power, hangs, or was unplugged",
-        "look at its supply and plug; the frames before may say why", "CiA 301, 7.2.8.2.2.2")  # fmt: skip
-    HEARTBEAT_LATE = (
-        W, "A heartbeat is late by more than half its period", "the node is busy, or the bus is full at that time",
-        "look at the load there; give the consumer at least twice the period", "CiA 301, 7.2.8.2.2.2")  # fmt: skip
-    HEARTBEAT_CHANGED = (W, "Heartbeats come at another period than configured",
-        "the node has other settings than its file, or was set by somebody before",
-        "`read NODE 0x1017`, or let `boot` write it", "CiA 301, 7.5.2.20")  # fmt: skip
-    CONSUMER_UNFED = (E, "A node waits for a heartbeat that nobody sends",
-        "the producer has no heartbeat time (0x1017), or is not there",
-        "write 0x1017 of the producer, or take the entry out of 0x1016", "CiA 301, 7.5.2.19")  # fmt: skip
-    CONSUMER_SHORT = (E, "A node waits less for a heartbeat than its producer's period",
-        "0x1016 of the one and 0x1017 of the other were set apart", "set 0x1016 to at least twice 0x1017",
-        "CiA 301, 7.5.2.19")  # fmt: skip
-    GUARD_TOGGLE = (E, "An answer to node guarding has the toggle bit of the one before",
-        "the node repeats its answer, lost one, or there are two guarding masters",
-        "use heartbeats; or leave one master that guards", "CiA 301, 7.2.8.3.2.1")  # fmt: skip
-    GUARD_UNANSWERED = (E, "Node guarding gets no answer", "the node is not there, or has a heartbeat instead (0x1017)",
-        "use its heartbeat; guarding and heartbeat exclude each other", "CiA 301, 7.2.8.2.2")  # fmt: skip
+    HEARTBEAT_LOST = RuleRow(
+        Severity.ERROR,
+        "A heartbeat stays away for more than two periods",
+        cause="the node has no power, hangs, or was unplugged",
+        remedy="look at its supply and plug; the frames before may say why",
+        clause="CiA 301, 7.2.8.2.2.2",
+    )
+    HEARTBEAT_LATE = RuleRow(
+        Severity.WARNING,
+        "A heartbeat is late by more than half its period",
+        cause="the node is busy, or the bus is full at that time",
+        remedy="look at the load there; give the consumer at least twice the period",
+        clause="CiA 301, 7.2.8.2.2.2",
+    )
+    HEARTBEAT_CHANGED = RuleRow(
+        Severity.WARNING,
+        "Heartbeats come at another period than configured",
+        cause="the node has other settings than its file, or was set by somebody before",
+        remedy="`read NODE 0x1017`, or let `boot` write it",
+        clause="CiA 301, 7.5.2.20",
+    )
+    CONSUMER_UNFED = RuleRow(
+        Severity.ERROR,
+        "A node waits for a heartbeat that nobody sends",
+        cause="the producer has no heartbeat time (0x1017), or is not there",
+        remedy="write 0x1017 of the producer, or take the entry out of 0x1016",
+        clause="CiA 301, 7.5.2.19",
+    )
+    CONSUMER_SHORT = RuleRow(
+        Severity.ERROR,
+        "A node waits less for a heartbeat than its producer's period",
+        cause="0x1016 of the one and 0x1017 of the other were set apart",
+        remedy="set 0x1016 to at least twice 0x1017",
+        clause="CiA 301, 7.5.2.19",
+    )
+    GUARD_TOGGLE = RuleRow(
+        Severity.ERROR,
+        "An answer to node guarding has the toggle bit of the one before",
+        cause="the node repeats its answer, lost one, or there are two guarding masters",
+        remedy="use heartbeats; or leave one master that guards",
+        clause="CiA 301, 7.2.8.3.2.1",
+    )
+    GUARD_UNANSWERED = RuleRow(
+        Severity.ERROR,
+        "Node guarding gets no answer",
+        cause="the node is not there, or has a heartbeat instead (0x1017)",
+        remedy="use its heartbeat; guarding and heartbeat exclude each other",
+        clause="CiA 301, 7.2.8.2.2",
+    )
 
     # SDO
-    TWO_CLIENTS = (E, "Two masters use one SDO channel",
-        "two programs, or a program and a tool, ask the same node at the same time",
-        "stop one; a second client needs a channel of its own (0x1201)", "CiA 301, 7.2.4.1")  # fmt: skip
-    SDO_UNANSWERED = (E, "An SDO request gets no answer",
-        "the node is not there, is stopped, or has its SDO server elsewhere (0x1200)",
-        "`scan` lists who answers; look at the node's NMT state", "CiA 301, 7.2.4.3, 7.3.2.2.4")  # fmt: skip
-    SDO_BROKEN = (E, "An SDO transfer breaks off", "its client gave it up, the node booted, or frames were lost",
-        "look at the frames before; a longer timeout helps a slow device", "CiA 301, 7.2.4.3")  # fmt: skip
-    SDO_TOGGLE = (E, "A segment of an SDO transfer has the wrong toggle bit", "a frame was lost, or sent twice",
-        "look for errors on the wire, and for a second master", "CiA 301, 7.2.4.3.4, 7.2.4.3.7")  # fmt: skip
-    SDO_UNASKED = (
-        W, "An SDO answer comes without a request", "two nodes have the node-ID, or the node answered too late",
-        "compare the times; a longer timeout helps a slow device", "CiA 301, 7.2.4.3")  # fmt: skip
-    SDO_ABORT = (W, "A node refuses an SDO request", "as the abort code's words say",
-        "compare the request with the device's file", "CiA 301, 7.2.4.3.17")  # fmt: skip
+    TWO_CLIENTS = RuleRow(
+        Severity.ERROR,
+        "Two masters use one SDO channel",
+        cause="two programs, or a program and a tool, ask the same node at the same time",
+        remedy="stop one; a second client needs a channel of its own (0x1201)",
+        clause="CiA 301, 7.2.4.1",
+    )
+    SDO_UNANSWERED = RuleRow(
+        Severity.ERROR,
+        "An SDO request gets no answer",
+        cause="the node is not there, is stopped, or has its SDO server elsewhere (0x1200)",
+        remedy="`scan` lists who answers; look at the node's NMT state",
+        clause="CiA 301, 7.2.4.3, 7.3.2.2.4",
+    )
+    SDO_BROKEN = RuleRow(
+        Severity.ERROR,
+        "An SDO transfer breaks off",
+        cause="its client gave it up, the node booted, or frames were lost",
+        remedy="look at the frames before; a longer timeout helps a slow device",
+        clause="CiA 301, 7.2.4.3",
+    )
+    SDO_TOGGLE = RuleRow(
+        Severity.ERROR,
+        "A segment of an SDO transfer has the wrong toggle bit",
+        cause="a frame was lost, or sent twice",
+        remedy="look for errors on the wire, and for a second master",
+        clause="CiA 301, 7.2.4.3.4, 7.2.4.3.7",
+    )
+    SDO_UNASKED = RuleRow(
+        Severity.WARNING,
+        "An SDO answer comes without a request",
+        cause="two nodes have the node-ID, or the node answered too late",
+        remedy="compare the times; a longer timeout helps a slow device",
+        clause="CiA 301, 7.2.4.3",
+    )
+    SDO_ABORT = RuleRow(
+        Severity.WARNING,
+        "A node refuses an SDO request",
+        cause="as the abort code's words say",
+        remedy="compare the request with the device's file",
+        clause="CiA 301, 7.2.4.3.17",
+    )
 
-    SDO_PROBED = (
-        I, "A node is asked for an object that it does not have", "a tool tries what the device can do, or has another "
-        "version of its file", "nothing, if the tool goes on", "CiA 301, 7.2.4.3.17")  # fmt: skip
+    SDO_PROBED = RuleRow(
+        Severity.INFO,
+        "A node is asked for an object that it does not have",
+        cause="a tool tries what the device can do, or has another version of its file",
+        remedy="nothing, if the tool goes on",
+        clause="CiA 301, 7.2.4.3.17",
+    )
 
     # Configuration
-    NOT_CONFIGURED = (
-        W, "A node is started without all the values of its DCF", "the master writes only a part, or another file",
-        "`configure NODE DCF` writes and verifies all of it", "CiA 302-2, boot slave; CiA 306")  # fmt: skip
-    CONFIGURED_OTHERWISE = (
-        W, "A node is given another value than its DCF has", "the master has another version of the file",
-        "give master and diagnosis the same file; `diff` compares a node with it", "CiA 306")  # fmt: skip
-    LSS_LEFT = (W, "A device is left in LSS configuration state", "the tool was ended in the middle",
-        "switch all devices back to waiting: `lss find` does, or a reset of power", "CiA 305, switch state global",
-    )  # fmt: skip
+    NOT_CONFIGURED = RuleRow(
+        Severity.WARNING,
+        "A node is started without all the values of its DCF",
+        cause="the master writes only a part, or another file",
+        remedy="`configure NODE DCF` writes and verifies all of it",
+        clause="CiA 302-2, boot slave; CiA 306",
+    )
+    CONFIGURED_OTHERWISE = RuleRow(
+        Severity.WARNING,
+        "A node is given another value than its DCF has",
+        cause="the master has another version of the file",
+        remedy="give master and diagnosis the same file; `diff` compares a node with it",
+        clause="CiA 306",
+    )
+    LSS_LEFT = RuleRow(
+        Severity.WARNING,
+        "A device is left in LSS configuration state",
+        cause="the tool was ended in the middle",
+        remedy="switch all devices back to waiting: `lss find` does, or a reset of power",
+        clause="CiA 305, switch state global",
+    )
 
     # PDO
-    COB_ID_SHARED = (
-        E, "Two devices send PDOs with one COB-ID", "a copied configuration: the COB-ID is not made of the node-ID",
-        "give one of them another COB-ID (0x1800 and up, sub-index 1)", "CiA 301, 7.5.2.37")  # fmt: skip
-    PDO_LENGTH = (E, "A PDO has a length that its mapping in force cannot have",
-        "the device is mapped otherwise than its file says, or another device sends it",
-        "`pdo NODE` or `monitor --ask` shows how it is mapped", "CiA 301, 7.5.2.36, 7.5.2.38")  # fmt: skip
-    ANSWER_MISSING = (E, "A message that asks gets no answer, though the network file promises one",
-        "the node that answers is not there, not OPERATIONAL, or did not understand the question",
-        "look at that node's state and errors; then compare both ends' files", "the network file: `answers`",
-    )  # fmt: skip
-    ANSWER_LATE = (W, "An answer comes later than computed for a bus that works",
-        "its node is busy, or a message of lower identifier floods the bus",
-        "compare with `decode --statistics` and `load`", "Davis, Burns, Bril, Lukkien 2007")  # fmt: skip
-    PDO_STATE = (E, "A node sends a PDO outside of OPERATIONAL",
-        "the device does not heed its NMT state, or two have the node-ID", "tell its maker", "CiA 301, 7.3.2.2.4",
-    )  # fmt: skip
-    PDO_INHIBIT = (W, "A PDO comes faster than its inhibit time allows",
-        "the device has another inhibit time than its file, or two send it", "`pdo NODE` shows the time in force",
-        "CiA 301, 7.5.2.37")  # fmt: skip
-    PDO_TIMER = (W, "A PDO does not come within its event timer",
-        "the device has another event timer than its file, or is too busy", "`pdo NODE` shows the timer in force",
-        "CiA 301, 7.5.2.37")  # fmt: skip
-    PDO_NO_SYNC = (E, "A synchronous PDO waits for a SYNC that nobody sends",
-        "no producer of SYNC is started (0x1005 bit 30, 0x1006)",
-        "let the master send SYNC (`sync`), or make the PDO event-driven (transmission type 255)",
-        "CiA 301, 7.2.2.2")  # fmt: skip
-    PDO_NOT_SENT = (W, "A synchronous PDO is not sent, though SYNC comes",
-        "the PDO is not valid in the device, or has another COB-ID", "`pdo NODE` shows what is in force",
-        "CiA 301, 7.2.2.2")  # fmt: skip
-    PDO_UNKNOWN = (
-        W, "An identifier is in no file", "a file is missing, or a device is mapped otherwise than its file says",
-        "name the device's file by --eds; `scan` lists who is there", "CiA 301, 7.3.3")  # fmt: skip
-    PDO_OFF = (W, "A PDO is sent that is switched off in its file", "the device was configured since",
-        "`pdo NODE` shows what is in force", "CiA 301, 7.5.2.37")  # fmt: skip
-    OUT_OF_RANGE = (W, "A value in a PDO is outside the limits of its object",
-        "a wrong unit or byte order at the sender, or a wrong file", "compare both ends' files",
-        "CiA 306, LowLimit and HighLimit")  # fmt: skip
-    FRAME_LENGTH = (E, "A frame of a service has a length that it cannot have",
-        "something else is sent under a reserved identifier", "give that message another identifier",
-        "CiA 301, 7.3.5")  # fmt: skip
-    PDO_MAPPED_OTHERWISE = (I, "A PDO is mapped otherwise than its file says", "a master has mapped it",
-        "nothing, if it was meant; a DCF can say so", "CiA 301, 7.5.2.38")  # fmt: skip
-    PDO_UNHEARD = (I, "A PDO is sent that no file of the network receives",
-        "its receiver has no file here, or is mapped otherwise", "nothing, if a master without a file takes it",
-        "CiA 301, 7.2.2.1")  # fmt: skip
+    COB_ID_SHARED = RuleRow(
+        Severity.ERROR,
+        "Two devices send PDOs with one COB-ID",
+        cause="a copied configuration: the COB-ID is not made of the node-ID",
+        remedy="give one of them another COB-ID (0x1800 and up, sub-index 1)",
+        clause="CiA 301, 7.5.2.37",
+    )
+    PDO_LENGTH = RuleRow(
+        Severity.ERROR,
+        "A PDO has a length that its mapping in force cannot have",
+        cause="the device is mapped otherwise than its file says, or another device sends it",
+        remedy="`pdo NODE` or `monitor --ask` shows how it is mapped",
+        clause="CiA 301, 7.5.2.36, 7.5.2.38",
+    )
+    ANSWER_MISSING = RuleRow(
+        Severity.ERROR,
+        "A message that asks gets no answer, though the network file promises one",
+        cause="the node that answers is not there, not OPERATIONAL, or did not understand the question",
+        remedy="look at that node's state and errors; then compare both ends' files",
+        clause="the network file: `answers`",
+    )
+    ANSWER_LATE = RuleRow(
+        Severity.WARNING,
+        "An answer comes later than computed for a bus that works",
+        cause="its node is busy, or a message of lower identifier floods the bus",
+        remedy="compare with `decode --statistics` and `load`",
+        clause="Davis, Burns, Bril, Lukkien 2007",
+    )
+    PDO_STATE = RuleRow(
+        Severity.ERROR,
+        "A node sends a PDO outside of OPERATIONAL",
+        cause="the device does not heed its NMT state, or two have the node-ID",
+        remedy="tell its maker",
+        clause="CiA 301, 7.3.2.2.4",
+    )
+    PDO_INHIBIT = RuleRow(
+        Severity.WARNING,
+        "A PDO comes faster than its inhibit time allows",
+        cause="the device has another inhibit time than its file, or two send it",
+        remedy="`pdo NODE` shows the time in force",
+        clause="CiA 301, 7.5.2.37",
+    )
+    PDO_TIMER = RuleRow(
+        Severity.WARNING,
+        "A PDO does not come within its event timer",
+        cause="the device has another event timer than its file, or is too busy",
+        remedy="`pdo NODE` shows the timer in force",
+        clause="CiA 301, 7.5.2.37",
+    )
+    PDO_NO_SYNC = RuleRow(
+        Severity.ERROR,
+        "A synchronous PDO waits for a SYNC that nobody sends",
+        cause="no producer of SYNC is started (0x1005 bit 30, 0x1006)",
+        remedy="let the master send SYNC (`sync`), or make the PDO event-driven (transmission type 255)",
+        clause="CiA 301, 7.2.2.2",
+    )
+    PDO_NOT_SENT = RuleRow(
+        Severity.WARNING,
+        "A synchronous PDO is not sent, though SYNC comes",
+        cause="the PDO is not valid in the device, or has another COB-ID",
+        remedy="`pdo NODE` shows what is in force",
+        clause="CiA 301, 7.2.2.2",
+    )
+    PDO_UNKNOWN = RuleRow(
+        Severity.WARNING,
+        "An identifier is in no file",
+        cause="a file is missing, or a device is mapped otherwise than its file says",
+        remedy="name the device's file by --eds; `scan` lists who is there",
+        clause="CiA 301, 7.3.3",
+    )
+    PDO_OFF = RuleRow(
+        Severity.WARNING,
+        "A PDO is sent that is switched off in its file",
+        cause="the device was configured since",
+        remedy="`pdo NODE` shows what is in force",
+        clause="CiA 301, 7.5.2.37",
+    )
+    OUT_OF_RANGE = RuleRow(
+        Severity.WARNING,
+        "A value in a PDO is outside the limits of its object",
+        cause="a wrong unit or byte order at the sender, or a wrong file",
+        remedy="compare both ends' files",
+        clause="CiA 306, LowLimit and HighLimit",
+    )
+    FRAME_LENGTH = RuleRow(
+        Severity.ERROR,
+        "A frame of a service has a length that it cannot have",
+        cause="something else is sent under a reserved identifier",
+        remedy="give that message another identifier",
+        clause="CiA 301, 7.3.5",
+    )
+    PDO_MAPPED_OTHERWISE = RuleRow(
+        Severity.INFO,
+        "A PDO is mapped otherwise than its file says",
+        cause="a master has mapped it",
+        remedy="nothing, if it was meant; a DCF can say so",
+        clause="CiA 301, 7.5.2.38",
+    )
+    PDO_UNHEARD = RuleRow(
+        Severity.INFO,
+        "A PDO is sent that no file of the network receives",
+        cause="its receiver has no file here, or is mapped otherwise",
+        remedy="nothing, if a master without a file takes it",
+        clause="CiA 301, 7.2.2.1",
+    )
 
     # SYNC and TIME
-    SYNC_TWO = (
-        E, "Two producers send SYNC", "two devices have bit 30 of 0x1005 set, or a tool sends it beside the master",
-        "leave one: clear bit 30 of 0x1005 in the other", "CiA 301, 7.2.5.1")  # fmt: skip
-    SYNC_COUNTER = (E, "The counter in SYNC leaves out a number", "a SYNC was lost, or the producer started anew",
-        "look for errors on the wire, and at the producer", "CiA 301, 7.2.5.3, 7.5.2.22")  # fmt: skip
-    SYNC_JITTER = (W, "SYNC comes more than a quarter of its period early or late",
-        "its producer is busy, or runs on a computer without real time",
-        "let a device produce SYNC, or the driver send it cyclically", "CiA 301, 7.2.5.3")  # fmt: skip
-    TIME_JUMPS = (W, "TIME does not go on as fast as the clock of the log",
-        "two producers, or the clock of the producer was set", "leave one producer (bit 30 of 0x1012)",
-        "CiA 301, 7.2.6")  # fmt: skip
+    SYNC_TWO = RuleRow(
+        Severity.ERROR,
+        "Two producers send SYNC",
+        cause="two devices have bit 30 of 0x1005 set, or a tool sends it beside the master",
+        remedy="leave one: clear bit 30 of 0x1005 in the other",
+        clause="CiA 301, 7.2.5.1",
+    )
+    SYNC_COUNTER = RuleRow(
+        Severity.ERROR,
+        "The counter in SYNC leaves out a number",
+        cause="a SYNC was lost, or the producer started anew",
+        remedy="look for errors on the wire, and at the producer",
+        clause="CiA 301, 7.2.5.3, 7.5.2.22",
+    )
+    SYNC_JITTER = RuleRow(
+        Severity.WARNING,
+        "SYNC comes more than a quarter of its period early or late",
+        cause="its producer is busy, or runs on a computer without real time",
+        remedy="let a device produce SYNC, or the driver send it cyclically",
+        clause="CiA 301, 7.2.5.3",
+    )
+    TIME_JUMPS = RuleRow(
+        Severity.WARNING,
+        "TIME does not go on as fast as the clock of the log",
+        cause="two producers, or the clock of the producer was set",
+        remedy="leave one producer (bit 30 of 0x1012)",
+        clause="CiA 301, 7.2.6",
+    )
 
     # EMCY
-    EMCY_RAISED = (E, "A node reports an error and does not take it back",
-        "as the error's words say; the register says of which kind",
-        "`emcy NODE` lists its errors; the device's manual has the codes from 0xFF00 on", "CiA 301, 7.2.7")  # fmt: skip
-    EMCY_STORM = (
-        W, "A node sends more than 10 emergencies in a second", "an error comes and goes, or has no inhibit time",
-        "set 0x1015 of the node; then look for what comes and goes", "CiA 301, 7.5.2.18")  # fmt: skip
-    EMCY_REGISTER = (W, "An emergency has an error register without the generic error",
-        "the device does not keep 0x1001 as it must", "tell its maker; do not trust its 0x1001", "CiA 301, 7.5.2.2",
-    )  # fmt: skip
-    EMCY_CLEARED = (I, "A node reports an error and takes it back", "as the error's words say",
-        "nothing, if it does not come again", "CiA 301, 7.2.7")  # fmt: skip
+    EMCY_RAISED = RuleRow(
+        Severity.ERROR,
+        "A node reports an error and does not take it back",
+        cause="as the error's words say; the register says of which kind",
+        remedy="`emcy NODE` lists its errors; the device's manual has the codes from 0xFF00 on",
+        clause="CiA 301, 7.2.7",
+    )
+    EMCY_STORM = RuleRow(
+        Severity.WARNING,
+        "A node sends more than 10 emergencies in a second",
+        cause="an error comes and goes, or has no inhibit time",
+        remedy="set 0x1015 of the node; then look for what comes and goes",
+        clause="CiA 301, 7.5.2.18",
+    )
+    EMCY_REGISTER = RuleRow(
+        Severity.WARNING,
+        "An emergency has an error register without the generic error",
+        cause="the device does not keep 0x1001 as it must",
+        remedy="tell its maker; do not trust its 0x1001",
+        clause="CiA 301, 7.5.2.2",
+    )
+    EMCY_CLEARED = RuleRow(
+        Severity.INFO,
+        "A node reports an error and takes it back",
+        cause="as the error's words say",
+        remedy="nothing, if it does not come again",
+        clause="CiA 301, 7.2.7",
+    )
 
     @property
     def stage(self) -> int:
