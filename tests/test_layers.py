@@ -172,6 +172,42 @@ def test_nothing_names_the_robot_but_itself() -> None:
     assert [module for module, text in outside.items() if module and f"{NAME}.robot." in f"{text}."] == []
 
 
+# The tests: those of the workbench do without the robot and its files.
+TESTS = ROOT / "tests"
+ROBOTS_FILES = re.compile(r"\beds/(canopen|firmware2014|protocol|network|robot)|eurobot_od\.robot")
+ABOUT_BOTH = {
+    "test_layers": "the house itself",
+    "test_packaging": "what is delivered",
+    "test_plugin": "how the robot is found",
+    "test_public_names": "all names",
+    "test_without_robot": "the workbench where the robot is missing",
+    "without_robot": "... a process of it",
+}
+NOT_YET = {*(TESTS / "not_yet_neutral.txt").read_text().split()}
+"""Files that still use it: none is added."""
+
+
+def uses_of_the_robot(file: Path) -> Iterator[str]:
+    """Yield what a test file imports of the robot, and what it reads of its files."""
+    homes = dict(re.findall(r"^from (\S+) import .* as (\w+)$", (PACKAGE / "__init__.pyi").read_text(), re.MULTILINE))
+    for node in ast.walk(tree(file)):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [each.name for each in node.names]
+            modules = [homes.get(name, "") for name in names] if node.module == NAME else [node.module]
+            yield from (each for each in modules if each.startswith((f"{NAME}.robot", "tests.robot")))
+            yield from (name for name in names if node.module == NAME and name == "robot")
+        elif isinstance(node, ast.BinOp) and isinstance(node.right, ast.Constant) and node.right.value == "eds":
+            yield from [ast.unparse(node)] if re.search(r"ROOT|parents\[", ast.unparse(node.left)) else []
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from ROBOTS_FILES.findall(node.value)
+
+
+def test_only_the_robots_tests_use_the_robot() -> None:
+    outside = [each for each in sorted(TESTS.rglob("*.py")) if each.relative_to(TESTS).parts[0] != ROBOT]
+    users = {each.relative_to(TESTS).with_suffix("").as_posix() for each in outside if any(uses_of_the_robot(each))}
+    assert users - ABOUT_BOTH.keys() - NOT_YET == set()
+
+
 # One model for each noun: its class, and what else is called so, each of them another thing.
 NOUNS: dict[str, dict[str, str]] = {
     "Pdo": {

@@ -20,6 +20,10 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 
+DOCS = Path(__file__).parents[2] / "docs"
+MOTOR, SERVO, IO = DOCS / "motor.eds", DOCS / "servo.eds", DOCS / "io.eds"
+"""The documentation's devices: a motor controller of our own, a drive of CiA 402, a module of CiA 401."""
+
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 MODULE = SAMPLES / "clean.eds"
 """A device with everything that a suite looks at but write-only objects."""

@@ -30,7 +30,8 @@ from eurobot_od.robot.nodes.flows import GotoReport, NotStanding
 from eurobot_od.robot.nodes.node import Detection
 from tests.bus.live.loose import LONG, until
 from tests.client.peers import new_channel, open_bus
-from tests.robot.nodes.harness import PROTOCOL, as_if_started, put
+from tests.kit.bench import put
+from tests.robot.nodes.harness import PROTOCOL, as_if_started
 
 FAR = GotoXY(2700, 1700, 0, 50)
 

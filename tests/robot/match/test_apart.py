@@ -18,7 +18,7 @@ from eurobot_od.robot.world.server import RemoteVehicle
 from eurobot_od.robot.world.world import EventKind, MatchEvent
 from eurobot_od.support.connections import Address
 from tests.client.peers import new_channel, open_bus
-from tests.robot.nodes.harness import put
+from tests.kit.bench import put
 
 NOWHERE = WorldAddress(Address("127.0.0.1", 9))
 """The port of a service that nobody offers any more."""

@@ -36,7 +36,8 @@ from eurobot_od.robot.nodes.drive import Drive
 from eurobot_od.robot.nodes.estimate import PUSHED, Estimate
 from eurobot_od.robot.nodes.motion import AT_REST, Odometry, WheelCommand
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels, put
+from tests.kit.bench import put
+from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
 from tests.rows import rows
 
 FACTS = robot_file.read()

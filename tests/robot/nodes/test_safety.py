@@ -61,7 +61,8 @@ from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import DEVIATION, Handlers
 from tests.client.peers import new_channel, open_bus
-from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, TUNING, Bench, put
+from tests.kit.bench import put
+from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, TUNING, Bench
 from tests.rows import rows
 
 FAR = GotoXY(2700, 1700, 0, 50)

@@ -18,8 +18,8 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.flows import GotoReport
 from eurobot_od.robot.nodes.node import RobotNode
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.kit.bench import put
 from tests.robot.document import NAMES
-from tests.robot.nodes.harness import put
 
 DIALECT = "firmware2014"
 PROTOCOL = EurobotProtocol.load(DIALECT)
