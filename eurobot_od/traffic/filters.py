@@ -8,6 +8,7 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from enum import IntEnum
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
@@ -73,11 +74,12 @@ class Condition(NamedTuple):
     value: Any
 
     def holds(self, message: Message) -> bool:
-        """Return whether it holds; "unknown" is neither less nor greater than anything."""
+        """Return whether it holds; "unknown", or a code in place of a number, is neither less nor greater than it."""
         found = getattr(message, self.field)
         # None, for "unknown", would raise if it were compared by its order.
         is_ordered = self.compare not in (operator.eq, operator.ne)
-        return not (is_ordered and None in (found, self.value)) and self.compare(found, self.value)
+        is_code = isinstance(found, IntEnum) is not isinstance(self.value, IntEnum)
+        return not (is_ordered and (is_code or None in (found, self.value))) and self.compare(found, self.value)
 
 
 def by_value(text: str, protocol: Protocol) -> Wanted:

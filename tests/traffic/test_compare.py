@@ -7,25 +7,20 @@ from collections.abc import Callable
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.robot.match import MatchOptions
-from eurobot_od.robot.match.stage import play_simulated
-from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.values import Source
-from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.compare import Difference, DifferenceKind, Tolerances, compare
 from eurobot_od.traffic.entries import Damage, Foreign, Raw, Timed
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.rows import rows
 
-DECODER = decoder()
+DECODER = plant.decoder()
 ENCODE = DECODER.protocol.encode
 EXACT = Tolerances()
 
 
 @pytest.fixture(scope="module")
-def match() -> list[Timed]:
-    frames: list[Timed] = []
-    play_simulated(MatchOptions(duration=20.0), lambda _: None, lambda time, frame: frames.append((time, frame)))
-    return frames
+def shift() -> list[Timed]:
+    return plant.shift()
 
 
 def kinds(differences: list[Difference]) -> list[tuple[DifferenceKind, str]]:
@@ -33,7 +28,7 @@ def kinds(differences: list[Difference]) -> list[tuple[DifferenceKind, str]]:
 
 
 def position(x: int, angle: int = 0) -> Frame:
-    return ENCODE(messages.KalmanPositionResponse(x, 500, angle, Source.INTERNAL))
+    return ENCODE(m.PlaceResponse(x, 500, angle, m.Source.ENCODER))
 
 
 def places(frames: list[Timed], message: type) -> list[int]:
@@ -41,48 +36,48 @@ def places(frames: list[Timed], message: type) -> list[int]:
     return [place for place, (_, raw) in enumerate(frames) if raw[0] == cob_id]
 
 
-def test_a_log_and_itself_do_not_differ(match: list[Timed]) -> None:
-    assert compare(match, match, DECODER, EXACT) == []
+def test_a_log_and_itself_do_not_differ(shift: list[Timed]) -> None:
+    assert compare(shift, shift, DECODER, EXACT) == []
 
 
-def test_one_removed_one_late_and_one_changed_are_exactly_these_three(match: list[Timed]) -> None:
-    removed = places(match, messages.NaviPositionRequest)[10]
-    late = places(match, messages.GotoStateResponse)[30]
-    changed = places(match, messages.Enemy1PositionResponse)[20]
-    other = list(match)
+def test_one_removed_one_late_and_one_changed_are_exactly_these_three(shift: list[Timed]) -> None:
+    removed = places(shift, m.WeightRequest)[10]
+    late = places(shift, m.MoveStateResponse)[30]
+    changed = places(shift, m.PlaceResponse)[20]
+    other = list(shift)
     time, raw = other[late]
     other[late] = time + 0.02, raw
     time, raw = other[changed]
     other[changed] = time, ENCODE(DECODER.protocol.decode(*raw)._replace(x=7))
     del other[removed]
-    begin = match[0][0]
-    found = compare(match, other, DECODER, EXACT)
+    begin = shift[0][0]
+    found = compare(shift, other, DECODER, EXACT)
     assert sorted(kinds(found), key=str) == sorted(
         [
-            (DifferenceKind.MISSING, "Navi Position Request"),
-            (DifferenceKind.LATE, "Goto State Response"),
-            (DifferenceKind.CHANGED, "Enemy 1 Position Response"),
+            (DifferenceKind.MISSING, "Weight Request"),
+            (DifferenceKind.LATE, "Move State Response"),
+            (DifferenceKind.CHANGED, "Place Response"),
         ],
         key=str,
     )
     times = {each.kind: each.time for each in found}
-    assert times[DifferenceKind.MISSING] == pytest.approx(match[removed][0] - begin)
-    assert times[DifferenceKind.LATE] == pytest.approx(match[late][0] - begin)
-    assert times[DifferenceKind.CHANGED] == pytest.approx(match[changed][0] - begin)
+    assert times[DifferenceKind.MISSING] == pytest.approx(shift[removed][0] - begin)
+    assert times[DifferenceKind.LATE] == pytest.approx(shift[late][0] - begin)
+    assert times[DifferenceKind.CHANGED] == pytest.approx(shift[changed][0] - begin)
 
 
 @pytest.mark.parametrize("number", [0, 1, 100, -1])
-def test_any_frame_may_be_missing(match: list[Timed], number: int) -> None:
-    other = list(match)
+def test_any_frame_may_be_missing(shift: list[Timed], number: int) -> None:
+    other = list(shift)
     del other[number]
-    (found,) = compare(match, other, DECODER, EXACT)
+    (found,) = compare(shift, other, DECODER, EXACT)
     assert found.kind is DifferenceKind.MISSING
-    (extra,) = compare(other, match, DECODER, EXACT)
+    (extra,) = compare(other, shift, DECODER, EXACT)
     assert (extra.kind, extra.name) == (DifferenceKind.EXTRA, found.name)
 
 
-def test_recordings_may_begin_at_any_time(match: list[Timed]) -> None:
-    assert compare(match, [(time + 1e6, raw) for time, raw in match], DECODER, EXACT) == []
+def test_recordings_may_begin_at_any_time(shift: list[Timed]) -> None:
+    assert compare(shift, [(time + 1e6, raw) for time, raw in shift], DECODER, EXACT) == []
 
 
 ROW: list[Timed] = [(number / 10, position(1000 + number)) for number in range(20)]
@@ -107,7 +102,7 @@ def near(message: str, field: str) -> Tolerances:
     return Tolerances(fields={(message, field): 1})
 
 
-KALMAN = "Kalman Position Response"
+PLACE = "Place Response"
 
 CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[DifferenceKind]]] = [
     ("in time by 1 ms", moved(0.501), EXACT, []),
@@ -115,10 +110,10 @@ CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[Differe
     ("2 ms is early", moved(0.498), EXACT, [DifferenceKind.EARLY]),
     ("2 ms is allowed", moved(0.502), Tolerances(0.002), []),
     ("1 mm is a change", replaced(position(1006)), EXACT, [DifferenceKind.CHANGED]),
-    ("1 mm is allowed", replaced(position(1006)), near(KALMAN, "x"), []),
-    ("2 mm is not", replaced(position(1007)), near(KALMAN, "x"), [DifferenceKind.CHANGED]),
-    ("another message's tolerance", replaced(position(1006)), near("Goto XY", "x"), [DifferenceKind.CHANGED]),
-    ("angles go round", replaced(position(1005, 359)), near(KALMAN, "angle"), []),
+    ("1 mm is allowed", replaced(position(1006)), near(PLACE, "x"), []),
+    ("2 mm is not", replaced(position(1007)), near(PLACE, "x"), [DifferenceKind.CHANGED]),
+    ("another message's tolerance", replaced(position(1006)), near("Move To", "x"), [DifferenceKind.CHANGED]),
+    ("angles go round", replaced(position(1005, 359)), near(PLACE, "angle"), []),
     ("late and changed", replaced(position(1), 0.55), EXACT, [DifferenceKind.CHANGED, DifferenceKind.LATE]),
     ("two in a row are missing", lambda row: row.__delitem__(slice(5, 7)), EXACT, [DifferenceKind.MISSING] * 2),
     ("a node was off", lambda row: row.__delitem__(slice(3, 17)), EXACT, [DifferenceKind.MISSING] * 14),
@@ -145,16 +140,16 @@ def test_what_counts_as_a_difference(
 def test_a_difference_says_what_has_changed() -> None:
     other = [*ROW[:5], (0.5, position(900)), *ROW[6:]]
     assert compare(ROW, other, DECODER, EXACT) == [
-        Difference(0.5, DifferenceKind.CHANGED, "Kalman Position Response", "x = 1005 mm -> 900 mm")
+        Difference(0.5, DifferenceKind.CHANGED, "Place Response", "x = 1005 mm -> 900 mm")
     ]
 
 
 def test_unknown_is_near_no_number() -> None:
     known, unknown = (
         [(0.0, position(1000, 90))],
-        [(0.0, ENCODE(messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)))],
+        [(0.0, ENCODE(m.PlaceResponse(None, None, None, m.Source.ENCODER)))],
     )
-    tolerant = Tolerances(fields={(KALMAN, field): 5000.0 for field in ("x", "y", "angle")})
+    tolerant = Tolerances(fields={(PLACE, field): 5000.0 for field in ("x", "y", "angle")})
     assert [each.text for each in compare(known, unknown, DECODER, tolerant)] == [
         "x = 1000 mm -> unknown, y = 500 mm -> unknown, angle = 90 deg -> unknown"
     ]

@@ -12,26 +12,25 @@ from typing import Any
 import pytest
 
 from eurobot_od.frame import EXTENDED, Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import SERVICE_FIELDS, CsvOutput, Decoding, Following, JsonOutput, Output, TextOutput
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.filters import Window, by_name
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import SERVO as FILE
+from tests.kit import plant
 from tests.rows import rows
 
 FIRST, SECOND, THIRD = LINES = (
-    "(1396.001356) can0 180#1B796C2008\n",
-    "(1396.005961) can0 010#\n",
-    "(1396.013890) vcan1 014#730903\n",
+    "(1396.001356) can0 382#1B796C2008\n",
+    "(1396.005961) can0 302#\n",
+    "(1396.013890) vcan1 282#730903\n",
 )
 REGULAR = "".join(LINES)
 TEXT = """\
-  1396.001356  can0  Enemy 1 Position Response     x=2331 mm, y=1735 mm, angle=32 deg, source=enemy 1
-  1396.005961  can0  Goto State Request
-  1396.013890  vcan1  Goto State Response           time=199027 ms
+  1396.001356  can0  Place Response                x=2331 mm, y=1735 mm, angle=32 deg, source=laser
+  1396.005961  can0  Move State Request
+  1396.013890  vcan1  Move State Response           time=199027 ms
 """
 UNREADABLE = "unreadable"
 
@@ -53,7 +52,7 @@ class Pieces(io.RawIOBase):
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return robot_decoder(dialects.DEFAULT)
+    return plant.decoder()
 
 
 def decoded(decoding: Decoding, log: str, name: str = "bus.log") -> str:
@@ -81,9 +80,9 @@ def made_up(decoder: Decoder, seed: int) -> Iterator[str]:
         yield f"({number / 8:.6f}) {chance.choice(['can0', 'can1'])} {text}\n" if number % 500 else "not a frame\n"
 
 
-@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
 def test_frames_that_are_decoded_together_say_what_each_says_by_itself(dialect: str) -> None:
-    decoder = robot_decoder(dialect)
+    decoder = plant.decoder(dialect)
     for log in ("".join(made_up(decoder, 1)), "".join(made_up(decoder, 2)).replace("can1", "can0")):
         decoding = Decoding(decoder, TextOutput())
         assert decoded(decoding, log) == one_by_one(decoder, log)
@@ -101,7 +100,7 @@ def test_frames_that_are_decoded_together_say_what_each_says_by_itself(dialect: 
         (REGULAR.replace("\n", "\r\n"), "line ends of Windows"),
         (REGULAR.replace(" ", "  "), "more space"),
         (REGULAR.replace(" ", "\t"), "other space"),
-        (REGULAR.replace("180#1B796C2008", "180#1b796c2008"), "small letters"),
+        (REGULAR.replace("382#1B796C2008", "382#1b796c2008"), "small letters"),
         (REGULAR.replace("(1396.", "(0001396."), "zeros before a time"),
         (REGULAR.replace("1396.005961", "1396.0059610"), "more decimals"),
     ],
@@ -116,9 +115,9 @@ def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason:
     "log, damage, text",
     [
         # words that are not where they should be
-        (SECOND.replace(" 010#", " 010 #"), UNREADABLE, ""),
-        (SECOND.replace(" can0 010#", "#can0 010 "), UNREADABLE, ""),
-        (SECOND.replace(" 010#", "#010"), UNREADABLE, ""),
+        (SECOND.replace(" 302#", " 010 #"), UNREADABLE, ""),
+        (SECOND.replace(" can0 302#", "#can0 010 "), UNREADABLE, ""),
+        (SECOND.replace(" 302#", "#010"), UNREADABLE, ""),
         (SECOND.replace(" can0", "\x1ccan0"), UNREADABLE, ""),
         (SECOND.replace(" can0", "\ncan0"), UNREADABLE, ""),
         (SECOND.replace("\n", " ") + THIRD, UNREADABLE, ""),
@@ -131,15 +130,15 @@ def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason:
         (SECOND.replace("1396.", "-396."), UNREADABLE, ""),
         (SECOND.replace("1396.", "100000000000."), UNREADABLE, ""),
         # identifiers and data
-        (SECOND.replace("010#", "10#"), UNREADABLE, ""),
-        (SECOND.replace("010#", "XYZ#"), UNREADABLE, ""),
-        (SECOND.replace("010#", "010#0"), UNREADABLE, ""),
+        (SECOND.replace("302#", "10#"), UNREADABLE, ""),
+        (SECOND.replace("302#", "XYZ#"), UNREADABLE, ""),
+        (SECOND.replace("302#", "302#0"), UNREADABLE, ""),
         (FIRST.replace("#1B", "#GG"), UNREADABLE, ""),
         ("x" * 50_000 + "\n", UNREADABLE, "xxx..."),
         # frames of another kind, of no message, of another length
-        (SECOND.replace("010#", "20000080#"), "error frame", "20000080#"),
-        (SECOND.replace("010#", "7FE#"), "unknown identifier", "7FE#"),
-        (SECOND.replace("010#", "010#00"), "wrong length", "1 bytes of data, expected 0; read all the same"),
+        (SECOND.replace("302#", "20000080#"), "error frame", "20000080#"),
+        (SECOND.replace("302#", "7FE#"), "unknown identifier", "7FE#"),
+        (SECOND.replace("302#", "302#00"), "wrong length", "1 bytes of data, expected 0; read all the same"),
         (FIRST.replace("#1B", "#"), "wrong length", "4 bytes of data, expected 5"),
     ],
 )
@@ -154,9 +153,9 @@ def test_what_is_wrong_is_said_and_costs_no_other_line(decoder: Decoder, log: st
 
 def test_a_log_that_ends_within_a_line(decoder: Decoder) -> None:
     decoding = Decoding(decoder, TextOutput())
-    assert decoded(decoding, REGULAR[:-8]).endswith("! cut off: (1396.013890) vcan1 014\n")
+    assert decoded(decoding, REGULAR[:-8]).endswith("! cut off: (1396.013890) vcan1 282\n")
     assert [report.split(" first at ")[1] for report in decoding.damage.report()] == [
-        "bus.log:3: (1396.013890) vcan1 014"
+        "bus.log:3: (1396.013890) vcan1 282"
     ]
 
 
@@ -190,19 +189,19 @@ def test_windows_of_time_begin_anew_with_each_log(decoder: Decoder, window: Wind
 
 
 def test_what_is_not_wanted_is_counted_all_the_same(decoder: Decoder) -> None:
-    decoding = Decoding(decoder, TextOutput(), by_name(["Goto State Request"], decoder))
+    decoding = Decoding(decoder, TextOutput(), by_name(["Move State Request"], decoder))
     assert decoded(decoding, f"{REGULAR}x\n") == TEXT.splitlines(keepends=True)[1]
     assert decoding.damage.total == 1
 
 
-DECODER = robot_decoder(dialects.DEFAULT)
+DECODER = plant.decoder()
 PLACE = {"log": 'a "log", 1', "line": 7, "channel": "can,0"}
 ENTRIES: list[tuple[Raw, dict[str, Any]]] = [
-    (Frame(0x014, b"\xff\xff\x0f"), {"id": "0x014", "data": "FFFF0F", "fields": {"time": None}}),
-    (Frame(0x014, b"\xfe\xff\xff"), {"message": "Goto State Response", "fields": {"time": "blocked"}}),
-    (Frame(0x702, b"\0"), {"message": "Heartbeat", "protocol": "CANopen", "text": "drive, boot-up"}),
+    (Frame(0x282, b"\xfd\xff\xff"), {"id": "0x282", "data": "FDFFFF", "fields": {"time": None}}),
+    (Frame(0x282, b"\xfe\xff\xff"), {"message": "Move State Response", "fields": {"time": "blocked"}}),
+    (Frame(0x702, b"\0"), {"message": "Heartbeat", "protocol": "CANopen", "text": "lift, boot-up"}),
     (Frame(0x7FE), {"id": "0x7FE", "text": "7FE#", "damage": [{"kind": "unknown identifier", "text": "7FE#"}]}),
-    (Foreign(Damage.FD, "008##1AA"), {"message": "CAN FD, 1 byte", "text": "008##1AA"}),
+    (Foreign(Damage.FD, "202##1AA"), {"message": "CAN FD, 1 byte", "text": "202##1AA"}),
     (Frame(EXTENDED | 0x10), {"message": "29-bit frame, 0 bytes", "text": "00000010#"}),
 ]
 
@@ -222,7 +221,7 @@ def test_json(raw: Raw, expected: dict[str, Any]) -> None:
 )
 def test_json_is_for_people_unless_a_terminal_might_act_on_it(name: str, written: str) -> None:
     output = JsonOutput()
-    assert written in output.line_writer(name)(7, 1.5, "can0", output.row(DECODER(Frame(0x00C))))
+    assert written in output.line_writer(name)(7, 1.5, "can0", output.row(DECODER(Frame(0x182))))
 
 
 @pytest.mark.parametrize(("raw", "expected"), ENTRIES)

@@ -7,41 +7,35 @@ import pytest
 from eurobot_od.errors import EurobotError, FieldError, LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import (
-    CheckNaviRequest,
-    EmergencyStop,
-    GotoStateResponse,
-    GotoXY,
-    KalmanPositionResponse,
-    StartConfigurationSet,
-)
-from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
-from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic.filters import Wanted, Window, by_name, by_node, by_value
 from eurobot_od.traffic.meaning import Decoder
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.rows import rows
 
 MESSAGES: dict[str, Message] = {
-    "stop": EmergencyStop(Obstacle.ENEMY),
-    "goto": GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})),
-    "arrived": GotoStateResponse(0),
-    "driving": GotoStateResponse(1500),
-    "lost": GotoStateResponse(None),
-    "here": KalmanPositionResponse(500, 600, 10, Source.INTERNAL),
-    "somewhere": KalmanPositionResponse(None, None, None, Source.INTERNAL),
-    "start": StartConfigurationSet(TeamColour.RED, 2, 1, 30, 25),
-    "check": CheckNaviRequest(),
+    "stop": m.HaltCause(m.Cause.CURTAIN),
+    "move": m.MoveTo(1200, 900, 90, 80, m.Gates().parse("gate-2:locked")),
+    "arrived": m.MoveStateResponse(0),
+    "moving": m.MoveStateResponse(1500),
+    "jammed": m.MoveStateResponse(m.Fault.BLOCKED),
+    "lost": m.MoveStateResponse(None),
+    "here": m.PlaceResponse(500, 600, 10, m.Source.ENCODER),
+    "somewhere": m.PlaceResponse(None, None, None, m.Source.ENCODER),
+    "heavy": m.WeightResponse(412.5, 21.5),
+    "too much": m.WeightResponse(m.Reading.OVERLOAD, -3.5),
+    "order": m.OrderSet(m.Colour.BLUE, 12, 2),
+    "check": m.CheckScaleRequest(),
 }
 
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return robot_decoder(dialects.DEFAULT)
+    return plant.decoder()
 
 
 def passed(decoder: Decoder, wanted: Wanted) -> set[str]:
-    """Return the names of the messages above, and of a heartbeat of the drive, that a filter lets pass."""
+    """Return the names of the messages above, and of a heartbeat of the lift, that a filter lets pass."""
     frames = {name: decoder.protocol.encode(message) for name, message in MESSAGES.items()}
     frames["beat"] = Frame(0x702, b"\5")
     frames["strange"] = Frame(0x123)
@@ -51,11 +45,11 @@ def passed(decoder: Decoder, wanted: Wanted) -> set[str]:
 @rows(
     "names, expected",
     [
-        (["Goto XY"], {"goto"}),
-        (["goto-xy", "EMERGENCY_STOP"], {"goto", "stop"}),
-        (["gtp"], {"stop", "goto", "arrived", "driving", "lost"}),
-        (["ELP"], {"here", "somewhere"}),
-        (["GIP"], {"start", "check"}),
+        (["Move To"], {"move"}),
+        (["move-to", "HALT_CAUSE"], {"move", "stop"}),
+        (["moves"], {"stop", "move", "arrived", "moving", "jammed", "lost"}),
+        (["PLACES"], {"here", "somewhere", "heavy", "too much"}),
+        (["SET-UP"], {"order", "check"}),
         (["CANopen"], {"beat"}),
         (["heartbeat"], {"beat"}),
         (["SDO"], set()),
@@ -68,8 +62,24 @@ def test_by_name(decoder: Decoder, names: list[str], expected: set[str]) -> None
 @pytest.mark.parametrize(
     ("nodes", "expected"),
     [
-        (["navigation"], {"start", "check"}),
-        (["Drive"], {"stop", "goto", "arrived", "driving", "lost", "here", "somewhere", "start", "beat"}),
+        (["scale"], {"order", "check", "heavy", "too much"}),
+        (
+            ["Lift"],
+            {
+                "stop",
+                "move",
+                "arrived",
+                "moving",
+                "jammed",
+                "lost",
+                "here",
+                "somewhere",
+                "order",
+                "beat",
+                "heavy",
+                "too much",
+            },
+        ),
     ],
 )
 def test_by_node(decoder: Decoder, nodes: list[str], expected: set[str]) -> None:
@@ -79,20 +89,24 @@ def test_by_node(decoder: Decoder, nodes: list[str], expected: set[str]) -> None
 @rows(
     "text, expected",
     [
-        ("x>1000", {"goto"}),
-        ("x >= 500", {"goto", "here"}),
+        ("x>1000", {"move"}),
+        ("x >= 500", {"move", "here"}),
         ("x<501", {"here"}),
-        ("Goto XY.x!=5", {"goto"}),
-        ("goto-xy.speed<=80", {"goto"}),
+        ("weight>400", {"heavy"}),
+        ("weight=overload", {"too much"}),
+        ("temperature<0", {"too much"}),
+        ("Move To.x!=5", {"move"}),
+        ("move-to.speed<=80", {"move"}),
         ("x=unknown", {"somewhere"}),
-        ("Kalman Position Response.x!=unknown", {"here"}),
+        ("Place Response.x!=unknown", {"here"}),
         ("time=unknown", {"lost"}),
-        ("time>0", {"driving"}),
-        ("team_colour=red", {"start"}),
-        ("team_colour=1", {"start"}),
-        ("obstacle=object", set()),
-        ("barriers=fire-2:forced", {"goto"}),
-        ("source=internal", {"here", "somewhere"}),
+        ("time=blocked", {"jammed"}),
+        ("time>0", {"moving"}),  # and not "jammed", whose code is a number beyond all times,
+        ("colour=blue", {"order"}),
+        ("colour=1", {"order"}),
+        ("cause=operator", set()),
+        ("gates=gate-2:locked", {"move"}),
+        ("source=encoder", {"here", "somewhere"}),
     ],
 )
 def test_by_value(decoder: Decoder, text: str, expected: set[str]) -> None:
@@ -101,7 +115,7 @@ def test_by_value(decoder: Decoder, text: str, expected: set[str]) -> None:
 
 @pytest.mark.parametrize(
     ("text", "error"),
-    [("x", LocalError), ("x>", LocalError), ("z>1", UnknownName), ("Goto.x>1", UnknownName), ("x>much", FieldError)],
+    [("x", LocalError), ("x>", LocalError), ("z>1", UnknownName), ("Move.x>1", UnknownName), ("x>much", FieldError)],
 )
 def test_no_condition(decoder: Decoder, text: str, error: type[EurobotError]) -> None:
     with pytest.raises(error):
@@ -109,10 +123,10 @@ def test_no_condition(decoder: Decoder, text: str, error: type[EurobotError]) ->
 
 
 def test_no_name(decoder: Decoder) -> None:
-    with pytest.raises(UnknownName, match="unknown message 'Goto'"):
-        by_name(["Goto"], decoder)
-    with pytest.raises(UnknownName, match="unknown node 'Antrieb'; known: core, drive, navigation"):
-        by_node(["Antrieb"], ["core", "drive", "navigation"])
+    with pytest.raises(UnknownName, match="unknown message 'Move'"):
+        by_name(["Move"], decoder)
+    with pytest.raises(UnknownName, match="unknown node 'Hoist'; known: panel, lift, scale"):
+        by_node(["Hoist"], ["panel", "lift", "scale"])
 
 
 @pytest.mark.parametrize(

@@ -6,27 +6,26 @@ import pytest
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.traffic.filters import by_sender
+from tests.kit import plant
 
-PROTOCOL = EurobotProtocol.load()
-OUTLINES = dialects.load_all()
-GOTO, STATE = (Frame(PROTOCOL.cob_id(name)) for name in ("Goto XY", "Goto State Response"))
-SHARED = Frame(PROTOCOL.cob_id("Start Configuration Confirm"))  # of drive and navigation
-HEARTBEAT, EMCY, ANSWER = Frame(0x702), Frame(0x082), Frame(0x582)  # of the drive, node-ID 2
+PROTOCOL = plant.protocol()
+OUTLINES = plant.load_all()
+MOVE, STATE = (Frame(PROTOCOL.cob_id(name)) for name in ("Move To", "Move State Response"))
+SHARED = Frame(PROTOCOL.cob_id("Order Confirm"))  # of lift and scale
+HEARTBEAT, EMCY, ANSWER = Frame(0x702), Frame(0x082), Frame(0x582)  # of the lift, node-ID 2
 NMT, REQUEST, NOTHING = Frame(0x000), Frame(0x602), Frame(0x7E6)  # of nobody that is known
-ALL = (GOTO, STATE, SHARED, HEARTBEAT, EMCY, ANSWER, NMT, REQUEST, NOTHING)
+ALL = (MOVE, STATE, SHARED, HEARTBEAT, EMCY, ANSWER, NMT, REQUEST, NOTHING)
 
 
 @pytest.mark.parametrize(
     ("only", "without", "wanted"),
     [
         ([], [], ALL),
-        (["drive"], [], (STATE, SHARED, HEARTBEAT, EMCY, ANSWER)),
-        (["Core", "drive"], [], (GOTO, STATE, SHARED, HEARTBEAT, EMCY, ANSWER)),
-        ([], ["drive"], (GOTO, SHARED, NMT, REQUEST, NOTHING)),
-        ([], ["drive", "navigation"], (GOTO, NMT, REQUEST, NOTHING)),
+        (["lift"], [], (STATE, SHARED, HEARTBEAT, EMCY, ANSWER)),
+        (["Panel", "lift"], [], (MOVE, STATE, SHARED, HEARTBEAT, EMCY, ANSWER)),
+        ([], ["lift"], (MOVE, SHARED, NMT, REQUEST, NOTHING)),
+        ([], ["lift", "scale"], (MOVE, NMT, REQUEST, NOTHING)),
     ],
 )
 def test_frames_are_wanted_by_their_senders(only: list[str], without: list[str], wanted: tuple[Frame, ...]) -> None:

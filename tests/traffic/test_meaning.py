@@ -11,19 +11,17 @@ from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import describe, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
-from eurobot_od.robot.model.values import Barriers, Source
-from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.meaning import Decoder
+from tests.kit import plant
+from tests.kit.plant import messages as m
 
-POSITION = KalmanPositionResponse(1200, 900, 90, Source.INTERNAL)
+POSITION = m.PlaceResponse(1200, 900, 90, m.Source.ENCODER)
 
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return robot_decoder(dialects.DEFAULT)
+    return plant.decoder()
 
 
 def test_a_message(decoder: Decoder) -> None:
@@ -32,19 +30,19 @@ def test_a_message(decoder: Decoder) -> None:
     assert meaning.raw == frame
     assert meaning.message == POSITION
     assert meaning.text == describe(POSITION)
-    assert (meaning.name, meaning.group, meaning.nodes) == ("Kalman Position Response", "ELP", ("drive", "core"))
+    assert (meaning.name, meaning.group, meaning.nodes) == ("Place Response", "PLACES", ("lift", "panel"))
     assert meaning.defects == ()
 
 
-@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
 def test_fields_that_the_dialect_does_not_map_are_not_in_the_words(dialect: str) -> None:
-    decoder = robot_decoder(dialect)
-    meaning = decoder(decoder.protocol.encode(GotoXY(1, 2, 3, 4, Barriers(0))))
-    assert ("direction" in meaning.text) is ("direction" in decoder.protocol.binding(GotoXY).limits)
+    decoder = plant.decoder(dialect)
+    meaning = decoder(decoder.protocol.encode(m.MoveTo(1, 2, 3, 4, 0)))
+    assert ("direction" in meaning.text) is ("direction" in decoder.protocol.binding(m.MoveTo).limits)
 
 
-def goto(protocol: Protocol, **values: int) -> bytes:
-    return protocol.pack("Goto XY", **({"x": 1, "y": 2, "angle": 3, "speed": 4} | values))
+def move(protocol: Protocol, **values: int) -> bytes:
+    return protocol.pack("Move To", **({"x": 1, "y": 2, "angle": 3, "speed": 4} | values))
 
 
 DAMAGED: list[tuple[str, Callable[[Protocol], Raw], list[tuple[Damage, str]], bool]] = [
@@ -52,33 +50,33 @@ DAMAGED: list[tuple[str, Callable[[Protocol], Raw], list[tuple[Damage, str]], bo
     ("nobody's", lambda _: Frame(0x7FE), [(Damage.UNKNOWN_IDENTIFIER, "7FE#")], False),
     (
         "too short",
-        lambda p: Frame(0x008, goto(p)[:3]),
+        lambda p: Frame(0x202, move(p)[:3]),
         [(Damage.WRONG_LENGTH, "3 bytes of data, expected 6 or 8")],
         False,
     ),
-    ("too long", lambda _: Frame(0x014, bytes(4)), [(Damage.WRONG_LENGTH, "4 bytes of data, expected 3; read")], True),
+    ("too long", lambda _: Frame(0x282, bytes(4)), [(Damage.WRONG_LENGTH, "4 bytes of data, expected 3; read")], True),
     (
         "out of range",
-        lambda p: Frame(0x008, goto(p, x=3001)),
+        lambda p: Frame(0x202, move(p, x=3001)),
         [(Damage.OUT_OF_RANGE, "x = 3001, allowed: 0..3000 mm")],
         True,
     ),
     (
         "out of range, and as short as it may be",
-        lambda p: Frame(0x008, goto(p, x=3001)[:6]),
+        lambda p: Frame(0x202, move(p, x=3001)[:6]),
         [(Damage.OUT_OF_RANGE, "x = 3001, allowed: 0..3000 mm")],
         True,
     ),
     (
         "out of range twice",
-        lambda p: Frame(0x008, goto(p, speed=101, angle=360)),
+        lambda p: Frame(0x202, move(p, speed=101, angle=360)),
         [(Damage.OUT_OF_RANGE, "angle = 360"), (Damage.OUT_OF_RANGE, "speed = 101, allowed: 0..100 %")],
         True,
     ),
     ("error", lambda _: Foreign(Damage.ERROR_FRAME, "20000080#"), [(Damage.ERROR_FRAME, "20000080#")], False),
     (
         "no data where there is some",
-        lambda _: Frame(0x100),
+        lambda _: Frame(0x382),
         [(Damage.WRONG_LENGTH, "0 bytes of data, expected 5")],
         False,
     ),
@@ -109,11 +107,11 @@ def unknown(binding: Binding, chance: random.Random) -> bytes:
 
 
 @pytest.mark.parametrize("make", [regular, any_bits, unknown])
-@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
 def test_every_field_is_written_as_its_kind_writes_it(
     dialect: str, make: Callable[[Binding, random.Random], bytes]
 ) -> None:
-    decoder, chance = robot_decoder(dialect), random.Random(7)
+    decoder, chance = plant.decoder(dialect), random.Random(7)
     for binding in decoder.protocol.bindings:
         for _ in range(30):
             meaning = decoder(Frame(binding.cob_id, make(binding, chance)))

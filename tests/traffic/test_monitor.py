@@ -12,9 +12,6 @@ import pytest
 from eurobot_od.bus import frame_bits
 from eurobot_od.errors import BusError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
-from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Timed
 from eurobot_od.traffic.monitor import (
     HEADINGS,
@@ -28,10 +25,12 @@ from eurobot_od.traffic.monitor import (
     plain_table,
     selected,
 )
+from tests.kit import plant
+from tests.kit.plant import messages as m
 
-DECODER = decoder(dialects.DEFAULT)
-REQUEST = DECODER.protocol.encode(KalmanPositionRequest())
-GOTO = DECODER.protocol.encode(GotoXY(1, 2, 3, 4))
+DECODER = plant.decoder()
+REQUEST = DECODER.protocol.encode(m.PlaceRequest())
+MOVE = DECODER.protocol.encode(m.MoveTo(1, 2, 3, 4))
 BEAT = Frame(0x702, b"\5")
 
 
@@ -42,10 +41,10 @@ def traffic() -> Traffic:
 
 def test_count_last_values_and_age(traffic: Traffic) -> None:
     for time in (1.0, 2.0, 3.0):
-        traffic.take(time, DECODER.protocol.encode(GotoStateResponse(int(1000 * time))))
+        traffic.take(time, DECODER.protocol.encode(m.MoveStateResponse(int(1000 * time))))
     (row,) = traffic.rows.values()
-    assert (row.identifier, row.name, row.count, row.last) == (0x014, "Goto State Response", 3, 3.0)
-    assert row.meaning.message == GotoStateResponse(3000)
+    assert (row.identifier, row.name, row.count, row.last) == (0x282, "Move State Response", 3, 3.0)
+    assert row.meaning.message == m.MoveStateResponse(3000)
 
 
 @pytest.mark.parametrize(
@@ -67,10 +66,10 @@ def test_period_and_jitter(traffic: Traffic, times: list[float], period: MeanPer
 def test_load_of_a_full_bus(traffic: Traffic) -> None:
     """Stuff bits count: a bus without a pause between its frames is full."""
     traffic.load(0.0)
-    each = frame_bits(GOTO) / 500_000
+    each = frame_bits(MOVE) / 500_000
     number = int(1 / each)
     for n in range(1, number + 1):
-        traffic.take(n * each, GOTO)
+        traffic.take(n * each, MOVE)
     share, rate = traffic.load(number * each)
     assert share == pytest.approx(1.0, abs=0.001)
     assert rate == pytest.approx(1 / each, abs=1)
@@ -79,14 +78,14 @@ def test_load_of_a_full_bus(traffic: Traffic) -> None:
 def test_load_is_that_of_the_last_second(traffic: Traffic) -> None:
     traffic.load(0.0)
     for n in range(100):
-        traffic.take(n / 100, GOTO)
+        traffic.take(n / 100, MOVE)
     assert [traffic.load(second)[1] for second in (1.0, 2.0, 3.0)] == [100.0, 0.0, 0.0]
 
 
 def test_a_frame_is_counted_to_who_sent_it(traffic: Traffic) -> None:
     for frame in (Frame(0x000, b"\1\0"), Frame(0x602, bytes(8)), Frame(0x582, bytes(8)), RemoteFrame(0x702), BEAT):
         traffic.take(1.0, frame)
-    assert [each.node for each in traffic.seen.messages.values()] == ["master", "master", "drive", "master", "drive"]
+    assert [each.node for each in traffic.seen.messages.values()] == ["master", "master", "lift", "master", "lift"]
 
 
 def test_load_before_any_time_has_passed(traffic: Traffic) -> None:
@@ -96,12 +95,12 @@ def test_load_before_any_time_has_passed(traffic: Traffic) -> None:
 def test_faults_are_counted_by_row_and_in_all(traffic: Traffic) -> None:
     traffic.take(1.0, Foreign(Damage.ERROR_FRAME, "20000080#"))
     traffic.take(2.0, Frame(0x123))
-    traffic.take(3.0, Frame(0x008, b"\0"))
-    traffic.take(4.0, GOTO)
+    traffic.take(3.0, Frame(0x202, b"\0"))
+    traffic.take(4.0, MOVE)
     assert {row.name: row.wrong for row in traffic.rows.values()} == {
         "error frame": 1,
         "unknown identifier": 1,
-        "Goto XY": 1,
+        "Move To": 1,
     }
     assert traffic.damage.total == 3
     traffic.clear()
@@ -109,22 +108,22 @@ def test_faults_are_counted_by_row_and_in_all(traffic: Traffic) -> None:
 
 
 def test_nodes(traffic: Traffic) -> None:
-    drive = traffic.nodes["drive"]
-    assert health("drive", drive, 0.0) == "drive not heard"
+    lift = traffic.nodes["lift"]
+    assert health("lift", lift, 0.0) == "lift not heard"
     traffic.take(1.0, Frame(0x702, b"\0"))
-    assert health("drive", drive, 1.0) == "drive boot-up"
+    assert health("lift", lift, 1.0) == "lift boot-up"
     traffic.take(2.0, BEAT)
-    assert health("drive", drive, 2.5) == "drive operational"
-    assert health("drive", drive, 4.1) == "drive LOST"
+    assert health("lift", lift, 2.5) == "lift operational"
+    assert health("lift", lift, 4.1) == "lift LOST"
     traffic.take(5.0, Frame(0x082, bytes.fromhex("1082110800030000")))
-    assert drive.emergency.startswith("0x8210 pdo too short")
+    assert lift.emergency.startswith("0x8210 pdo too short")
     traffic.take(6.0, Frame(0x082, bytes(8)))
-    assert drive.emergency == ""
+    assert lift.emergency == ""
 
 
 def test_a_heartbeat_of_wrong_length_says_nothing_of_the_node(traffic: Traffic) -> None:
     traffic.take(1.0, Frame(0x702, b"\5\5"))
-    assert traffic.nodes["drive"].pulse.heard is None
+    assert traffic.nodes["lift"].pulse.heard is None
 
 
 def test_a_node_that_no_file_describes_is_known_by_its_heartbeats(traffic: Traffic) -> None:
@@ -139,7 +138,7 @@ def test_a_node_that_no_file_describes_is_known_by_its_heartbeats(traffic: Traff
 
 @pytest.fixture
 def busy(traffic: Traffic) -> Traffic:
-    for time, frame in ((1.0, GOTO), (2.0, REQUEST), (3.0, REQUEST), (3.1, REQUEST), (4.0, Frame(0x123)), (5.0, BEAT)):
+    for time, frame in ((1.0, MOVE), (2.0, REQUEST), (3.0, REQUEST), (3.1, REQUEST), (4.0, Frame(0x123)), (5.0, BEAT)):
         traffic.take(time, frame)
     return traffic
 
@@ -147,12 +146,12 @@ def busy(traffic: Traffic) -> Traffic:
 @pytest.mark.parametrize(
     ("sort", "names"),
     [
-        ("identifier", ["Goto XY", "Kalman Position Request", "unknown identifier", "Heartbeat drive"]),
-        ("name", ["Goto XY", "Heartbeat drive", "Kalman Position Request", "unknown identifier"]),
-        ("count", ["Kalman Position Request", "Goto XY", "unknown identifier", "Heartbeat drive"]),
-        ("period", ["Kalman Position Request", "Goto XY", "unknown identifier", "Heartbeat drive"]),
-        ("age", ["Heartbeat drive", "unknown identifier", "Kalman Position Request", "Goto XY"]),
-        ("wrong", ["unknown identifier", "Goto XY", "Kalman Position Request", "Heartbeat drive"]),
+        ("identifier", ["unknown identifier", "Move To", "Place Request", "Heartbeat lift"]),
+        ("name", ["Heartbeat lift", "Move To", "Place Request", "unknown identifier"]),
+        ("count", ["Place Request", "Move To", "unknown identifier", "Heartbeat lift"]),
+        ("period", ["Place Request", "Move To", "unknown identifier", "Heartbeat lift"]),
+        ("age", ["Heartbeat lift", "unknown identifier", "Place Request", "Move To"]),
+        ("wrong", ["unknown identifier", "Move To", "Place Request", "Heartbeat lift"]),
     ],
 )
 def test_sort(busy: Traffic, sort: str, names: list[str]) -> None:
@@ -166,10 +165,10 @@ def test_every_sort_has_a_case() -> None:
 @pytest.mark.parametrize(
     ("part", "names"),
     [
-        ("goto", ["Goto XY"]),
-        ("ELP", ["Kalman Position Request"]),
-        ("canopen", ["Heartbeat drive"]),
-        ("drive", ["Goto XY", "Kalman Position Request", "Heartbeat drive"]),
+        ("move", ["Move To"]),
+        ("PLACES", ["Place Request"]),
+        ("canopen", ["Heartbeat lift"]),
+        ("lift", ["Move To", "Place Request", "Heartbeat lift"]),
         ("nothing", []),
     ],
 )
@@ -178,12 +177,12 @@ def test_select(busy: Traffic, part: str, names: list[str]) -> None:
 
 
 def test_plain_table(busy: Traffic) -> None:
-    heading, goto, request, unknown, beat = plain_table(selected(busy.rows.values(), "identifier", ""), 5.0)
+    heading, unknown, move, request, beat = plain_table(selected(busy.rows.values(), "identifier", ""), 5.0)
     assert heading.split() == " ".join(HEADINGS).split()
-    assert goto.split()[:4] == ["008", "Goto", "XY", "1"]
+    assert move.split()[:4] == ["202", "Move", "To", "1"]
     assert "550.0 ± 450.0" in request
     assert "! unknown identifier: 123#: in no file; its identifier is reserved" in unknown
-    assert beat.split() == ["702", "Heartbeat", "drive", "1", "0.0", "drive,", "operational"]
+    assert beat.split() == ["702", "Heartbeat", "lift", "1", "0.0", "lift,", "operational"]
 
 
 @pytest.mark.long
@@ -256,29 +255,29 @@ def receive(source: BusSource, found: list[Timed], count: int) -> None:
 def test_a_bus_is_read_whatever_is_on_it() -> None:
     with can.Bus(interface="virtual", channel="monitor") as sender:
         source = BusSource(can.Bus(interface="virtual", channel="monitor"))
-        sender.send(can.Message(arbitration_id=0x00C, is_extended_id=False))
+        sender.send(can.Message(arbitration_id=0x182, is_extended_id=False))
         sender.send(can.Message(arbitration_id=0x18FF0001, is_extended_id=True, data=b"\1"))
         found: list[Timed] = []
         receive(source, found, 2)
-        assert [raw for _, raw in found] == [Frame(0x00C), Frame(EXTENDED | 0x18FF0001, b"\1")]
+        assert [raw for _, raw in found] == [Frame(0x182), Frame(EXTENDED | 0x18FF0001, b"\1")]
         source.close()
 
 
 def test_times_are_the_drivers_until_the_bus_fails() -> None:
-    frame = can.Message(timestamp=5.0, arbitration_id=0x00C, is_extended_id=False)
-    remote = can.Message(timestamp=5.5, arbitration_id=0x00C, is_extended_id=False, is_remote_frame=True)
+    frame = can.Message(timestamp=5.0, arbitration_id=0x182, is_extended_id=False)
+    remote = can.Message(timestamp=5.5, arbitration_id=0x182, is_extended_id=False, is_remote_frame=True)
     source = BusSource(Driver(frame, remote), lambda: 70.0)
     found: list[Timed] = []
     with pytest.raises(BusError, match="the bus driver failed: pulled out"):
         receive(source, found, 3)
-    assert found == [(5.0, Frame(0x00C)), (5.5, RemoteFrame(0x00C))]
+    assert found == [(5.0, Frame(0x182)), (5.5, RemoteFrame(0x182))]
     assert source.now == 5.5
     source.close()
 
 
 def test_a_bus_that_is_opened_again_is_read_on_and_the_gap_noted() -> None:
-    first, second = (can.Message(timestamp=at, arbitration_id=0x00C, is_extended_id=False) for at in (5.0, 6.0))
-    too_long = can.Message(timestamp=7.0, arbitration_id=0x00C, data=bytes(300), is_extended_id=False)
+    first, second = (can.Message(timestamp=at, arbitration_id=0x182, is_extended_id=False) for at in (5.0, 6.0))
+    too_long = can.Message(timestamp=7.0, arbitration_id=0x182, data=bytes(300), is_extended_id=False)
     source = BusSource(Driver(first), opener=lambda: Driver(second, too_long))
     found: list[Timed] = []
     receive(source, found, 3)
@@ -292,18 +291,18 @@ def test_two_buses_are_not_one(traffic: Traffic) -> None:
     for number in range(10):
         traffic.take(number / 20, REQUEST, channel=f"can{number % 2}")
     assert [each.period and each.period.mean for each in traffic.rows.values()] == pytest.approx([0.1, 0.1])
-    assert [cells(each, 1.0)[0] for each in traffic.rows.values()] == ["can0 0C0", "can1 0C0"]
+    assert [cells(each, 1.0)[0] for each in traffic.rows.values()] == ["can0 402", "can1 402"]
     assert [seen.messages[REQUEST.cob_id, False].count for seen in traffic.buses.values()] == [5, 5]
 
 
 def test_a_heartbeat_time_that_is_written_counts_from_then_on(traffic: Traffic) -> None:
     for number in range(10):
         traffic.take(number / 10, Frame(0x702, b"\x05"))
-    assert traffic.nodes["drive"].pulse.lost(2.0)
+    assert traffic.nodes["lift"].pulse.lost(2.0)
     traffic.take(1.0, Frame(0x602, bytes.fromhex("2B17100010270000")))  # 10 s
-    assert traffic.nodes["drive"].pulse.lost(2.0)  # not confirmed yet
+    assert traffic.nodes["lift"].pulse.lost(2.0)  # not confirmed yet
     traffic.take(1.01, Frame(0x582, bytes.fromhex("6017100000000000")))
-    assert not traffic.nodes["drive"].pulse.lost(2.0)
+    assert not traffic.nodes["lift"].pulse.lost(2.0)
 
 
 def test_what_is_sent_stands_where_it_was_on_the_bus() -> None:

@@ -9,21 +9,20 @@ import pytest
 from rich.console import Console
 
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import GotoXY, KalmanPositionRequest
-from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.monitor import COLOURS, SERVICE_COLOUR, SORTS, Controls, Size, Traffic, screen
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.rows import rows
 
 WIDE = Size(120, 24)
-DECODER = decoder(dialects.DEFAULT)
+DECODER = plant.decoder()
 
 
 @pytest.fixture
 def traffic() -> Traffic:
     traffic = Traffic(DECODER, 500_000)
-    traffic.take(1.0, DECODER.protocol.encode(GotoXY(1, 2, 3, 4)))
-    traffic.take(2.0, DECODER.protocol.encode(KalmanPositionRequest()))
+    traffic.take(1.0, DECODER.protocol.encode(m.MoveTo(1, 2, 3, 4)))
+    traffic.take(2.0, DECODER.protocol.encode(m.PlaceRequest()))
     traffic.take(2.1, Frame(0x702, b"\5"))
     return traffic
 
@@ -50,22 +49,22 @@ def style_before(text: str, words: str) -> str:
 
 def test_table(traffic: Traffic) -> None:
     text = shown(traffic)
-    for expected in ("3 frames", "1000/s", "25.0%", "of 500 kbit/s", "drive operational", "core not heard", "x=1 mm"):
+    for expected in ("3 frames", "1000/s", "25.0%", "of 500 kbit/s", "lift operational", "panel not heard", "x=1 mm"):
         assert expected in text
 
 
 def test_protocols_have_colours_of_their_own(traffic: Traffic) -> None:
     text = shown(traffic)
-    assert style_before(text, "Goto XY") == "96"
-    assert style_before(text, "Kalman Position Request") == "32"
-    assert style_before(text, "Heartbeat drive") == "35"
+    assert style_before(text, "Move To") == "96"
+    assert style_before(text, "Place Request") == "32"
+    assert style_before(text, "Heartbeat lift") == "35"
     assert len({*COLOURS, SERVICE_COLOUR}) == len(COLOURS) + 1
 
 
 def test_what_is_wrong_is_red(traffic: Traffic) -> None:
     traffic.take(3.0, Frame(0x123))
     text = shown(traffic, load=0.9, now=9.0)
-    for words in ("unknown identifier: 123#", "1 x unknown identifier", "90.0%", "● drive LOST"):
+    for words in ("unknown identifier: 123#", "1 x unknown identifier", "90.0%", "● lift LOST"):
         assert style_before(text, words) == "1;31"
 
 
@@ -76,9 +75,9 @@ def test_what_does_not_fit_is_counted(traffic: Traffic) -> None:
 
 COLUMNS = [
     (120, "ID Message Count Period ms Age s Last values"),
-    (76, "ID Message Count Period ms Last values"),
-    (70, "ID Message Period ms Last values"),
-    (60, "ID Message Last values"),
+    (66, "ID Message Count Period ms Last values"),
+    (60, "ID Message Period ms Last values"),
+    (50, "ID Message Last values"),
 ]
 
 
@@ -98,16 +97,16 @@ def plain(text: str) -> str:
 
 def test_rows_scroll_and_the_last_one_stays_in_sight(traffic: Traffic) -> None:
     controls = Controls()
-    for keys, message in (("", "Goto XY"), ("j", "Kalman Position"), ("jjjj", "Heartbeat"), ("k", "Kalman Position")):
+    for keys, message in (("", "Move To"), ("j", "Place Request"), ("jjjj", "Heartbeat"), ("k", "Place Request")):
         for key in keys:
             controls.key(key)
         assert message in shown(traffic, controls, size=Size(120, 9))
 
 
 def test_filter_and_pause_are_shown(traffic: Traffic) -> None:
-    text = shown(traffic, Controls(part="goto", typing=True, paused=True))
-    assert "Kalman" not in text
-    assert "filter: goto_" in text
+    text = shown(traffic, Controls(part="move", typing=True, paused=True))
+    assert "Place" not in text
+    assert "filter: move_" in text
     assert "PAUSED" in text
 
 
@@ -128,7 +127,7 @@ KEYS: list[tuple[str, Controls]] = [
     ("k", Controls()),
     ("/", Controls(typing=True)),
     ("/goto\r", Controls(part="goto")),
-    ("/Goto XY\n", Controls(part="Goto XY")),
+    ("/Move To\n", Controls(part="Move To")),
     ("/gotp\x7fo\r", Controls(part="goto")),
     ("/q", Controls(part="q", typing=True)),
     ("/goto\x1b", Controls()),

@@ -11,12 +11,9 @@ from eurobot_od.errors import FileError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import NetworkFile, read_network_file
 from eurobot_od.od.values import BASE_IDENTIFIER
-from eurobot_od.robot import dialects
-from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.traffic.load import MessageSet, network_set
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
-from tests.robot.document import NAMES
+from tests.kit import plant
 
 NODES = "nodes: {a: {file: a.eds}}\ntraffic:\n"
 SPEED = variable("2000", "Speed", "UNSIGNED16", "0") + variable("2001", "Period", "UNSIGNED16", "25")
@@ -118,24 +115,21 @@ def test_mailboxes_are_a_setting() -> None:
     assert found(boxes.replace("Entry 1", "Mailboxes")).mailboxes == {"a": 3}
 
 
-# The robot
+# A plug-in's network file
 
 
-@pytest.mark.parametrize("dialect", dialects.names())
-def test_every_message_of_the_robot_has_its_place_and_period(dialect: str) -> None:
-    messages = of_robot(ROBOT, dialect)
-    sent = {each.name for binding in EurobotProtocol.load(dialect).bindings for each in [binding]}
-    named = {name for name in sent for each in messages.messages if each.name.startswith(name)}
-    assert named == sent >= set(NAMES)
-    assert all(each.reason for each in messages.messages)
-    assert messages.mailboxes == dict.fromkeys(("core", "drive", "navigation"), 3)
-    assert messages.bit_rate == 500_000
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
+def test_every_message_of_a_plug_in_has_its_period_and_reason(dialect: str) -> None:
+    promised = of_robot(plant.PLANT, dialect)
+    sent = {each.name for each in plant.protocol(dialect).bindings}
+    assert {name for name in sent if any(each.name.startswith(name) for each in promised.messages)} == sent
+    assert all(each.reason for each in promised.messages)
+    assert promised.bit_rate == 500_000
 
 
-def test_a_setting_of_the_eds_is_the_period() -> None:
-    dictionaries = [each.configured({}) for each in dialects.load_all()]
-    core = next(each for each in dictionaries if each.name == "core")
-    period = core.number(core.address("Position polling.Polling period")) or 0
-    polled = [each for each in of_robot(ROBOT).messages if each.name == "Enemy 1 Position Request"]
+def test_a_setting_of_a_devices_file_is_the_period() -> None:
+    panel = next(each.configured({}) for each in plant.load_all() if each.name == "panel")
+    period = panel.number(panel.address("Polling.Polling period")) or 0
+    polled = [each for each in of_robot(plant.PLANT).messages if each.name == "Place Request"]
     assert [each.period for each in polled] == [1000 * period]
     assert all(each.identifier <= BASE_IDENTIFIER for each in polled)

@@ -8,44 +8,43 @@ import pytest
 
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
+from tests.kit import plant
 from tests.rows import rows
 
 SERVICES = [
     # NMT: to all, to a known node, to another one, an unknown command
     (0x000, "01 00", "NMT", "start, all nodes"),
-    (0x000, "81 02", "NMT", "reset, drive"),
+    (0x000, "81 02", "NMT", "reset, lift"),
     (0x000, "80 7F", "NMT", "pre-operational, node 127"),
-    (0x000, "07 02", "NMT", "command 7, drive"),
+    (0x000, "07 02", "NMT", "command 7, lift"),
     # boot-up, heartbeat, a state that CiA 301 does not have
-    (0x702, "00", "Heartbeat", "drive, boot-up"),
-    (0x701, "05", "Heartbeat", "core, operational"),
-    (0x703, "7F", "Heartbeat", "navigation, pre-operational"),
+    (0x702, "00", "Heartbeat", "lift, boot-up"),
+    (0x701, "05", "Heartbeat", "panel, operational"),
+    (0x703, "7F", "Heartbeat", "scale, pre-operational"),
     (0x710, "04", "Heartbeat", "node 16, stopped"),
-    (0x701, "09", "Heartbeat", "core, state 9"),
+    (0x701, "09", "Heartbeat", "panel, state 9"),
     # EMCY: ours by name, CiA 301's by its class, one that is gone
-    (0x082, "10 82 11 08 00 03 00 00", "EMCY", "drive, 0x8210 pdo too short, register 0x11, 08 00 03 00 00"),
+    (0x082, "10 82 11 08 00 03 00 00", "EMCY", "lift, 0x8210 pdo too short, register 0x11, 08 00 03 00 00"),
     (0x085, "30 81 11 00 00 00 00 00", "EMCY", "node 5, 0x8130 "),
-    (0x082, "00 00 00 00 00 00 00 00", "EMCY", "drive, 0x0000 no error, register 0x00"),
+    (0x082, "00 00 00 00 00 00 00 00", "EMCY", "lift, 0x0000 no error, register 0x00"),
     # SDO: expedited write and read with names and values, refused, segments, blocks
-    (0x602, "2B 17 10 00 E8 03 00 00", "SDO", "drive, write 0x1017:00 Producer heartbeat time = 1000"),
-    (0x582, "60 17 10 00 00 00 00 00", "SDO", "drive, written 0x1017:00 Producer heartbeat time"),
-    (0x602, "40 17 10 00 00 00 00 00", "SDO", "drive, read 0x1017:00 Producer heartbeat time"),
-    (0x582, "4B 17 10 00 E8 03 00 00", "SDO", "drive, value of 0x1017:00 Producer heartbeat time = 1000"),
-    (0x582, "41 08 10 00 14 00 00 00", "SDO", "drive, value of 0x1008:00 Manufacturer device name, 20 bytes"),
-    (0x582, "80 99 99 01 00 00 02 06", "SDO", "drive, abort 0x9999:01: 0x06020000 Object does not exist"),
+    (0x602, "2B 17 10 00 E8 03 00 00", "SDO", "lift, write 0x1017:00 Producer heartbeat time = 1000"),
+    (0x582, "60 17 10 00 00 00 00 00", "SDO", "lift, written 0x1017:00 Producer heartbeat time"),
+    (0x602, "40 17 10 00 00 00 00 00", "SDO", "lift, read 0x1017:00 Producer heartbeat time"),
+    (0x582, "4B 17 10 00 E8 03 00 00", "SDO", "lift, value of 0x1017:00 Producer heartbeat time = 1000"),
+    (0x582, "41 08 10 00 14 00 00 00", "SDO", "lift, value of 0x1008:00 Manufacturer device name, 20 bytes"),
+    (0x582, "80 99 99 01 00 00 02 06", "SDO", "lift, abort 0x9999:01: 0x06020000 Object does not exist"),
     (0x582, "80 17 10 00 01 00 00 00", "SDO", "0x00000001 unknown code"),
-    (0x602, "60 00 00 00 00 00 00 00", "SDO", "drive, next segment"),
-    (0x582, "05 45 75 72 6F 62 00 00", "SDO", "drive, segment of 5 bytes, the last"),
-    (0x602, "A0 21 10 00 7F 00 00 00", "SDO", "drive, read 0x1021:00"),
-    (0x602, "E0 00 00 00 00 00 00 00", "SDO", "drive, command 7"),
+    (0x602, "60 00 00 00 00 00 00 00", "SDO", "lift, next segment"),
+    (0x582, "05 45 75 72 6F 62 00 00", "SDO", "lift, segment of 5 bytes, the last"),
+    (0x602, "A0 21 10 00 7F 00 00 00", "SDO", "lift, read 0x1021:00"),
+    (0x602, "E0 00 00 00 00 00 00 00", "SDO", "lift, command 7"),
     # words for an error code that is the devices' own
-    (0x082, "02 FF 81 00 00 00 00 00", "EMCY", "drive, 0xFF02 drive blocked"),
+    (0x082, "02 FF 81 00 00 00 00 00", "EMCY", "lift, 0xFF02 lift blocked"),
     # LSS: a request and an answer of each form (CiA 305)
     (0x7E5, "04 01 00 00 00 00 00 00", "LSS", "all devices into state configuration"),
     (0x7E5, "11 05 00 00 00 00 00 00", "LSS", "set node-ID 5"),
@@ -73,12 +72,12 @@ SERVICES = [
     (0x7E4, "5E 05 00 00 00 00 00 00", "LSS", "node-ID 5"),
     (0x7E5, "77 01 00 00 00 00 00 00", "LSS", "request 0x77, 01 00 00 00 00 00 00"),
     # block transfers, by themselves
-    (0x602, "C6 50 1F 01 00 10 00 00", "SDO", "drive, write 0x1F50:01 in blocks, 4096 bytes"),
-    (0x582, "A2 7F 7F 00 00 00 00 00", "SDO", "drive, block taken up to segment 127"),
-    (0x582, "C1 34 12 00 00 00 00 00", "SDO", "drive, end of blocks"),
+    (0x602, "C6 50 1F 01 00 10 00 00", "SDO", "lift, write 0x1F50:01 in blocks, 4096 bytes"),
+    (0x582, "A2 7F 7F 00 00 00 00 00", "SDO", "lift, block taken up to segment 127"),
+    (0x582, "C1 34 12 00 00 00 00 00", "SDO", "lift, end of blocks"),
     # a node without a dictionary, and a value of a length that its type does not have
     (0x610, "2B 17 10 00 E8 03 00 00", "SDO", "node 16, write 0x1017:00 = e8 03"),
-    (0x602, "2F 17 10 00 05 00 00 00", "SDO", "drive, write 0x1017:00 Producer heartbeat time = 05"),
+    (0x602, "2F 17 10 00 05 00 00 00", "SDO", "lift, write 0x1017:00 Producer heartbeat time = 05"),
 ]
 
 
@@ -97,12 +96,12 @@ BROADCAST = [
     (0x073, "", "Flying master", "who is the active master?"),
     (0x076, "01", "Flying master", "negotiation of a new master is forced, 01"),
 ]
-"""Services whose identifiers the robot's protocol has for its own messages."""
+"""Services that every device may use."""
 
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return robot_decoder(dialects.DEFAULT)
+    return plant.decoder()
 
 
 @rows("cob_id, data, name, text", SERVICES)
@@ -128,11 +127,11 @@ def test_a_service_of_another_length(decoder: Decoder, cob_id: int, data: str) -
 
 
 def test_a_remote_frame_asks_for_the_frame_of_its_identifier(decoder: Decoder) -> None:
-    found = [decoder(RemoteFrame(cob_id)) for cob_id in (0x702, 0x602, 0x008, 0x7FE)]
+    found = [decoder(RemoteFrame(cob_id)) for cob_id in (0x702, 0x602, 0x202, 0x7FE)]
     assert [(each.name, each.text, bool(each.defects)) for each in found] == [
-        ("Node guarding", "drive, remote frame: asks for it", False),
-        ("SDO", "drive, remote frame: asks for it", False),
-        ("Goto XY", "remote frame: asks for it", False),
+        ("Node guarding", "lift, remote frame: asks for it", False),
+        ("SDO", "lift, remote frame: asks for it", False),
+        ("Move To", "remote frame: asks for it", False),
         ("", "7FE#R", True),
     ]
 
@@ -148,12 +147,12 @@ def test_answers_to_a_guarding_master(decoder: Decoder) -> None:
     following = Following(decoder)
     frames = [RemoteFrame(0x702), Frame(0x702, b"\x05"), Frame(0x702, b"\x85"), Frame(0x702, b"\x05")]
     assert [(each.name, each.text) for each in (following(0.0, "", frame) for frame in frames[1:])] == [
-        ("Heartbeat", "drive, operational"),  # nobody has asked
-        ("Node guarding", "drive, operational, toggle 1"),  # heartbeats have no such bit
-        ("Heartbeat", "drive, operational"),
+        ("Heartbeat", "lift, operational"),  # nobody has asked
+        ("Node guarding", "lift, operational, toggle 1"),  # heartbeats have no such bit
+        ("Heartbeat", "lift, operational"),
     ]
     asked = [following(0.0, "", frame).text for frame in frames[:2]]
-    assert asked == ["drive, remote frame: asks for it", "drive, operational, toggle 0"]
+    assert asked == ["lift, remote frame: asks for it", "lift, operational, toggle 0"]
 
 
 @pytest.mark.parametrize(
@@ -165,8 +164,10 @@ def test_a_broadcast_service_of_another_length(cob_id: int, data: str, expected:
     assert defect.text.endswith(f"expected {expected}")
 
 
-def test_a_message_goes_before_the_service_of_node_64(decoder: Decoder) -> None:
-    assert decoder(Frame(0x0C0)).name == "Kalman Position Request"
+def test_a_message_goes_before_the_service_of_node_64() -> None:
+    text = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16", "0") + pdo(0x1800, "0x20000010", cob_id="0x0C0")
+    decoder = Decoder([Dictionary.read(text.encode(), Path("arm.eds"), 5)])
+    assert (decoder(Frame(0x0C0, bytes(2))).name, Decoder(())(Frame(0x0C0, bytes(8))).name) == ("arm.TPDO1", "EMCY")
 
 
 SENDERS = (

@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.sdo.client import Transfer, block_download, block_upload, download, upload
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import BLOCK_CRC, SEGMENT_SIZE
@@ -18,6 +16,7 @@ from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from eurobot_od.traffic.transfers import LssConfiguration
 from tests.device.shelf import Shelf
+from tests.kit import plant
 from tests.rows import rows
 from tests.sdo.line import WAIT, Line
 
@@ -57,7 +56,7 @@ def recorded(transfer: Callable[[], Transfer], content: bytes = b"", **lost: Ite
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return robot_decoder(dialects.DEFAULT)
+    return plant.decoder()
 
 
 def decoded(decoder: Decoder, frames: Iterable[Frame]) -> list[Meaning]:
@@ -73,7 +72,7 @@ def test_the_last_line_of_a_read(decoder: Decoder, read: Callable[..., Transfer]
     assert not any(each.defects for each in meanings)
     assert [each.transfer is not None for each in meanings] == [False] * (len(meanings) - 1) + [True]
     last = meanings[-1]
-    assert last.text.startswith("drive, value of 0x3000:01")
+    assert last.text.startswith("lift, value of 0x3000:01")
     assert f", {size} bytes, in {duration((len(meanings) - 1) / 1000)}" in last.text
     assert ("CRC 0x" in last.text, "is right" in last.text) == (read is block_upload,) * 2
     assert (content_of(size)[:10].hex(" ") in last.text) is (size <= 4096)
@@ -87,17 +86,17 @@ def test_the_last_line_of_a_write(decoder: Decoder, write: Callable[..., Transfe
     meanings = decoded(decoder, recorded(lambda: write(OBJECT, content_of(size), WAIT)))
     assert not any(each.defects for each in meanings)
     assert [each.transfer is not None for each in meanings] == [False] * (len(meanings) - 1) + [True]
-    assert meanings[-1].text.startswith("drive, written 0x3000:01")
+    assert meanings[-1].text.startswith("lift, written 0x3000:01")
     assert f", {size} bytes, in {duration((len(meanings) - 1) / 1000)}" in meanings[-1].text
     assert ("is right" in meanings[-1].text) is (write is block_download)
 
 
 def test_segments_of_a_block_are_no_commands(decoder: Decoder) -> None:
     texts = [each.text for each in decoded(decoder, recorded(lambda: block_download(OBJECT, content_of(900), WAIT)))]
-    assert texts[2:5] == [f"drive, block segment {number}" for number in (1, 2, 3)]
-    assert texts[2 + 127] == "drive, block taken up to segment 127"
-    assert texts[2 + 129] == "drive, block segment 2, the last"
-    assert texts[-2].startswith("drive, end of blocks, CRC 0x")
+    assert texts[2:5] == [f"lift, block segment {number}" for number in (1, 2, 3)]
+    assert texts[2 + 127] == "lift, block taken up to segment 127"
+    assert texts[2 + 129] == "lift, block segment 2, the last"
+    assert texts[-2].startswith("lift, end of blocks, CRC 0x")
 
 
 def test_a_value_has_its_objects_name_and_type(decoder: Decoder) -> None:
@@ -107,7 +106,7 @@ def test_a_value_has_its_objects_name_and_type(decoder: Decoder) -> None:
     )  # fmt: skip
     frames = [Frame(ANSWERS if number % 2 else REQUESTS, bytes.fromhex(each)) for number, each in enumerate(data)]
     assert decoded(decoder, frames)[-1].text == (
-        "drive, value of 0x1008:00 Manufacturer device name = Drive unit, 10 bytes, in 5 ms"
+        "lift, value of 0x1008:00 Manufacturer device name = Drive unit, 10 bytes, in 5 ms"
     )
 
 
@@ -189,7 +188,7 @@ def test_a_log_that_begins_in_a_block_is_read_right_from_the_second_segment_on(
         # The first may be any command, and so may the only one that is left of a block.
         alone = whole[begin].endswith("the last") or begin + 1 not in segments
         assert alone or rest[1:-2] == [*whole[begin + 1 : -2]], begin
-        assert alone or rest[-1].startswith(("drive, value of an object", "drive, written an object")), rest[-1]
+        assert alone or rest[-1].startswith(("lift, value of an object", "lift, written an object")), rest[-1]
         assert [each.text for each in meanings[-len(frames) :]][:-1] == whole[:-1], begin
         assert meanings[-1].defects == ()
 
@@ -207,7 +206,7 @@ def test_aborts_say_how_far_it_had_come(decoder: Decoder) -> None:
     abort = Frame(ANSWERS, bytes.fromhex("8000300122000008"))
     last = decoded(decoder, [*frames, abort])[-1]
     assert last.text == (
-        "drive, abort 0x3000:01: 0x08000022 Data cannot be transferred or stored to the application because of the "
+        "lift, abort 0x3000:01: 0x08000022 Data cannot be transferred or stored to the application because of the "
         "present device state, by the server after 14 bytes in 6 ms"
     )
     assert last.transfer is not None
@@ -245,7 +244,7 @@ def test_an_abort_without_an_object_is_of_the_one_that_is_transferred(decoder: D
     frames = recorded(lambda: upload(OBJECT, WAIT), content_of(60))[:4]
     last = decoded(decoder, [*frames, Frame(REQUESTS, bytes.fromhex("8000000000000405"))])[-1]
     assert last.text == (
-        "drive, abort 0x3000:01: 0x05040000 Timeout of transfer communication detected, by the client after 7 bytes "
+        "lift, abort 0x3000:01: 0x05040000 Timeout of transfer communication detected, by the client after 7 bytes "
         "in 4 ms"
     )
 
@@ -266,8 +265,8 @@ def test_channels_of_a_log_and_nodes_do_not_mix(decoder: Decoder) -> None:
 @pytest.mark.parametrize(
     ("transfer", "text"),
     [
-        (lambda: upload(OBJECT, WAIT), "drive, value of 0x3000:01 = 31 32 33 34"),
-        (lambda: download(OBJECT, b"1234", WAIT), "drive, written 0x3000:01"),
+        (lambda: upload(OBJECT, WAIT), "lift, value of 0x3000:01 = 31 32 33 34"),
+        (lambda: download(OBJECT, b"1234", WAIT), "lift, written 0x3000:01"),
     ],
 )
 def test_an_expedited_transfer_has_its_words_and_is_counted(

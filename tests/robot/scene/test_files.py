@@ -7,12 +7,14 @@ from itertools import pairwise
 
 import pytest
 
+from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse, NaviPositionResponse
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.values import OURS, Score
+from eurobot_od.robot.model.values import OURS, Score, Source
 from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.scene.files import STEP as STEP_OF_PATH
-from eurobot_od.robot.scene.files import truth_of
+from eurobot_od.robot.scene.files import drawings, truth_of
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import RIVAL
 
@@ -54,3 +56,18 @@ def test_the_path_is_our_robots_and_scores_keep_their_robot() -> None:
     assert set(steps) <= {1.0, 1.1}, "thinned, as the world has a place every 10 ms"
     assert {tuple(each) for each in truth.path} < {(time, *pose) for time, pose in world.path}
     assert list(truth.touches) == []
+
+
+def test_places_are_poses_in_metres() -> None:
+    drawn, time = drawings(EurobotProtocol.load()), {"sec": 1, "nsec": 500_000_000}
+    goto = drawn["Goto XY"].of(GotoXY(1500, 500, 90, 75), time)
+    assert goto is not None
+    assert (goto["timestamp"], goto["pose"]["position"]) == (time, {"x": 1.5, "y": 0.5, "z": 0.0})
+    half = math.sqrt(0.5)
+    assert goto["pose"]["orientation"] == pytest.approx({"x": 0, "y": 0, "z": half, "w": half})
+    unsure = drawn["Kalman Position Response"].of(KalmanPositionResponse(1000, 2000, None, Source.INTERNAL), time)
+    assert unsure is not None
+    assert unsure["pose"]["orientation"]["w"] == 1.0
+    lost = NaviPositionResponse(None, None, None, Source.INTERNAL)
+    assert drawn["Navi Position Response"].of(lost, time) is None
+    assert "Goto State Response" not in drawn
