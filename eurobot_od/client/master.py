@@ -143,6 +143,8 @@ class Master:
 
         self.bus, self.answer_wait, self.clock, self.unannounced = bus, answer_wait, clock, unannounced
         self.states: dict[int, NmtState] = {}
+        self.shared: dict[int, float] = {}
+        """When an answer to another client was last skipped, s of `clock`, by the node-ID of the server."""
         self.booted: set[int] = set()
         """The nodes that have booted since they were last commanded or waited for."""
         self.listeners: dict[int, Callable[[bytes], None]] = {}
@@ -322,6 +324,9 @@ HINTS: Mapping[NmtState | None, str] = {
 }
 """What may be the cause when a node is silent, by what its last heartbeat said."""
 
+ALIVE = "its heartbeats come: is its SDO server at other COB-IDs?"
+OTHERS = "another client is asking node {}: answers came, and none was to us"
+
 
 class RemoteNode:
     """One node as the master sees it: its objects' bytes by address, and its NMT state."""
@@ -343,7 +348,11 @@ class RemoteNode:
         Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError.
         """
         master, room = self.master, sdo.Room(most, min(most, unannounced, self.master.unannounced))
-        return await self._transfer("read", address, name, sdo.upload(address, master.answer_wait, progress, room))
+        begin = partial(sdo.upload, address, master.answer_wait, progress, room)
+        first = begin()
+        await self.run.steps(first)
+        # Once more: a server with room for one request may have lost ours to another client's. A read changes nothing.
+        return await self._transfer("read", address, name, begin() if first.was_disturbed else first)
 
     @Procedure
     async def upload_block(self, address: values.Address, name: str = "", progress: Progress = unwatched) -> bytes:
@@ -443,8 +452,9 @@ class RemoteNode:
     async def _transfer(
         self, verb: str, address: values.Address, name: str, transfer: sdo.Transfer, sent: bytes = b""
     ) -> bytes:
-        """Carry out a transfer; a failure becomes an error that names this node and the object."""
-        await self.run.steps(transfer)
+        """Carry out a transfer unless it is done; a failure becomes an error that names this node and the object."""
+        if not transfer.done:
+            await self.run.steps(transfer)
         request = f"{verb} {values.label(address, name)}"
         try:
             data = transfer.result()
@@ -458,7 +468,7 @@ class RemoteNode:
             if isinstance(error, sdo.Silence):
                 answer = f"answer from node {self.node_id}"
                 silent = errors.NoAnswer(request, answer, 1, transfer.wait, self.node_id, where)
-                silent.add_note(HINTS.get(self.last_state, "its heartbeats come: is its SDO server at other COB-IDs?"))
+                silent.add_note(OTHERS.format(self.node_id) if error.skipped else HINTS.get(self.last_state, ALIVE))
                 raise silent from error
             raise errors.WrongAnswer(request, str(error), where) from error
 
@@ -482,6 +492,8 @@ class RemoteNode:
                 await master.pump.steps(transfer.deadline - clock(), lambda: transfer.done)
                 with master.guard:
                     send(transfer.tick(clock()))
+        if transfer.skipped:
+            master.shared[self.node_id] = clock()
 
 
 def logged(data: bytes) -> tuple[int, str]:

@@ -13,17 +13,21 @@ clock. Whatever comes from the wire, nothing raises here: it ends the transfer, 
 The last requests have to be sent, too: the end of a block upload, or the abort that tells the server of an odd answer
 or of our time-out. Each kind of transfer is a generator that reads as CiA 301 draws it: it yields requests, is given
 the answers, and returns the object's content with the requests that are still to be sent.
+
+A server answers all its clients under one COB-ID. An answer about another object, or to another command, is somebody
+else's: it is skipped, and the wait goes on to its own time-out.
 """
 
 from __future__ import annotations
 
 from binascii import crc_hqx
-from collections.abc import Callable, Generator
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
 from math import inf
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import RemoteError
-from eurobot_od.od.values import Address, label
+from eurobot_od.od.values import Address
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
 from eurobot_od.support.progress import Progress, unwatched
@@ -61,12 +65,16 @@ class OddAnswer(TransferError):
 
 
 class Silence(TransferError):
-    """No answer came in time."""
+    """No answer came in time; `skipped` answers came that do not belong to the request."""
 
     code = AbortCode.TIMEOUT
 
-    def __init__(self) -> None:
+    def __init__(self, skipped: Sequence[bytes] = ()) -> None:
+        self.skipped = tuple(skipped)
         super().__init__("no answer in its time")
+        if skipped:
+            last = skipped[-1].hex().upper()
+            self.args = (f"{self}; {len(skipped)} came that are not to this request, the last {last}",)
 
 
 class Ended(NamedTuple):
@@ -79,11 +87,18 @@ class Ended(NamedTuple):
 ClientSteps: TypeAlias = Generator[list[bytes], bytes, Ended]
 """The steps of a transfer; time-out and abort are thrown into it, and a step may raise OddAnswer."""
 
+SKIPPED: list[bytes] = []
+"""What a step yields for an answer to somebody else; the time-out stays the one of the request before."""
+
+MOST_SKIPPED = 100
+"""Most skipped answers that a transfer keeps, to say what was seen."""
+
 
 class Transfer:
     """One transfer; the server has `wait` seconds for each answer.
 
-    `deadline` is when to call `tick`; it is infinite before the transfer starts and when it is `done`.
+    `deadline` is when to call `tick`; it is infinite before the transfer starts and when it is `done`. `skipped` are
+    the last answers that belong to another client.
     """
 
     def __init__(self, address: Address, steps: ClientSteps, wait: float) -> None:
@@ -91,6 +106,7 @@ class Transfer:
         self._address, self._steps = address, steps
         self._outcome: bytes | TransferError | None = None
         self.deadline = inf
+        self.skipped: deque[bytes] = deque(maxlen=MOST_SKIPPED)
 
     @property
     def done(self) -> bool:
@@ -104,8 +120,8 @@ class Transfer:
     def receive(self, data: bytes, now: float) -> list[bytes]:
         """Return the requests that follow an answer.
 
-        A frame that is not 8 bytes long is ignored, and so is an abort for another object: it belongs to an earlier
-        transfer, or to another client's.
+        A frame that is not 8 bytes long is ignored. An abort for another object is skipped, as any other answer to an
+        earlier transfer or to another client.
         """
         if self.done or len(data) != wire.LENGTH:
             return []
@@ -113,13 +129,19 @@ class Transfer:
             abort = Initiate.of(data)
             # A server without a transfer under way, such as ours, names no object: that abort can only be for us.
             if abort.address not in (self._address, wire.NO_TRANSFER):
+                self.skipped.append(data)
                 return []
             return self._step(lambda: self._steps.throw(Aborted(abort.number)), now)
-        return self._step(lambda: self._steps.send(data), now)
+        deadline = self.deadline
+        requests = self._step(lambda: self._steps.send(data), now)
+        if requests is SKIPPED:
+            self.skipped.append(data)
+            self.deadline = deadline
+        return requests
 
     def tick(self, now: float) -> list[bytes]:
         """Return what is sent when the server's time is over, which is usually the abort."""
-        return self._step(lambda: self._steps.throw(Silence()), now) if now >= self.deadline else []
+        return self._step(lambda: self._steps.throw(Silence(self.skipped)), now) if now >= self.deadline else []
 
     def result(self) -> bytes:
         """Return the object's content, empty after a download; raises Aborted, OddAnswer, Silence."""
@@ -127,6 +149,11 @@ class Transfer:
         if isinstance(self._outcome, TransferError):
             raise self._outcome
         return self._outcome
+
+    @property
+    def was_disturbed(self) -> bool:
+        """Whether it got no answer while another client got some: its own may have been lost to that one's request."""
+        return isinstance(self._outcome, Silence) and bool(self.skipped)
 
     def _step(self, step: Callable[[], list[bytes]], now: float) -> list[bytes]:
         try:
@@ -193,16 +220,17 @@ def block_download(
 
 
 def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
-    answer = yield [wire.initiate(ClientCommand.UPLOAD << 5, address)]
-    initiated = _initiated(answer, ServerCommand.UPLOAD, address)
+    request = wire.initiate(ClientCommand.UPLOAD << 5, address)
+    answer = yield from _initiated([request], ServerCommand.UPLOAD, address)
+    initiated = Initiate.of(answer)
     if initiated.command & wire.EXPEDITED:
         return Ended(initiated.rest[: initiated.size], [])  # without a size, all four bytes are the value
     content, toggle, last, count = bytearray(), 0, 0, 0
     # The size is optional (CiA 301, 7.2.4.3.6): a broken server could send segments until the memory is full.
     most = room.of(answer, initiated.size)
     while not last:
-        answer = yield [wire.plain(ClientCommand.UPLOAD_SEGMENT << 5 | toggle)]
-        _check_segment(answer, ServerCommand.UPLOAD_SEGMENT, toggle)
+        request = wire.plain(ClientCommand.UPLOAD_SEGMENT << 5 | toggle)
+        answer = yield from _segment([request], ServerCommand.UPLOAD_SEGMENT, toggle)
         content += wire.part_in(answer)
         last, toggle, count = answer[0] & wire.LAST, toggle ^ wire.TOGGLE, count + 1
         _check_size(answer, content, initiated.size, complete=bool(last))
@@ -213,10 +241,10 @@ def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
 
 def _download(address: Address, content: bytes, progress: Progress) -> ClientSteps:
     request = wire.carrying(ClientCommand.DOWNLOAD, address, content)
-    _initiated((yield [request]), ServerCommand.DOWNLOAD, address)
+    yield from _initiated([request], ServerCommand.DOWNLOAD, address)
     for place in () if request[0] & wire.EXPEDITED else wire.segments_of(content):
         request = wire.next_segment(ClientCommand.DOWNLOAD_SEGMENT, content, place)
-        _check_segment((yield [request]), ServerCommand.DOWNLOAD_SEGMENT, request[0] & wire.TOGGLE)
+        yield from _segment([request], ServerCommand.DOWNLOAD_SEGMENT, request[0] & wire.TOGGLE)
         progress(min(place + wire.SEGMENT_SIZE, len(content)), len(content))
     return Ended(b"", [])
 
@@ -227,8 +255,9 @@ def _download(address: Address, content: bytes, progress: Progress) -> ClientSte
 def _block_upload(address: Address, segments: int, progress: Progress, room: Room, crc: int) -> ClientSteps:
     # The byte after the block size, the protocol switch threshold, stays 0: the server must not go on by segments
     # instead (CiA 301, 7.2.4.3.12). A caller that wants to fall back starts another transfer, and knows that it did.
-    answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | crc, address, bytes([segments]))]
-    initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
+    request = wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | crc, address, bytes([segments]))
+    answer = yield from _initiated([request], ServerCommand.BLOCK_UPLOAD, address)
+    initiated = Initiate.of(answer)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
     most = room.of(answer, size)
     content, complete, fruitless = bytearray(), False, 0
@@ -243,8 +272,7 @@ def _block_upload(address: Address, segments: int, progress: Progress, room: Roo
             raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
         # The last segment in sequence and the size of the next block: the server repeats from there.
         request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
-    end = yield [request]
-    _check(end, ServerCommand.BLOCK_UPLOAD, Block.END)
+    end = yield from _answer([request], ServerCommand.BLOCK_UPLOAD, Block.END)
     # The last segment is filled up to 7 bytes; the end says how many of them are unused (CiA 301, 7.2.4.3.15).
     del content[len(content) - wire.unused_in(end) :]
     _check_size(end, content, size, complete=True)
@@ -281,13 +309,12 @@ def _receive_block(
 def _block_download(address: Address, content: bytes, progress: Progress, crc: int) -> ClientSteps:
     # The optional size is given, so that a server with little memory can refuse before the first segment.
     command = ClientCommand.BLOCK_DOWNLOAD << 5 | crc | wire.BLOCK_SIZE_GIVEN
-    answer = yield [wire.initiate(command, address, len(content).to_bytes(4, "little"))]
-    initiated = _initiated(answer, ServerCommand.BLOCK_DOWNLOAD, address)
-    place, segments, fruitless = 0, _block_size(answer, initiated.rest[0]), 0
+    request = wire.initiate(command, address, len(content).to_bytes(4, "little"))
+    answer = yield from _initiated([request], ServerCommand.BLOCK_DOWNLOAD, address)
+    place, segments, fruitless = 0, _block_size(answer, answer[4]), 0
     while place in wire.segments_of(content):
         sent = wire.block(content, place, segments)
-        answer = yield sent
-        _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE)
+        answer = yield from _answer(sent, ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE)
         # A server may change the block size with each acknowledgement, for example while its buffer is not yet empty.
         arrived, segments = answer[1], _block_size(answer, answer[2])
         fruitless = 0 if arrived else fruitless + 1
@@ -295,8 +322,8 @@ def _block_download(address: Address, content: bytes, progress: Progress, crc: i
             raise OddAnswer(answer, f"about {len(sent)} segments that were sent", AbortCode.SEQUENCE_NUMBER)
         place += arrived * wire.SEGMENT_SIZE  # the next block begins with the first segment that did not arrive
         progress(min(place, len(content)), len(content))
-    answer = yield [wire.block_end(ClientCommand.BLOCK_DOWNLOAD, content, crc_hqx(content, 0) if crc else 0)]
-    _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.END)
+    request = wire.block_end(ClientCommand.BLOCK_DOWNLOAD, content, crc_hqx(content, 0) if crc else 0)
+    yield from _answer([request], ServerCommand.BLOCK_DOWNLOAD, Block.END)
     return Ended(b"", [])
 
 
@@ -309,24 +336,32 @@ def _block_size(answer: bytes, segments: int) -> int:
 # What an answer has to be
 
 
-def _check(answer: bytes, specifier: ServerCommand, sub_command: Block = Block.INITIATE) -> None:
-    found = answer[0] >> 5, answer[0] & wire.ANSWER_SUB_COMMAND.get(specifier, 0)
-    if found != (specifier, sub_command):
-        raise OddAnswer(answer, f"an answer to the request ({specifier.name.lower().replace('_', ' ')})")
+ClientStep: TypeAlias = Generator[list[bytes], bytes, bytes]
+"""One step: its requests, and the answer to them."""
 
 
-def _initiated(answer: bytes, specifier: ServerCommand, address: Address) -> Initiate:
-    _check(answer, specifier)
-    initiated = Initiate.of(answer)
-    if initiated.address != address:  # a late answer to a transfer that was given up, for example
-        raise OddAnswer(answer, f"about {label(address)}", AbortCode.GENERAL)
-    return initiated
+def _answer(requests: list[bytes], specifier: ServerCommand, sub_command: Block = Block.INITIATE) -> ClientStep:
+    """Return the answer to some requests; answers to other commands are skipped."""
+    expected = specifier, sub_command
+    answer = yield requests
+    while (answer[0] >> 5, answer[0] & wire.ANSWER_SUB_COMMAND.get(specifier, 0)) != expected:
+        answer = yield SKIPPED
+    return answer
 
 
-def _check_segment(answer: bytes, specifier: ServerCommand, toggle: int) -> None:
-    _check(answer, specifier)
+def _initiated(requests: list[bytes], specifier: ServerCommand, address: Address) -> ClientStep:
+    """Return the answer to the first request of a transfer; answers about other objects are skipped."""
+    answer = yield from _answer(requests, specifier)
+    while Initiate.of(answer).address != address:
+        answer = yield from _answer(SKIPPED, specifier)
+    return answer
+
+
+def _segment(requests: list[bytes], specifier: ServerCommand, toggle: int) -> ClientStep:
+    answer = yield from _answer(requests, specifier)
     if answer[0] & wire.TOGGLE != toggle:
         raise OddAnswer(answer, "with the toggle bit of the request", AbortCode.TOGGLE_BIT)
+    return answer
 
 
 def _check_end(answer: bytes, moved: int, most: int) -> None:

@@ -22,6 +22,7 @@ from eurobot_od.sdo.wire import AbortCode, ClientCommand, aborted
 from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
 from tests.client.wired import Answerer, WiredBus, wired
 from tests.device.shelf import Shelf
+from tests.rows import rows
 
 HEARTBEAT_TIME = (0x1017, 0)
 EXPEDITED_TWO_BYTES = bytes.fromhex("4b171000e8030000")
@@ -134,13 +135,32 @@ def test_silence_is_no_answer(answers: list[bytes]) -> None:
         bytes.fromhex("ff17100000000000"),  # no command of SDO
     ],
 )
-def test_an_odd_answer_is_told_as_such(answer: bytes) -> None:
+def test_answers_to_another_client_alone_are_said_with_the_silence(answer: bytes) -> None:
     with (
         peer(lambda _: [answer]) as channel,
-        master_on(channel) as master,
-        pytest.raises(RemoteError, match="node 2 gave an odd answer to read 0x1017:0"),
+        master_on(channel, 0.05) as master,
+        pytest.raises(NoAnswer, match="no answer from node 2 within 50 ms after read 0x1017:0") as silent,
     ):
         master.node(2).upload(HEARTBEAT_TIME)
+    assert silent.value.__notes__ == ["another client is asking node 2: answers came, and none was to us"]
+    assert list(master.shared) == [2]
+
+
+FOREIGN, MINE = bytes.fromhex("4b18100001000000"), bytes.fromhex("4b171000e8030000")
+
+
+@rows(
+    "answers",
+    [
+        [[FOREIGN, MINE]],  # beside ours
+        [[FOREIGN], [MINE]],  # in place of ours, which a read asks for once more
+    ],
+)
+def test_a_read_beside_another_client_has_its_own_answer(answers: list[list[bytes]]) -> None:
+    coming = iter(answers)
+    with peer(lambda asked: next(coming, []) if asked[0] != 0x80 else []) as channel, master_on(channel, 0.1) as m:
+        assert m.node(2).upload(HEARTBEAT_TIME) == b"\xe8\x03"
+    assert list(m.shared) == [2]
 
 
 def test_an_unknown_abort_code_is_shown() -> None:

@@ -215,21 +215,14 @@ number, writing = partial(upload, NUMBER, WAIT), partial(download, NUMBER, b"\1"
 segments, no_bytes = partial(upload, TEXT, WAIT), partial(download, TEXT, b"", WAIT)
 by_blocks, in_blocks = partial(block_upload, TEXT, WAIT), partial(block_download, TEXT, b"", WAIT)
 ODD: dict[str, tuple[Callable[[], Transfer], list[str], AbortCode, str]] = {
-    "another object": (number, ["4b012001"], AbortCode.GENERAL, "about 0x2000:1"),
-    "another service": (number, ["60002001"], AbortCode.UNKNOWN_COMMAND, "to the request"),
-    "no service": (number, ["ff002001"], AbortCode.UNKNOWN_COMMAND, "to the request"),
-    "no download": (writing, ["4b002001"], AbortCode.UNKNOWN_COMMAND, "to the request"),
     "upload: toggle": (segments, ["41081000 08", "10"], AbortCode.TOGGLE_BIT, "the toggle bit"),
-    "upload: no segment": (segments, ["41081000 08", "20"], AbortCode.UNKNOWN_COMMAND, "to the request"),
     "upload: too long": (segments, ["41081000 06", "00"], AbortCode.TOO_LONG, "end of 6 bytes: 7 came"),
     "upload: too short": (segments, ["41081000 08", "01"], AbortCode.TOO_SHORT, "end of 8 bytes: 7 came"),
     "download: toggle": (no_bytes, ["60081000", "30"], AbortCode.TOGGLE_BIT, "the toggle bit"),
-    "block upload: no end": (by_blocks, ["c0081000", "81 41", "c0"], AbortCode.UNKNOWN_COMMAND, "to the request"),
     "block upload: CRC": (by_blocks, ["c4081000", "81 41", "d9 0000"], AbortCode.CRC, "whose CRC is"),
     "block upload: size": (by_blocks, ["c2081000 09", "81", "c1"], AbortCode.TOO_SHORT, "of 9 bytes"),
     "block download: no blocks": (in_blocks, ["a4081000 00"], AbortCode.BLOCK_SIZE, "1 to 127"),
     "block download: large blocks": (in_blocks, ["a4081000 80"], AbortCode.BLOCK_SIZE, "1 to 127"),
-    "block download: not acknowledged": (in_blocks, ["a4081000 7f", "a1"], AbortCode.UNKNOWN_COMMAND, "to the request"),
     "block download: more acknowledged than sent": (
         in_blocks,
         ["a4081000 7f", "a2027f"],
@@ -243,6 +236,42 @@ ODD: dict[str, tuple[Callable[[], Transfer], list[str], AbortCode, str]] = {
         "1 segments",
     ),
 }
+
+
+# Answers to somebody else, before the one to us: another master may ask the same server
+
+OTHERS: dict[str, tuple[Callable[[], Transfer], list[str], str, list[str]]] = {
+    "another object": (number, [], "4b012001 3412", ["4b002001 7856"]),
+    "a write, while we read": (number, [], "60002001", ["4b002001 7856"]),
+    "a read, while we write": (writing, [], "4b002001 3412", ["60002001"]),
+    "a command that there is not": (number, [], "ff002001", ["4b002001 7856"]),
+    "segments: a write": (segments, ["41081000 02"], "60002001", ["0b 4142"]),
+    "blocks: a read": (in_blocks, ["a4081000 7f"], "4b002001 3412", ["a2017f", "a1"]),
+    "end of blocks: a read": (by_blocks, ["c0081000", "81 41"], "4b002001 3412", ["d9"]),
+}
+
+
+@rows("name", OTHERS)
+def test_an_answer_to_another_client_is_skipped_and_the_time_out_stays(name: str) -> None:
+    make, before, foreign, rest = OTHERS[name]
+    transfer = make()
+    talk(transfer, before)
+    deadline = transfer.deadline
+    skipped = bytes.fromhex(foreign).ljust(8, b"\0")
+    assert transfer.receive(skipped, deadline - 0.01) == []
+    assert transfer.deadline == deadline
+    assert list(transfer.skipped) == [skipped]
+    for answer in rest:
+        transfer.receive(bytes.fromhex(answer).ljust(8, b"\0"), deadline - 0.005)
+    transfer.result()
+
+
+def test_a_time_out_says_which_answers_were_skipped() -> None:
+    transfer = number()
+    talk(transfer, ["4b012001 3412"])
+    transfer.tick(transfer.deadline)
+    with pytest.raises(Silence, match="1 came that are not to this request, the last 4B01200134120000"):
+        transfer.result()
 
 
 @rows("name", ODD)
