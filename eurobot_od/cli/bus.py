@@ -27,7 +27,7 @@ from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import UNCONFIGURED, LssState
+from eurobot_od.od.standard import LssState, node_id_words
 from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import texts
 from eurobot_od.support.progress import SHORT, Unit, bar
@@ -343,7 +343,7 @@ class Settings:
     def services(self) -> Iterator[tuple[LssSteps[None], str]]:
         """Give the services that set it, each with what it has done; raises LocalError."""
         if self.node_id is not None:
-            yield services.configure_node_id(self.node_id), _id_words(self.node_id)
+            yield services.configure_node_id(self.node_id), node_id_words(self.node_id)
         if self.bit_rate is not None:
             yield services.configure_bit_rate(self.bit_rate), f"{self.bit_rate} kbit/s"
         if self.store:
@@ -396,7 +396,7 @@ def _find(identity: Identity | None, alone: bool) -> LssSteps[list[str]]:
         return [f"{each}  no node-ID" for each in found]
     device = yield from _selected(identity, alone)
     node_id = yield from services.inquire_node_id()
-    return [f"{device}  {_id_words(node_id)}"]
+    return [f"{device}  {node_id_words(node_id)}"]
 
 
 def _set(identity: Identity | None, alone: bool, wanted: Sequence[tuple[LssSteps[None], str]]) -> LssSteps[list[str]]:
@@ -409,7 +409,3 @@ def _set(identity: Identity | None, alone: bool, wanted: Sequence[tuple[LssSteps
 def _selected(identity: Identity | None, alone: bool) -> LssSteps[str]:
     found = yield from services.chosen(identity, alone)
     return str(found or "the only device")
-
-
-def _id_words(number: int) -> str:
-    return "no node-ID" if number == UNCONFIGURED else f"node-ID {number}"

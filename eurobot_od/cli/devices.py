@@ -100,9 +100,9 @@ class Devices:
         """Whether there are any: a bus, and a log, can be read without. Raises as `load`."""
         return bool(self.files() or self.dialect or self.robot.dialects.root)
 
-    def load_and_complain(self) -> tuple[Dictionary, ...]:
-        """Load the devices, and say which of the files that are named had to be repaired to be read."""
-        loaded = self.load()
+    def load_and_complain(self, files: Iterable[NodeFile] | None = None) -> tuple[Dictionary, ...]:
+        """Load the devices, or those of `files` alone, and say which files that are named had to be repaired."""
+        loaded = self.load() if files is None else network.load(files)
         if self.files():  # the dialects' files need no repair, and to look for one takes as long as loading
             for line in network.not_understood(self._file) if self.network else ():
                 complain(line)

@@ -11,12 +11,13 @@ from datetime import datetime
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, complain_of_repairs
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned, give, whole
 from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser, ahead
+from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import FileStore
 from eurobot_od.device.profiles import SimulatedDrive, simulated_kind
@@ -25,7 +26,10 @@ from eurobot_od.device.station import OnError
 from eurobot_od.errors import LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary, moved_server
+from eurobot_od.od.network import NodeFile
 from eurobot_od.od.objects import address_of, find_one, given
+from eurobot_od.od.standard import SERIAL, UNCONFIGURED, node_id_words
+from eurobot_od.od.values import NODE_IDS
 from eurobot_od.pdo.kinds import describe
 from eurobot_od.plugin import NodeRun, Plugin, Scene, Stage
 from eurobot_od.support.files import read_whole
@@ -52,6 +56,28 @@ def _travel(text: str) -> tuple[float, float]:
     return ends
 
 
+class LoadedDevice(NamedTuple):
+    """A device's file, and what LSS has configured when it is switched on; None for a device without LSS."""
+
+    dictionary: Dictionary
+    commissioning: Commissioning | None = None
+
+    @classmethod
+    def of(cls, file: NodeFile, store: str | None = None) -> LoadedDevice:
+        """Load a device; what LSS has stored counts if it is to begin without a node-ID. Raises DictionaryError."""
+        if file.node_id != UNCONFIGURED:
+            return cls.configured(Dictionary.load(*file))
+        dictionary = Dictionary.load(*file._replace(node_id=NODE_IDS[-1]))  # any: LSS gives it another one
+        stored = FileStore(store, dictionary).commissioned if store else None
+        return cls(dictionary, stored or Commissioning())
+
+    @classmethod
+    def configured(cls, dictionary: Dictionary) -> LoadedDevice:
+        """Return a device that begins with the node-ID of its dictionary; it has LSS if its file says so."""
+        has_lss = dictionary.device.document.text("deviceinfo", "lss_supported") == "1"
+        return cls(dictionary, Commissioning(dictionary.node_id) if has_lss else None)
+
+
 @dataclass(frozen=True, kw_only=True)
 class DeviceOptions:
     """How a device behaves, and what it is given; for a node of the robot's, facts are given.
@@ -60,6 +86,7 @@ class DeviceOptions:
     profile: behave as a drive (CiA 402) or an I/O module (CiA 401), or as neither (default: as 0x1000 says)
     travel: turns of a drive's motor from its start to limit switches
     values: YAML with the waveforms that the device measures
+    serial: serial number (0x1018:4); of several devices each has the next one
     """
 
     GROUP = HelpGroup("any device")
@@ -68,6 +95,7 @@ class DeviceOptions:
     profile: Annotated[int | None, Option(choices={"402": 402, "401": 401, "none": 0})] = None
     travel: Annotated[tuple[float, float] | None, Option(metavar="LOW..HIGH", read=_travel)] = None
     values: Annotated[Path | None, Option(metavar="FILE")] = None
+    serial: Annotated[int | None, Option(metavar="N", read=whole(0, 0xFFFFFFFF))] = None
 
     def kind(self, dictionary: Dictionary) -> type[Node]:
         """Return the class of a device outside the robot; raises LocalError for what it does not have."""
@@ -76,8 +104,10 @@ class DeviceOptions:
             raise LocalError("--travel is for drives (CiA 402)")
         return kind
 
-    def values_of(self, dictionary: Dictionary) -> Mapping[str, Any]:
-        """Return the values that a device is made with; raises LocalError, FieldError, UnknownName."""
+    def values_of(self, device: LoadedDevice, number: int = 0) -> Mapping[str, Any]:
+        """Return what a device is made with; `number` counts several. Raises LocalError, FieldError, UnknownName."""
+        dictionary, commissioning = device
+        serial = None if self.serial is None else self.serial + number
         waves: Mapping[str, Waveform] = {}
         if self.values:
             waves = read_waveforms(read_whole(self.values).decode(errors="replace"), str(self.values))
@@ -85,6 +115,10 @@ class DeviceOptions:
             "given": dict(given(*each, dictionary.objects) for each in self.given),
             "waveforms": {address_of(find_one(name, dictionary.objects)): wave for name, wave in waves.items()},
         }
+        if serial is not None and dictionary.variable(SERIAL):
+            found["given"].setdefault(SERIAL, serial)
+        if commissioning:
+            found["lss"] = LssSlave.of(dictionary, commissioning, serial)
         return {**found, "travel": self.travel} if self.travel else found
 
 
@@ -156,6 +190,7 @@ def node(
 
     $ node --eds 5=motor.eds --share 54701
     $ node --eds 5=motor.eds --set Motor.Speed=1200 -i socketcan -c can0
+    $ node --eds 255=motor.eds --serial 1234 --share 54701
     """
     from eurobot_od.bus.live import Live  # faults are listed without
 
@@ -165,8 +200,8 @@ def node(
         bus = node_bus.made()
         _run_all(made_all, bus, duration, bus.reopener(no_reconnect))
         return None
-    dictionary, robot = _dictionary(devices, name, one.node_id), devices.robot
-    made = _made(robot, dictionary, device, stage, one)
+    loaded, robot = _loaded(devices, name, one), devices.robot
+    made, dictionary = _made(robot, loaded, device, stage, one), loaded.dictionary
     bus, is_staged = node_bus.made(), stage and robot.role_of(dictionary)
     scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and is_staged else None
     report = partial(print, flush=True)
@@ -176,11 +211,13 @@ def node(
     return _run(live, made, scene, duration)
 
 
-def _made(robot: Plugin, dictionary: Dictionary, options: DeviceOptions, stage: Stage | None, one: OneNode) -> Node:
+def _made(robot: Plugin, loaded: LoadedDevice, options: DeviceOptions, stage: Stage | None, one: OneNode) -> Node:
     """Make the robot's node or the device that a dictionary is of; raises LocalError, FieldError, UnknownName."""
+    dictionary = loaded.dictionary
     role = robot.role_of(dictionary)
-    if role and (wrong := "values" if options.values else "set" if options.given and not stage else ""):
-        raise LocalError(f"--{wrong} is for devices that do not belong to the robot, not for the {role}")
+    not_for_a_role = {"values": options.values, "set": options.given and not stage, "serial": options.serial}
+    for option in (each for each, value in not_for_a_role.items() if role and value):
+        raise LocalError(f"--{option} is for devices that do not belong to the robot, not for the {role}")
     if stage:
         stage.check(role)
     # The fault goes in front of the class that the node would have without it.
@@ -188,7 +225,7 @@ def _made(robot: Plugin, dictionary: Dictionary, options: DeviceOptions, stage: 
     kind = robot.faulty(kind, one.fault) if one.fault else kind
     store = FileStore(one.store, dictionary) if one.store else None
     of_role = stage.values(kind, dictionary, options.given) if stage and role else {}
-    return kind(dictionary, store=store, **(of_role if role else options.values_of(dictionary)))
+    return kind(dictionary, store=store, **(of_role if role else options.values_of(loaded)))
 
 
 def _run(live: Live, made: Node, scene: Scene | None, duration: float | None) -> ExitStatus | None:
@@ -196,24 +233,27 @@ def _run(live: Live, made: Node, scene: Scene | None, duration: float | None) ->
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the node stopped, the bus closed
     made.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
     with _bus_failure_first(live), live:
-        print(one_line(f"{made.name} (node-ID {made.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
+        print(
+            one_line(f"{made.name} ({node_id_words(made.device.node_id)}) on {live.name}; Ctrl-C ends it"), flush=True
+        )
         if moved := moved_server(made.device.dictionary):
             print(moved, flush=True)
         return _stay(live, scene, duration)
 
 
-def _dictionary(devices: Devices, name: str | None, node_id: int | None) -> Dictionary:
+def _loaded(devices: Devices, name: str | None, one: OneNode) -> LoadedDevice:
     """Load the device with a name, or the only one; raises UnknownName, LocalError, DictionaryError."""
     files = devices.files()
     if not files:
         if name is None:
             raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
-        return devices.robot.dialects.load(name, devices.dialect, node_id)
+        dictionary = devices.robot.dialects.load(name, devices.dialect, one.node_id)
+        return LoadedDevice(dictionary)
     named = {each.name or Path(each.file).stem: each for each in files}
     file = files[0] if name is None else look_up("node", name, named)
-    dictionary = Dictionary.load(*(file if node_id is None else file._replace(node_id=node_id)))
-    complain_of_repairs([dictionary])
-    return dictionary
+    device = LoadedDevice.of(file if one.node_id is None else file._replace(node_id=one.node_id), one.store)
+    complain_of_repairs([device.dictionary])
+    return device
 
 
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:
@@ -252,14 +292,20 @@ def _show(node: Node, frame: Frame, now: float) -> None:
 
 def _all(devices: Devices, options: DeviceOptions, about_one: Iterable[str]) -> list[Node]:
     """Make all the devices of the files that are named; raises LocalError for an option about one, DictionaryError."""
-    loaded, robot = devices.load_and_complain(), devices.robot
-    names = ", ".join(each.name for each in loaded)
+    files, robot = devices.files(), devices.robot
+    with_node_id = devices.load_and_complain([each for each in files if each.node_id != UNCONFIGURED])
+    loaded = list(map(LoadedDevice.configured, with_node_id))
+    loaded += [LoadedDevice.of(each) for each in files if each.node_id == UNCONFIGURED]
+    names = ", ".join(each.name for each, _ in loaded)
     for option in about_one:
         raise LocalError(f"--{option} is for one device: which node? Name one of {names}")
-    for each in loaded:
-        if robot.role_of(each):
-            raise LocalError(f"{each.name} is one of the robot's nodes, which run alone: name one of {names}")
-    return [robot.kind("", device=options.kind(each))(each, **options.values_of(each)) for each in loaded]
+    for dictionary, _ in loaded:
+        if robot.role_of(dictionary):
+            raise LocalError(f"{dictionary.name} is one of the robot's nodes, which run alone: name one of {names}")
+    return [
+        robot.kind("", device=options.kind(each.dictionary))(each.dictionary, **options.values_of(each, number))
+        for number, each in enumerate(loaded)
+    ]
 
 
 def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None, opener: Opener | None) -> None:
@@ -274,7 +320,7 @@ def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None, ope
     with LiveGroup(bus.open(), NodeGroup(nodes), opener=opener, report=report) as live:
         for node in nodes:
             node.device.time_of_day.set(datetime.now(), live.clock())
-        names = ", ".join(f"{node.name} ({node.device.node_id})" for node in nodes)
+        names = ", ".join(f"{node.name} ({node_id_words(node.device.node_id)})" for node in nodes)
         print(one_line(f"{len(nodes)} devices on {live.name}: {names}; Ctrl-C ends them"), flush=True)
         for node in nodes:
             if moved := moved_server(node.device.dictionary):

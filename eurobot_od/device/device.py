@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from eurobot_od.device import broadcasts, nmt
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
+from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE, Objects, OnRead, OnWrite, Store, predefined, refused
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
@@ -69,7 +70,8 @@ class Device:
     which no reset changes. `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; a master cannot change
     them (CiA 301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup` everything. `refused` has
     a sentence for each stored value that cannot be used: the default takes its place, and an EMCY says so at each start
-    until the device stores again.
+    until the device stores again. With `lss` it is found and given its node-ID by LSS; without a node-ID, `node_id` is
+    255, and it has no other service.
     """
 
     def __init__(
@@ -78,8 +80,11 @@ class Device:
         store: Store | None = None,
         catalogue: Catalogue = NOTHING,
         application: Application = NO_APPLICATION,
+        lss: LssSlave | None = None,
     ) -> None:
-        self._file, self._catalogue, self._application = dictionary, catalogue, application
+        self._file, self._catalogue, self._application, self._lss = dictionary, catalogue, application, lss
+        if lss:
+            lss.store = self._store_commissioning
         self._store, self.plan, self.time_of_day = store, Plan(), broadcasts.Clock()
         self.refused: tuple[str, ...] = ()
         values: dict[Address, Value] = {}
@@ -92,7 +97,7 @@ class Device:
         self.refused += tuple(f"stored value refused: {what}" for what in wrong.values())
         self._stored = {address: value for address, value in values.items() if address not in wrong}
         self.state = NmtState.INITIALISING
-        self._now = 0.0
+        self._now, self._silent_until = 0.0, -inf
         self._load(dict(self._stored))
 
     @property
@@ -108,10 +113,17 @@ class Device:
     def _load(self, values: dict[Address, Value]) -> None:
         """Make everything from these values, as after power-on or a reset."""
         own = self._file.node_id_address
+        if own and self._lss:
+            values[own] = self._lss.active.node_id
         number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
+        if self._lss:
+            self.node_id = self._lss.active.node_id
+        if self.node_id == standard.UNCONFIGURED:  # it stays there, and has no service but LSS
+            self.state = NmtState.INITIALISING
         # Values with $NODEID in them, above all identifiers, follow a new node-ID (CiA 306-1).
-        self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
+        is_of_file = self.node_id in (self._file.node_id, standard.UNCONFIGURED)
+        self.dictionary = self._file if is_of_file else self._file.renumbered(self.node_id)
         # Functions, because a master may change 0x1014 and 0x1015 at any time; the inhibit time counts 100 µs.
         self.emergencies = broadcasts.Emergencies(
             lambda: self.objects.cob_id(standard.EMCY), lambda: self.objects.raw(standard.EMCY_INHIBIT_TIME) / 10_000
@@ -190,6 +202,10 @@ class Device:
         self._remote_ears: dict[int, Ear] = dict.fromkeys(self.pdos.requestable, self._send_requested)
         if standard.GUARD_TIME[0] in self.dictionary.members:
             self._remote_ears[ERROR_CONTROL_BASE + self.node_id] = self._answer_guard
+        if self.node_id == standard.UNCONFIGURED:
+            self._ears, self._remote_ears = {}, {}
+        if self._lss:
+            self._ears[standard.REQUESTS] = self._receive_lss
         self.identifiers = sorted({*self._ears, *self._remote_ears})
         self._restart_pdos()
         self._restart_broadcasts()
@@ -290,7 +306,9 @@ class Device:
         values = self.objects.configuration() if address[0] == standard.STORE else {}
         own = self._file.node_id_address
         try:
-            if self._store:
+            if self._store and self._lss:
+                self._store.save(values, *self._lss.stored)
+            elif self._store:
                 self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
             raise Abort(Reason.NOT_STORED, str(error)) from error
@@ -299,6 +317,15 @@ class Device:
         self.emergencies.cleared(Store)
         if own and address[0] == standard.RESTORE:
             self.objects.values.pop(own, None)  # a reset keeps the present node-ID
+
+    def _store_commissioning(self, commissioning: Commissioning) -> bool:
+        """Store node-ID and bit rate beside the values that are stored already; return whether that was possible."""
+        try:
+            if self._store:
+                self._store.save(self._stored, *commissioning)
+        except (OSError, DictionaryError):
+            return False
+        return True
 
     def _consumed(self) -> list[int]:
         count = self.objects.raw((standard.CONSUMED_HEARTBEATS, 0))
@@ -333,6 +360,9 @@ class Device:
         """Boot: send the boot-up message and enter the state given by NMT startup 0x1F80 (CiA 301, 7.3.2.2)."""
         self._now = now
         self._beating = False
+        if self.node_id == standard.UNCONFIGURED:
+            self._listens = True  # to LSS alone
+            return []
         self._plan_heartbeat(now)
         # By EMCY as well: when a device boots with defaults, nobody may be looking at a console.
         if self.refused:
@@ -371,6 +401,8 @@ class Device:
 
     def _reset(self, command: NmtCommand) -> Reaction:
         """Restore what was stored, except for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
+        if self._lss:
+            (self._lss.power_on if command is NmtCommand.RESET_NODE else self._lss.activate)()
         values = dict(self._stored)
         if command is NmtCommand.RESET_COMMUNICATION:
             # Only 0x1000 to 0x1FFF go back to what was stored; the application keeps its parameters as they are.
@@ -386,6 +418,8 @@ class Device:
     @property
     def next_wakeup(self) -> float:
         """Time at which to call `tick`, infinite if nothing is planned."""
+        if self._now < self._silent_until:
+            return self._silent_until
         soonest = min(self._next_heartbeat, self._server.deadline, self._consumer.next, self._guarding.next)
         # Whatever the NMT state holds back must not wake anybody: `tick` would do nothing, and be called again at once.
         if self.operational:
@@ -399,6 +433,7 @@ class Device:
         self._now = now
         if now < self.next_wakeup:  # the application has set a timer: most ticks of a node that moves
             return Reaction([])
+        self._listens = True  # again, if it has changed its bit rate
         frames = []
         if now >= self._next_heartbeat:
             # From its planned time, or each late call would put off all later heartbeats.
@@ -482,6 +517,17 @@ class Device:
         if command in nmt.TARGET:
             self._enter(nmt.TARGET[command])
         return Reaction([]) if command is None or command in nmt.TARGET else self._reset(command)
+
+    def _receive_lss(self, frame: Frame) -> Reaction:
+        """Answer a request of LSS, which a device at work has not; boot once a node-ID is given."""
+        if self._lss is None or self.operational:
+            return Reaction([])
+        answer = self._lss.receive(frame.data, self._now)
+        if self._lss.needs_boot:
+            return self._reset(NmtCommand.RESET_COMMUNICATION)
+        if self._lss.silent_until > self._now:
+            self._silent_until, self._listens = self._lss.silent_until, False
+        return Reaction([] if answer is None else [Frame(standard.ANSWERS, answer)])
 
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application, BoundObject, names_of
 from eurobot_od.device.device import Device, Reaction
+from eurobot_od.device.lss import LssSlave
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import LATE, Call, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
@@ -27,6 +28,8 @@ from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, is_flagged
 
 class Node:
     """A node, made from its EDS; `store` keeps its settings over a restart, without one they last while it runs.
+
+    With `lss` a master finds it by LSS, and may give it its node-ID.
 
     `CATALOGUE` has its message types. `HANDLERS` has a handler for each message type: it returns the message to answer
     with, or None, and raises Refused if the node does not act on the message. `OBJECTS` says, by ParameterName, which
@@ -47,9 +50,9 @@ class Node:
     OBJECTS: ClassVar[Mapping[str, BoundObject]] = {}
     MEASURED: ClassVar[Mapping[str, Callable[[Any], Value]]] = {}
 
-    def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
+    def __init__(self, dictionary: Dictionary, *, store: Store | None = None, lss: LssSlave | None = None) -> None:
         self._addresses = {name: dictionary.address(name) for name in names_of(type(self))}
-        self.device = Device(dictionary, store, self.CATALOGUE, self._application(dictionary))
+        self.device = Device(dictionary, store, self.CATALOGUE, self._application(dictionary), lss)
         self.name = dictionary.name
         self.now = 0.0
         self.ignored = self.withheld = 0

@@ -13,14 +13,25 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
+from eurobot_od.device.lss import Commissioning
 from eurobot_od.errors import Cause, DamagedFile, DictionaryError, FieldError, Refused, UnknownName
 from eurobot_od.od import dcf, values
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
-from eurobot_od.od.document import read_bytes
+from eurobot_od.od.document import COMMISSIONING, parse, read_bytes
 from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.standard import COMMANDS, EMCY, IDENTITY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME, VERIFY_CONFIGURATION
-from eurobot_od.od.values import COB_ID, Address, Value, label, pdo_of
+from eurobot_od.od.standard import (
+    COMMANDS,
+    EMCY,
+    IDENTITY,
+    SDO_ANSWERS,
+    SDO_REQUESTS,
+    SYNC,
+    TIME,
+    UNCONFIGURED,
+    VERIFY_CONFIGURATION,
+)
+from eurobot_od.od.values import COB_ID, Address, Value, label, parse_number, pdo_of
 from eurobot_od.sdo.wire import LARGEST, Abort, Reason
 from eurobot_od.support.files import write_whole
 
@@ -275,8 +286,11 @@ class Store(Protocol):
         Raises DamagedFile if it is not what was saved, DictionaryError if it is not for this device.
         """
 
-    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
-        """Keep these values in place of the earlier ones; raises OSError or DictionaryError if that fails."""
+    def save(self, values: Mapping[Address, Value], node_id: int, kbit: int | None = None) -> None:
+        """Keep these values, node-ID and bit rate (None: as before) in place of the earlier ones.
+
+        The node-ID 255 is none. Raises OSError or DictionaryError if that fails.
+        """
 
 
 class MemoryStore:
@@ -289,7 +303,7 @@ class MemoryStore:
         """Return the settings."""
         return dict(self._values)
 
-    def save(self, values: Mapping[Address, Value], _node_id: int) -> None:
+    def save(self, values: Mapping[Address, Value], _node_id: int, _kbit: int | None = None) -> None:
         """Keep these settings."""
         self._values = dict(values)
 
@@ -300,6 +314,17 @@ class FileStore:
     def __init__(self, file: str | Path, dictionary: Dictionary, baudrate_kbit: int = 500) -> None:
         self.file = Path(file)
         self._dictionary, self._baudrate = dictionary, baudrate_kbit
+
+    @property
+    def commissioned(self) -> Commissioning | None:
+        """The node-ID (255 for none) and bit rate in the file; None if there is no such file, or no node-ID in it."""
+        if not self.file.exists():
+            return None
+        text = parse(read_bytes(self.file).decode("latin-1")).text
+        node_id, kbit = (parse_number(text(COMMISSIONING.lower(), key)) for key in ("nodeid", "baudrate"))
+        if node_id is None or node_id.value not in (*values.NODE_IDS, UNCONFIGURED):
+            return None
+        return Commissioning(node_id.value, kbit.value if kbit else self._baudrate)
 
     def load(self) -> dict[Address, Value]:
         """Return the settings in the file; none without a file.
@@ -315,7 +340,8 @@ class FileStore:
         if line and int(line[1], 16) != zlib.crc32(content[line.end() :]):
             what = "damaged: the checksum in its first line is not that of the rest (changed by hand? delete that line)"
             raise DamagedFile(self.file, None, what)
-        stored = Dictionary.load(self.file)
+        is_without = (said := self.commissioned) and said.node_id == UNCONFIGURED
+        stored = Dictionary.load(self.file, self._dictionary.node_id if is_without else None)
         # Its DCF cannot have what the EDS itself leaves out; any other missing section has been cut off.
         never_there = dcf.missing(self._dictionary.document)
         for section in dcf.missing(stored.document):
@@ -331,12 +357,13 @@ class FileStore:
         # what the file's own EDS gives only as DefaultValue is not a stored value: a later EDS may have another default
         return {a: v.value for a, v in variables.items() if v is not None and v.writable and v.value is not None}
 
-    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
+    def save(self, values: Mapping[Address, Value], node_id: int, kbit: int | None = None) -> None:
         """Replace the file by one with these settings.
 
         Raises OSError, or DictionaryError if the EDS is gone or has no place for a value; the old file stays then.
         """
         device = self._dictionary.device
+        self._baudrate = kbit or self._baudrate
         try:
             content = dcf.with_values(device, values, node_id, self._dictionary.name, self._baudrate).encode()
         except (UnknownName, FieldError, UnicodeEncodeError) as error:

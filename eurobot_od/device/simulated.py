@@ -19,6 +19,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeAlias
 import yaml
 
 from eurobot_od.device.bound import Application
+from eurobot_od.device.lss import LssSlave
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import Store
 from eurobot_od.errors import DictionaryError, LocalError
@@ -54,10 +55,11 @@ class SimulatedDevice(Node):
         store: Store | None = None,
         given: Mapping[ObjectName, Value] | None = None,
         waveforms: Mapping[ObjectName, Waveform] | None = None,
+        lss: LssSlave | None = None,
     ) -> None:
         self._dictionary, self._given, self._waveforms = dictionary, given or {}, waveforms or {}
         self._switched_on = 0.0
-        super().__init__(dictionary, store=store)
+        super().__init__(dictionary, store=store, lss=lss)
 
     @classmethod
     def load(cls, file: str | Path, node_id: int | None = None, **options: Any) -> Self:

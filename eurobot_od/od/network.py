@@ -20,18 +20,22 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.formats import files_in
 from eurobot_od.od.patches import BUS_FILES, NODE_OF_BUS
+from eurobot_od.od.standard import UNCONFIGURED
 from eurobot_od.od.values import NODE_IDS, Number, parse_number
 from eurobot_od.support.declared import ByName, OneOrMore, Within
 from eurobot_od.support.files import read_whole
 
 
 def node_file(text: str) -> NodeFile:
-    """Read `FILE` or `NODE-ID=FILE`; raises DictionaryError for a node-ID that cannot be."""
+    """Read `FILE` or `NODE-ID=FILE`; raises DictionaryError for a node-ID that cannot be.
+
+    255 stands for a device without a node-ID, which only a simulated one can be.
+    """
     head, equals, file = text.partition("=")
     number = parse_number(head) if equals else None
     if number is None and (Path(text).exists() or not Path(file).is_file()):
         return NodeFile(text)  # a path may have an equals sign, too
-    if number is None or number.value not in NODE_IDS:
+    if number is None or number.value not in (*NODE_IDS, UNCONFIGURED):
         raise DictionaryError(file, None, f"node-ID {head} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
     return NodeFile(file, number.value)
 

@@ -74,6 +74,7 @@ IDENTITY = 0x1018
 """Who the device is: vendor-ID, product code, revision number and serial number, from sub-index 1 on."""
 
 REVISION: Address = (IDENTITY, 3)
+SERIAL: Address = (IDENTITY, 4)
 """The revision number of the device."""
 
 SYNC_COUNTER: Address = (0x1019, 0)
@@ -226,6 +227,12 @@ LENGTH = 8
 
 UNCONFIGURED = 255
 """The node-ID of a device that has not been given one."""
+
+
+def node_id_words(node_id: int) -> str:
+    """Return what a node-ID of LSS says, in words."""
+    return "no node-ID" if node_id == UNCONFIGURED else f"node-ID {node_id}"
+
 
 BIT_RATES = {1000: 0, 800: 1, 500: 2, 250: 3, 125: 4, 50: 6, 20: 7, 10: 8}
 """Index in the standard table of bit timings, by kbit/s (CiA 305, Table 1)."""

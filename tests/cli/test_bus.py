@@ -14,7 +14,7 @@ from eurobot_od.client.master import Master, produce, syncs
 from eurobot_od.errors import BusError
 from eurobot_od.sdo.client import UNANNOUNCED
 from tests.cli.console import Said, run
-from tests.client.lss_slave import WAITING, LssSlave
+from tests.client.lss_slave import WAITING, LssStation
 from tests.client.test_boot import Beating, beats
 from tests.client.test_reconnecting import Unplugged
 from tests.client.wired import WiredBus
@@ -112,7 +112,7 @@ TEXT = "0x00000001:0x00000002:0x00000003:0x0000000"
 
 
 def said(
-    capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, slaves: list[LssSlave], words: list[str]
+    capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, slaves: list[LssStation], words: list[str]
 ) -> Said:
     patch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: WiredBus(*slaves))
     return run(capsys, "lss", *words, "--timeout", "1 ms")
@@ -155,7 +155,7 @@ def test_find_and_set(
     out: str,
     err: str,
 ) -> None:
-    slaves = [LssSlave(ONE), LssSlave(OTHER, node_id=7)]
+    slaves = [LssStation(ONE), LssStation(OTHER, node_id=7)]
     complaint = f"eurobot-od: {err}\n" if err else ""
     assert said(capsys, monkeypatch, slaves, words) == (status, out, complaint)
     assert {slave.state for slave in slaves} == {WAITING}

@@ -1,18 +1,22 @@
-"""An LSS slave, the least that a master can be tried on (CiA 305)."""
+"""The device's side of LSS as a station of its own, without the rest of a device; and slaves that do it otherwise."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import inf
+from types import MappingProxyType
 
 from eurobot_od.client.description import Identity
+from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.frame import Frame
+from eurobot_od.od.standard import BIT_RATES, LssState
 
-WAITING, CONFIGURATION = 0, 1
+WAITING, CONFIGURATION = LssState
 ANSWERS, REQUESTS = 0x7E4, 0x7E5
 
 
-class LssSlave:
-    """A station; `stored` is what it has stored, `errors` are what it answers to commands that it refuses.
+class LssStation:
+    """A station; `errors` are what it answers to commands that it refuses.
 
     One that is `always_scanned` says yes to every fastscan while it is being configured, as CANopenNode's does.
     """
@@ -23,70 +27,42 @@ class LssSlave:
         self,
         identity: Identity,
         node_id: int = 255,
-        errors: dict[int, tuple[int, int]] | None = None,
+        errors: Mapping[int, tuple[int, int]] = MappingProxyType({}),
         always_scanned: bool = False,
     ) -> None:
-        self.identity, self.node_id, self.errors, self.always_scanned = identity, node_id, errors or {}, always_scanned
-        self.state, self.bit_rate, self.stored, self.delay = WAITING, 2, (node_id, 2), 0
-        self._position = 0
-        self._selected = 0
+        self.identity, self.errors, self.always_scanned = identity, errors, always_scanned
+        self.slave = LssSlave(identity, Commissioning(node_id, 500), tuple(BIT_RATES))
+
+    @property
+    def state(self) -> LssState:
+        return self.slave.state
+
+    @property
+    def node_id(self) -> int:
+        return self.slave.active.node_id
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        if frame.cob_id != REQUESTS or len(frame.data) != 8:
-            return []
-        answer = self._answer(frame.data[0], frame.data)
+        answer = self._answer(frame.data, now) if frame.cob_id == REQUESTS else None
+        if self.slave.needs_boot:
+            self.slave.activate()
         return [] if answer is None else [Frame(ANSWERS, answer.ljust(8, b"\0"))]
+
+    def _answer(self, data: bytes, now: float) -> bytes | None:
+        command, is_configured = data[0], self.state == CONFIGURATION
+        if is_configured and command in self.errors:
+            return bytes([command, *self.errors[command]])
+        if is_configured and command == 0x51 and self.always_scanned:
+            return b"\x4f"
+        return self.slave.receive(data, now)
 
     def tick(self, now: float) -> list[Frame]:
         return []
 
-    def _answer(self, command: int, data: bytes) -> bytes | None:
-        if command == 0x04:
-            self.state, self._selected = data[1], 0
-        elif 0x40 <= command <= 0x43:
-            return self._select(command - 0x40, int.from_bytes(data[1:5], "little"))
-        elif command == 0x51 and self.state == WAITING and self.node_id == 255:
-            return self._fastscan(int.from_bytes(data[1:5], "little"), *data[5:8])
-        elif command == 0x51 and self.always_scanned and self.state == CONFIGURATION:
-            return b"\x4f"
-        elif self.state == CONFIGURATION:
-            return self._configure(command, data)
-        return None
 
-    def _select(self, part: int, number: int) -> bytes | None:
-        matches = part == self._selected and number == self.identity[part]
-        self._selected = part + 1 if matches else 0
-        if self._selected < 4:
-            return None
-        self.state = CONFIGURATION
-        return b"\x44"
+class StatelessStation(LssStation):
+    """Compares one part of its identity alone, whatever the others were: it keeps no position."""
 
-    def _fastscan(self, number: int, bit: int, part: int, then: int) -> bytes | None:
-        if bit == 128:
-            self._position = 0
-            return b"\x4f"
-        if part != self._position or number >> bit != self.identity[part] >> bit:
-            return None
-        if bit == 0:
-            self._position = then
-            if then < part:
-                self.state = CONFIGURATION
-        return b"\x4f"
-
-    def _configure(self, command: int, data: bytes) -> bytes | None:
-        if command in self.errors:
-            return bytes([command, *self.errors[command]])
-        if command == 0x11:
-            self.node_id = data[1]
-        elif command == 0x13:
-            self.bit_rate = data[2]
-        elif command == 0x15:
-            self.delay = int.from_bytes(data[1:3], "little")
-            return None
-        elif command == 0x17:
-            self.stored = self.node_id, self.bit_rate
-        elif command == 0x5E:
-            return bytes([command, self.node_id])
-        else:
-            return None
-        return bytes([command])
+    def _answer(self, data: bytes, now: float) -> bytes | None:
+        if data[0] == 0x51:
+            self.slave._position = data[6]
+        return super()._answer(data, now)

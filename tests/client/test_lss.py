@@ -14,7 +14,7 @@ from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import LssState
-from tests.client.lss_slave import CONFIGURATION, WAITING, LssSlave
+from tests.client.lss_slave import CONFIGURATION, WAITING, LssStation, StatelessStation
 from tests.client.wired import Answerer, wired
 
 ONE = Identity(0x12345678, 0xFFFFFFFF, 0, 0x80000001)
@@ -24,14 +24,14 @@ OTHER = Identity(0, 1, 2, 3)
 
 @pytest.mark.parametrize("identities", [[], [ONE], [NEXT, ONE], [ONE, OTHER, NEXT], [Identity(0, 0, 0, 0)]])
 def test_all_devices_without_a_node_id_are_found_the_lowest_first(identities: list[Identity]) -> None:
-    slaves = [LssSlave(each) for each in identities]
-    with wired(*slaves, LssSlave(Identity(9, 9, 9, 9), node_id=5)) as master:
+    slaves = [LssStation(each) for each in identities]
+    with wired(*slaves, LssStation(Identity(9, 9, 9, 9), node_id=5)) as master:
         assert perform(master, lss.find_all()) == sorted(identities)
     assert {slave.state for slave in slaves} <= {WAITING}
 
 
 def test_devices_that_answer_fastscan_while_they_are_configured_are_all_found() -> None:
-    slaves, asked = [LssSlave(each, always_scanned=True) for each in (NEXT, OTHER, ONE)], list[int]()
+    slaves, asked = [LssStation(each, always_scanned=True) for each in (NEXT, OTHER, ONE)], list[int]()
     with wired(*slaves) as master:
         found = perform(master, lss.find_all(), progress=lambda number, _: asked.append(number))
     assert found == [OTHER, ONE, NEXT]
@@ -40,16 +40,8 @@ def test_devices_that_answer_fastscan_while_they_are_configured_are_all_found() 
     assert {slave.state for slave in slaves} == {WAITING}
 
 
-class Stateless(LssSlave):
-    """Compares one part of its identity alone, whatever the others were: it keeps no position."""
-
-    def _fastscan(self, number: int, bit: int, part: int, then: int) -> bytes | None:
-        self._position = part
-        return super()._fastscan(number, bit, part, then)
-
-
 def test_no_device_is_made_of_two() -> None:
-    slaves = [Stateless(Identity(1, 2, 3, 4)), Stateless(Identity(5, 6, 3, 7))]
+    slaves = [StatelessStation(Identity(1, 2, 3, 4)), StatelessStation(Identity(5, 6, 3, 7))]
     with wired(*slaves) as master:
         assert perform(master, lss.find_all()) == [slave.identity for slave in slaves]
 
@@ -62,7 +54,7 @@ def test_the_search_has_a_bound_on_a_bus_that_always_says_yes() -> None:
 
 
 def test_a_device_that_fastscan_loses_is_an_error() -> None:
-    slave = LssSlave(ONE)
+    slave = LssStation(ONE)
 
     def answers(frame: Frame) -> list[Frame]:
         return slave.receive(frame, 0.0) if frame.data[6] < 2 else []  # gone after two parts of its identity
@@ -72,7 +64,7 @@ def test_a_device_that_fastscan_loses_is_an_error() -> None:
 
 
 def test_a_device_is_selected_by_its_identity() -> None:
-    slaves = one, other, _ = LssSlave(ONE), LssSlave(OTHER, node_id=7), LssSlave(NEXT)
+    slaves = one, other, _ = LssStation(ONE), LssStation(OTHER, node_id=7), LssStation(NEXT)
     with wired(*slaves) as master:
         assert perform(master, lss.select(OTHER))
         assert [slave.state for slave in slaves] == [WAITING, CONFIGURATION, WAITING]
@@ -83,15 +75,16 @@ def test_a_device_is_selected_by_its_identity() -> None:
 
 
 def test_node_id_and_bit_rate_are_set_stored_and_activated() -> None:
-    slave = LssSlave(ONE)
-    with wired(slave) as master:
+    station = LssStation(ONE)
+    slave = station.slave
+    with wired(station) as master:
         perform(master, lss.switch(LssState.CONFIGURATION))
         perform(master, lss.configure_node_id(5))
         perform(master, lss.configure_bit_rate(250))
-        assert (slave.node_id, slave.bit_rate, slave.stored) == (5, 3, (255, 2))
+        assert (slave.pending, slave.active, slave.stored) == ((5, 250), (255, 500), (255, 500))
         perform(master, lss.store())
         perform(master, lss.activate_bit_rate(0.5))
-    assert (slave.stored, slave.delay) == ((5, 3), 500)
+    assert (slave.stored, slave.active, slave.silent_until) == ((5, 250), (255, 250), 1.0)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +99,7 @@ def test_node_id_and_bit_rate_are_set_stored_and_activated() -> None:
     ],
 )
 def test_a_refusal_is_in_words(command: int, error: tuple[int, int], steps: LssSteps[None], said: str) -> None:
-    with wired(LssSlave(ONE, errors={command: error})) as master:
+    with wired(LssStation(ONE, errors={command: error})) as master:
         perform(master, lss.switch(LssState.CONFIGURATION))
         with pytest.raises(RemoteError, match=f"^the device {said}$"):
             perform(master, steps)
@@ -136,7 +129,7 @@ def test_what_the_standard_does_not_have_is_no_service(make: Callable[[], LssSte
 
 def test_other_frames_under_the_identifier_are_no_answer() -> None:
     noise = [Frame(0x7E4, b""), Frame(0x7E4, b"\x5e\x07"), Frame(0x7E4, bytes([0x44, *bytes(7)]))]
-    with wired(Answerer(lambda _: noise), LssSlave(ONE, node_id=9)) as master:
+    with wired(Answerer(lambda _: noise), LssStation(ONE, node_id=9)) as master:
         perform(master, lss.switch(LssState.CONFIGURATION))
         assert perform(master, lss.inquire_node_id()) == 9
 
@@ -144,7 +137,7 @@ def test_other_frames_under_the_identifier_are_no_answer() -> None:
 class StockWire:
     """What canopen's LssMaster takes for a network: requests go to a slave, its answers back at once."""
 
-    def __init__(self, slave: LssSlave) -> None:
+    def __init__(self, slave: LssStation) -> None:
         make: Any = canopen.lss.LssMaster
         self.master = make()
         self.master.network, self.master.RESPONSE_TIMEOUT = self, 0
@@ -157,7 +150,7 @@ class StockWire:
 
 def test_stock_canopen_finds_and_sets_the_same_in_a_slave(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("canopen.lss.time.sleep", lambda _: None)
-    ours, theirs = LssSlave(ONE), LssSlave(ONE)
+    ours, theirs = LssStation(ONE), LssStation(ONE)
     with wired(ours) as master:
         found = perform(master, lss.fastscan())
         perform(master, lss.configure_node_id(5))
@@ -168,4 +161,4 @@ def test_stock_canopen_finds_and_sets_the_same_in_a_slave(monkeypatch: pytest.Mo
     stock.configure_node_id(5)
     stock.configure_bit_timing(3)
     stock.store_configuration()
-    assert ours.stored == theirs.stored == (5, 3)
+    assert ours.slave.stored == theirs.slave.stored == (5, 250)

@@ -40,7 +40,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import Range
 from eurobot_od.od.values import UNSIGNED32
 from eurobot_od.pdo.protocol import Protocol
-from tests.client.lss_slave import WAITING, LssSlave
+from tests.client.lss_slave import WAITING, LssStation
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import DCF, DOCS, EDS, SERVO, live_servos, servo
 from tests.client.wired import wired
@@ -560,7 +560,7 @@ def test_the_example_of_a_docstring_runs(thing: object, monkeypatch: pytest.Monk
 
 def test_devices_without_a_node_id_are_found_and_given_one() -> None:
     identities = [Identity(1, 2, 3, 4), Identity(1, 2, 3, 5)]
-    slaves = [LssSlave(each) for each in identities]
+    slaves = [LssStation(each) for each in identities]
     with Network(wired(*slaves)) as network:
         assert network.lss.find() == identities
         assert network.lss.assign(7, identities[1], bit_rate=250) == identities[1]
@@ -572,7 +572,7 @@ def test_devices_without_a_node_id_are_found_and_given_one() -> None:
 
 
 def test_a_device_that_refuses_its_bit_rate_does_not_obey_the_next_command() -> None:
-    slave = LssSlave(Identity(1, 2, 3, 4), errors={0x13: (1, 0)})
+    slave = LssStation(Identity(1, 2, 3, 4), errors={0x13: (1, 0)})
     with Network(wired(slave)) as network, pytest.raises(RemoteError, match="refuses to configure bit timing"):
         network.lss.assign(7, bit_rate=250)
     assert slave.state == WAITING

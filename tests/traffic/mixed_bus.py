@@ -14,7 +14,7 @@ from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.sdo.client import Transfer, block_download, block_upload, download, upload
-from tests.client.lss_slave import LssSlave
+from tests.client.lss_slave import LssStation
 
 HERE = Path(__file__).resolve().parents[1]
 FILES = {
@@ -47,7 +47,7 @@ class MixedBus:
         self.now = 0.0
         self.frames: list[tuple[float, Frame]] = []
         self.devices = {each.node_id: SimulatedDevice(each) for each in dictionaries()}
-        self.slave = LssSlave(Identity(0x123, 0x456, 1, 7))
+        self.slave = LssStation(Identity(0x123, 0x456, 1, 7))
         for each in self.devices.values():
             self._spread(each.start(self.now))
 
