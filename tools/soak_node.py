@@ -76,7 +76,7 @@ def lead(core: Core) -> None:
 class ForgetfulStore(FileStore):
     """Says that it saved, and writes nothing."""
 
-    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
+    def save(self, values: Mapping[Address, Value], node_id: int, kbit: int | None = None) -> None:
         """Lose the values."""
 
 

@@ -34,7 +34,7 @@ class Memory:
     def load(self) -> dict[Address, Value]:
         return dict(self._values)
 
-    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
+    def save(self, values: Mapping[Address, Value], node_id: int, kbit: int | None = None) -> None:
         self._values = dict(values)
 
 

@@ -217,7 +217,7 @@ def test_restored_defaults_take_effect_with_a_reset() -> None:
 class FullDisk(Memory):
     """A store that cannot keep anything."""
 
-    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
+    def save(self, values: Mapping[Address, Value], node_id: int, kbit: int | None = None) -> None:
         raise OSError("no space left on device")
 
 
