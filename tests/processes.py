@@ -11,7 +11,9 @@ from queue import Empty, SimpleQueue
 import pytest
 from programs import PATIENCE, SERVER, Program, free_port
 
-__all__ = ["PATIENCE", "Process", "bus_server", "free_port", "node", "process", "shared"]
+from tests.kit.devices import MOTOR
+
+__all__ = ["PATIENCE", "Process", "bus_server", "free_port", "motor", "node", "process", "shared"]
 
 
 class Process(Program):
@@ -66,6 +68,11 @@ def bus_server(port: int) -> Iterator[Process]:
     with process(sys.executable, "-c", SERVER, str(port)) as running:
         running.line("serving")
         yield running
+
+
+def motor(node_id: int = 5) -> tuple[str, ...]:
+    """Return the words for `node` to run the documentation's motor."""
+    return "--eds", f"{node_id}={MOTOR}"
 
 
 def shared(port: int) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ messages can have: no field, an enum, a tail that may be left out, numbers with 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
@@ -287,7 +287,7 @@ class LiftNode(Node):
         self.raise_error(LiftError.EMERGENCY_OFF, EmergencyOff)
 
 
-Handlers: TypeAlias = dict[type[Message], Callable[[Any, Any], "Message | None"]]
+Handlers: TypeAlias = Mapping[type[Message], Callable[[Any, Any], "Message | None"]]
 
 FOLLOWS: Handlers = {
     Configure: lambda node, configuration: node.configure(configuration),
@@ -344,10 +344,10 @@ class Cabin(LiftNode):
         self.stop(off)
 
     def halted(self) -> None:
-        self.target = None
+        self.stop(Halt())
 
     def heartbeat_lost(self, node_id: int) -> None:
-        self.target = None
+        self.stop(Halt())
 
     def state(self) -> StateResponse:
         """Return the remaining time, in ms."""

@@ -23,26 +23,28 @@ from eurobot_od.gatekeeper import MAILBOX_WAIT, Gatekeeper
 from eurobot_od.gatekeeper import Event as What
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import (
-    CheckDriveRequest,
-    CheckDriveResponse,
-    CheckNaviRequest,
-    EmergencyShutdown,
-    EmergencyStop,
-    GotoConfirm,
-    GotoStateRequest,
-    GotoXY,
-    NaviPositionRequest,
-    StopDrive,
-)
-from eurobot_od.robot.model.values import Obstacle
-from eurobot_od.robot.nodes import Core, Drive, Navigation
-from eurobot_od.robot.protocol import EurobotProtocol
 from tests.bus.live.loose import LONG, Reports
 from tests.eds_text import DEVICE_TYPE, variable
+from tests.kit import lift
+from tests.kit.lift import (
+    Brake,
+    Cabin,
+    CheckCabinRequest,
+    CheckCabinResponse,
+    CheckDoorRequest,
+    Door,
+    EmergencyOff,
+    FloorRequest,
+    Halt,
+    MoveConfirm,
+    MoveTo,
+    Panel,
+    Ride,
+    StateRequest,
+    Trouble,
+)
 
-PROTOCOL = EurobotProtocol.load()
+PROTOCOL = lift.protocol()
 
 
 @pytest.fixture
@@ -60,51 +62,49 @@ def virtual(channel: str) -> can.BusABC:
 
 
 def test_two_nodes_answer_a_node_check(channel: str) -> None:
-    core = Core(dialects.load("core"))
+    panel = Panel(lift.dictionary("panel"))
     with (
-        Live.node(virtual(channel), Drive(dialects.load("drive"))),
-        Live.node(virtual(channel), Navigation(dialects.load("navigation"))),
-        Live.node(virtual(channel), core),
+        Live.node(virtual(channel), Cabin(lift.dictionary("cabin"))),
+        Live.node(virtual(channel), Door(lift.dictionary("door"))),
+        Live.node(virtual(channel), panel),
     ):
-        took = core.check_nodes().result(LONG)
-    assert list(took) == ["drive", "navigation"]
+        took = panel.check().result(LONG)
+    assert list(took) == ["cabin", "door"]
 
 
 def test_a_gatekeeper_talks_to_a_node(channel: str) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckDriveResponse)
-    with Live.node(virtual(channel), Drive(dialects.load("drive"))), Live(virtual(channel), gatekeeper) as live:
-        live.send(CheckDriveRequest())
+    answers = gatekeeper.add_queue(CheckCabinResponse)
+    with Live.node(virtual(channel), Cabin(lift.dictionary("cabin"))), Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckCabinRequest())
         answer = answers.get(LONG)
     assert answer is not None
-    assert answer.message == CheckDriveResponse()
+    assert answer.message == CheckCabinResponse()
 
 
 def test_a_value_out_of_range_is_the_callers_error_and_sends_nothing(channel: str) -> None:
     with Live(virtual(channel), Gatekeeper(PROTOCOL)) as live:
-        with pytest.raises(FieldError, match="x = 5000"):
-            live.send(GotoXY(5000, 0, 0, 0))
+        with pytest.raises(FieldError, match="height = 5000"):
+            live.send(MoveTo(5000, Ride.NORMAL, 0))
         assert live.gatekeeper.statistics().transmit.submitted == 0
 
 
 def test_a_node_sends_what_its_eds_has_as_tpdo_and_nothing_else(channel: str) -> None:
-    core = Core(dialects.load("core"))
-    with virtual(channel) as other, Live.node(virtual(channel), core) as live:
-        with pytest.raises(StateError, match="core has no TPDO for GotoConfirm"):
-            live.send(GotoConfirm())
-        with pytest.raises(StateError, match=r"GotoXY is sent by core\.goto"):
-            live.send(GotoXY(600, 0, 0, 0))
-        live.send(NaviPositionRequest())
+    panel = Panel(lift.dictionary("panel"))
+    with virtual(channel) as other, Live.node(virtual(channel), panel) as live:
+        with pytest.raises(StateError, match="panel has no TPDO for MoveConfirm"):
+            live.send(MoveConfirm())
+        live.send(FloorRequest())
         while (message := other.recv(LONG)) is not None and message.arbitration_id == 0x701:
             pass  # boot-up, heartbeats
     assert message is not None
-    assert message.arbitration_id == PROTOCOL.cob_id(NaviPositionRequest)
+    assert message.arbitration_id == PROTOCOL.cob_id(FloorRequest)
 
 
 def test_what_is_no_classic_base_frame_is_counted_and_goes_no_further(channel: str) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    queue = gatekeeper.add_queue(StopDrive)
-    cob_id = PROTOCOL.cob_id(StopDrive)
+    queue = gatekeeper.add_queue(Halt)
+    cob_id = PROTOCOL.cob_id(Halt)
     with virtual(channel) as other, Live(virtual(channel), gatekeeper) as live:
         for options in ({"is_extended_id": True}, {"is_remote_frame": True}, {"is_error_frame": True}, {"is_fd": True}):
             other.send(can.Message(arbitration_id=cob_id, **({"is_extended_id": False} | options)))
@@ -116,11 +116,11 @@ def test_what_is_no_classic_base_frame_is_counted_and_goes_no_further(channel: s
 
 def test_a_driver_that_keeps_nobody_waiting_has_the_frame_when_send_returns(channel: str) -> None:
     with virtual(channel) as other, Live(virtual(channel), Gatekeeper(PROTOCOL)) as live:
-        live.send(GotoStateRequest())
+        live.send(StateRequest())
         message = other.recv(0)
         assert live.gatekeeper.statistics().transmit.completed == 1
     assert message is not None
-    assert message.arbitration_id == PROTOCOL.cob_id(GotoStateRequest)
+    assert message.arbitration_id == PROTOCOL.cob_id(StateRequest)
 
 
 class InterruptedBus(VirtualBus):
@@ -138,10 +138,10 @@ class InterruptedBus(VirtualBus):
 def test_an_interrupt_while_sending_keeps_no_later_frame_back(channel: str) -> None:
     with virtual(channel) as other, Live(InterruptedBus(channel), Gatekeeper(PROTOCOL)) as live:
         with pytest.raises(KeyboardInterrupt):
-            live.send(StopDrive())
-        live.send(EmergencyShutdown())
+            live.send(Halt())
+        live.send(EmergencyOff())
         received = {message and message.arbitration_id for message in (other.recv(LONG), other.recv(LONG))}
-    assert received == {PROTOCOL.cob_id(EmergencyShutdown), PROTOCOL.cob_id(StopDrive)}
+    assert received == {PROTOCOL.cob_id(EmergencyOff), PROTOCOL.cob_id(Halt)}
 
 
 def test_what_such_a_driver_has_no_room_for_is_sent_later(channel: str) -> None:
@@ -175,7 +175,7 @@ def _filtering(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_filtering")
 def test_filters_are_for_drivers_that_filter_themselves(channel: str) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    gatekeeper.add_queue(StopDrive)
+    gatekeeper.add_queue(Halt)
     with Live(FilteringBus(channel), gatekeeper) as live:
         assert isinstance(live.bus, FilteringBus)
         assert live.bus.applied == live.bus.filters == gatekeeper.filters() != []
@@ -183,11 +183,11 @@ def test_filters_are_for_drivers_that_filter_themselves(channel: str) -> None:
 
 def test_without_such_a_driver_the_gatekeeper_alone_sorts_out(channel: str) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    queue = gatekeeper.add_queue(StopDrive)
+    queue = gatekeeper.add_queue(Halt)
     with virtual(channel) as other, Live(virtual(channel), gatekeeper) as live:
         assert live.bus.filters is None
         other.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
-        other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
+        other.send(can.Message(arbitration_id=PROTOCOL.cob_id(Halt), is_extended_id=False))
         assert queue.get(LONG) is not None
     assert gatekeeper.statistics().unheard == 1
 
@@ -195,12 +195,12 @@ def test_without_such_a_driver_the_gatekeeper_alone_sorts_out(channel: str) -> N
 @pytest.mark.usefixtures("_filtering")
 def test_a_driver_that_does_not_take_changed_filters_has_failed_and_is_read_on(channel: str) -> None:
     gatekeeper, bus = Gatekeeper(PROTOCOL), FilteringBus(channel)
-    queue = gatekeeper.add_queue(StopDrive)
+    queue = gatekeeper.add_queue(Halt)
     gatekeeper.add_node(lambda: (0x602,), lambda *_: gatekeeper.reroute(PROTOCOL), "master")
     with virtual(channel) as other, Live(bus, gatekeeper) as live:
         assert live.failure is None
         bus.error = OSError("no room\nfor filters")
-        for cob_id in (0x602, PROTOCOL.cob_id(StopDrive)):
+        for cob_id in (0x602, PROTOCOL.cob_id(Halt)):
             other.send(can.Message(arbitration_id=cob_id, is_extended_id=False))
         assert queue.get(LONG) is not None
     assert isinstance(live.failure, BusError)
@@ -225,7 +225,7 @@ def test_a_watch_sees_every_frame(channel: str) -> None:
 
 
 HOSTILE = {
-    "300 bytes": can.Message(arbitration_id=0x008, data=bytes(300), dlc=44, is_extended_id=False),
+    "300 bytes": can.Message(arbitration_id=0x108, data=bytes(300), dlc=44, is_extended_id=False),
     "negative identifier": can.Message(arbitration_id=-1, is_extended_id=False),
     "identifier too high": can.Message(arbitration_id=0x800, is_extended_id=False),
 }
@@ -235,25 +235,25 @@ HOSTILE = {
 @pytest.mark.parametrize("message", HOSTILE.values(), ids=HOSTILE)
 def test_what_no_adapter_can_receive_is_counted_and_acted_on_by_nobody(channel: str, message: can.Message) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckDriveResponse)
+    answers = gatekeeper.add_queue(CheckCabinResponse)
     with (
         virtual(channel) as other,
-        Live.node(virtual(channel), Drive(dialects.load("drive"))) as drive,
+        Live.node(virtual(channel), Cabin(lift.dictionary("cabin"))) as cabin,
         Live(virtual(channel), gatekeeper) as tester,
     ):
         other.send(message)
-        tester.send(CheckDriveRequest())
+        tester.send(CheckCabinRequest())
         assert answers.get(LONG) is not None
-        assert drive.foreign == 1
-    assert drive.gatekeeper.statistics().listeners[0].failed == 0
+        assert cabin.foreign == 1
+    assert cabin.gatekeeper.statistics().listeners[0].failed == 0
 
 
-def test_bus_off_is_told_with_what_helps_and_the_drive_brakes(channel: str) -> None:
-    reports, node = Reports(), Drive(dialects.load("drive"))
+def test_bus_off_is_told_with_what_helps_and_the_cabin_brakes(channel: str) -> None:
+    reports, node = Reports(), Cabin(lift.dictionary("cabin"))
     with virtual(channel) as other, Live.node(virtual(channel), node, report=reports) as live:
         other.send(can.Message(arbitration_id=0x040, is_error_frame=True, is_extended_id=False, data=bytes(8)))
         assert "restart-ms" in reports.wait_for(What.BUS_OFF).text
-        assert node.stopped_by == StopDrive()
+        assert node.stopped_by == Halt()
         assert live.failure is None
 
 
@@ -324,7 +324,7 @@ def driver() -> Iterator[Driver]:
     bus.shutdown()
 
 
-URGENT: list[Message] = [EmergencyStop(Obstacle.ENEMY), StopDrive(), GotoStateRequest(), CheckNaviRequest()]
+URGENT: list[Message] = [Brake(Trouble.OBSTACLE), Halt(), StateRequest(), CheckDoorRequest()]
 
 
 def test_a_driver_that_refuses_costs_a_frame_after_50_ms_and_says_so(driver: Driver) -> None:
@@ -340,7 +340,7 @@ def test_a_driver_that_refuses_costs_a_frame_after_50_ms_and_says_so(driver: Dri
         clock.now = 0.050
         report = reports.wait_for(What.FRAME_DROPPED)
         counts = live.gatekeeper.statistics().transmit
-    assert (report.name, report.text) == ("0x340", "340# found no mailbox for 50 ms, 1 dropped so far")
+    assert (report.name, report.text) == ("0x345", "345# found no mailbox for 50 ms, 1 dropped so far")
     assert (counts.submitted, counts.dropped, counts.loaded, counts.completed) == (4, 1, 3, 0)
     assert live.failure is None  # a full buffer is not a failure of the bus
 
@@ -363,12 +363,12 @@ def test_a_frame_that_finds_a_mailbox_is_not_dropped_however_late_the_driver_is(
     clock, reports = Clock(), Reports()
     driver.may_go_on.clear()
     with Live(driver, Gatekeeper(PROTOCOL, report=reports), clock=clock) as live:
-        live.send(StopDrive())
+        live.send(Halt())
         assert driver.attempt.wait(LONG)
-        live.send(CheckNaviRequest())
+        live.send(CheckDoorRequest())
         clock.now = 1.0
         driver.may_go_on.set()
-    assert driver.tries == [PROTOCOL.encode(StopDrive()), PROTOCOL.encode(CheckNaviRequest())]
+    assert driver.tries == [PROTOCOL.encode(Halt()), PROTOCOL.encode(CheckDoorRequest())]
     assert reports.empty()
 
 
@@ -386,7 +386,7 @@ def test_a_bus_that_fails_while_sending_is_reported_once_and_keeps_the_stop(driv
     reports = Reports()
     driver.error = OSError("write failed")
     with Live(driver, Gatekeeper(PROTOCOL, report=reports)) as live:
-        live.send(StopDrive())
+        live.send(Halt())
         driver.wait_for_tries(3)
         assert reports.wait_for(What.BUS_FAILED).text == "the bus nowhere failed: write failed"
         driver.error = None  # the adapter is back
@@ -428,10 +428,10 @@ def test_frames_that_wait_at_the_end_are_sent(driver: Driver) -> None:
 
 def test_what_no_thread_has_sent_by_the_end_is_sent_by_whoever_ends_it(driver: Driver) -> None:
     live = Live(driver, Gatekeeper(PROTOCOL))  # without its threads, as a keeper that has not had its turn
-    live.send(StopDrive())
+    live.send(Halt())
     assert driver.tries == []
     live.stop()
-    assert [frame.cob_id for frame in driver.tries] == [PROTOCOL.cob_id(StopDrive)]
+    assert [frame.cob_id for frame in driver.tries] == [PROTOCOL.cob_id(Halt)]
 
 
 # Listeners that do not behave
@@ -444,17 +444,17 @@ def test_a_function_that_hangs_is_reported_and_stops_neither_node_nor_queue(chan
         entered.set()
         release.wait(LONG)
 
-    drive = Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports)
-    drive.gatekeeper.add_function(CheckDriveRequest, stuck, "stuck")
+    cabin = Live.node(virtual(channel), Cabin(lift.dictionary("cabin")), report=reports)
+    cabin.gatekeeper.add_function(CheckCabinRequest, stuck, "stuck")
     heard: SimpleQueue[float] = SimpleQueue()
-    drive.gatekeeper.add_function(CheckDriveRequest, lambda _, timestamp: heard.put(timestamp))
-    queue = drive.gatekeeper.add_queue(CheckDriveRequest)
+    cabin.gatekeeper.add_function(CheckCabinRequest, lambda _, timestamp: heard.put(timestamp))
+    queue = cabin.gatekeeper.add_queue(CheckCabinRequest)
     gatekeeper = Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckDriveResponse)
-    with drive, Live(virtual(channel), gatekeeper) as live:
-        live.send(CheckDriveRequest())
+    answers = gatekeeper.add_queue(CheckCabinResponse)
+    with cabin, Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckCabinRequest())
         assert entered.wait(LONG)
-        live.send(CheckDriveRequest())
+        live.send(CheckCabinRequest())
         assert None not in (answers.get(LONG), answers.get(LONG), queue.get(LONG), queue.get(LONG))
         assert reports.wait_for(What.LISTENER_STUCK).name == "stuck"
         assert heard.empty()
@@ -471,9 +471,9 @@ def test_a_function_that_hangs_does_not_keep_the_end(channel: str, monkeypatch: 
         release.wait(LONG)
 
     gatekeeper = Gatekeeper(PROTOCOL)
-    gatekeeper.add_function(StopDrive, stuck)
+    gatekeeper.add_function(Halt, stuck)
     with Live(virtual(channel), Gatekeeper(PROTOCOL)) as other, Live(virtual(channel), gatekeeper):
-        other.send(StopDrive())
+        other.send(Halt())
         assert entered.wait(LONG)
     assert not release.is_set()
     release.set()
@@ -485,12 +485,12 @@ def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
     def broken(*_: object) -> None:
         raise ValueError("lamp is gone")
 
-    drive = Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports)
-    drive.gatekeeper.add_function(CheckDriveRequest, broken, "lamp")
+    cabin = Live.node(virtual(channel), Cabin(lift.dictionary("cabin")), report=reports)
+    cabin.gatekeeper.add_function(CheckCabinRequest, broken, "lamp")
     gatekeeper = Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckDriveResponse)
-    with drive, Live(virtual(channel), gatekeeper) as live:
-        live.send(CheckDriveRequest())
+    answers = gatekeeper.add_queue(CheckCabinResponse)
+    with cabin, Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckCabinRequest())
         assert answers.get(LONG) is not None
         assert reports.wait_for(What.LISTENER_FAILED).name == "lamp"
 
@@ -519,14 +519,14 @@ def test_what_a_frame_makes_due_does_not_wait_for_the_next_look(channel: str, mo
 def test_what_waits_and_no_thread_is_at_is_looked_at_now(driver: Driver) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     live = Live(driver, gatekeeper, clock=lambda: 5.0)
-    gatekeeper.send(CheckDriveRequest(), 5.0)
+    gatekeeper.send(CheckCabinRequest(), 5.0)
     assert live._next_look() == 5.0
 
 
 def test_what_the_driver_has_not_taken_is_tried_again_and_is_not_kept_for_too_long(driver: Driver) -> None:
     driver.error = can.CanOperationError("transmit buffer full")
     live = Live(driver, Gatekeeper(PROTOCOL), clock=lambda: 5.0)
-    live.send(CheckDriveRequest())
+    live.send(CheckCabinRequest())
     live._sender.retry()
     assert live._next_look() == 5.0 + FIRST_PAUSE
     for message in URGENT:

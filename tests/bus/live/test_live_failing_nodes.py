@@ -1,4 +1,4 @@
-"""Nodes that raise exceptions: reported, stopped, and ended or restarted; the drive does not go on rolling."""
+"""Nodes that raise exceptions: reported, stopped, and ended or restarted; the cabin does not go on moving."""
 
 from __future__ import annotations
 
@@ -14,17 +14,13 @@ from eurobot_od.device.station import OnError
 from eurobot_od.errors import NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Gatekeeper
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, GotoXY, StartConfigurationSet
-from eurobot_od.robot.model.values import TeamColour
-from eurobot_od.robot.nodes import Drive
-from eurobot_od.robot.nodes.motion import AT_REST, Odometry, WheelCommand
-from eurobot_od.robot.nodes.node import Handlers
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.support.connections import FIRST_PAUSE
 from tests.bus.live.loose import LONG, Reports, wait_for
+from tests.kit import lift
+from tests.kit.lift import Cabin, CheckCabinRequest, CheckCabinResponse, Handlers, MoveTo, Ride
 
-PROTOCOL = EurobotProtocol.load()
+PROTOCOL = lift.protocol()
 BOOT_UP, HARDWARE = b"\x00", b"\x00\x50"
 
 
@@ -35,72 +31,73 @@ def channel(request: pytest.FixtureRequest) -> str:
     return name
 
 
-class BrokenChassis:
-    """Wheels whose controller is gone once they are to roll; `at_rest` is set when they were told to stand after it."""
+class BrokenCabin(Cabin):
+    """A cabin whose motor is gone once it is to move; `at_rest` is set when it was told to stand after that."""
 
     def __init__(self) -> None:
         self.broken, self.at_rest = False, Flag()
+        super().__init__(lift.dictionary("cabin"))
 
-    def advance(self, command: WheelCommand, dt: float) -> Odometry:
-        if command == AT_REST:
-            if self.broken:
-                self.at_rest.set()
-            return Odometry(0.0, 0.0)
-        self.broken = True
-        raise OSError(5, "Input/output error")
+    def _control(self, now: float) -> None:
+        if self.moving:
+            self.broken = True
+            raise OSError(5, "Input/output error")
+        super()._control(now)
+
+    def stop(self, why: Message) -> None:
+        if self.broken:
+            self.at_rest.set()
+        super().stop(why)
 
 
 @pytest.mark.parametrize("on_error", OnError)
-def test_a_chassis_that_raises_os_error_is_reported_and_the_wheels_are_told_to_stand(
-    channel: str, on_error: OnError
-) -> None:
-    """The keeper's thread used to end, and nobody stopped the wheels."""
-    chassis, reports = BrokenChassis(), Reports()
-    drive = Live.node(VirtualBus(channel), Drive(dialects.load("drive"), chassis), report=reports, on_error=on_error)
-    with VirtualBus(channel) as other, drive, Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as tester:
+def test_a_motor_that_raises_os_error_is_reported_and_told_to_stand(channel: str, on_error: OnError) -> None:
+    """The keeper's thread used to end, and nobody stopped the motor."""
+    node, reports = BrokenCabin(), Reports()
+    cabin = Live.node(VirtualBus(channel), node, report=reports, on_error=on_error)
+    with VirtualBus(channel) as other, cabin, Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as tester:
         wait_for(other, 0x702, BOOT_UP)
-        tester.send(StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0))
-        tester.send(GotoXY(1500, 1000, 0, 50))
+        tester.send(MoveTo(1500, Ride.NORMAL, 50))
         report = reports.wait_for(Event.NODE_FAILED)
-        assert chassis.at_rest.wait(LONG)
+        assert node.at_rest.wait(LONG)
         wait_for(other, 0x082, HARDWARE)
         if on_error is OnError.RESTART:
             assert report.text == f"OSError: [Errno 5] Input/output error; it is restarted in {FIRST_PAUSE} s"
             wait_for(other, 0x702, BOOT_UP)
-            assert drive.failure is None
+            assert cabin.failure is None
         else:
             assert report.text == "OSError: [Errno 5] Input/output error; it has ended"
-            assert isinstance(drive.failure, NodeFailed)
+            assert isinstance(cabin.failure, NodeFailed)
 
 
-class ExplodingDrive(Drive):
+class ExplodingCabin(Cabin):
     """Raises when it is checked, once."""
 
     exploded = False
-    HANDLERS: ClassVar[Handlers] = {**Drive.HANDLERS, CheckDriveRequest: lambda drive, _: drive.checked()}
+    HANDLERS: ClassVar[Handlers] = {**Cabin.HANDLERS, CheckCabinRequest: lambda cabin, _: cabin.checked()}
 
-    def checked(self) -> CheckDriveResponse:
+    def checked(self) -> CheckCabinResponse:
         if not self.exploded:
             self.exploded = True
             raise SystemExit("lamp is gone")
-        return CheckDriveResponse()
+        return CheckCabinResponse()
 
 
 def test_an_exception_in_what_a_node_does_with_a_frame_restarts_it(channel: str) -> None:
     reports, gatekeeper = Reports(), Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckDriveResponse)
-    drive = Live.node(VirtualBus(channel), ExplodingDrive(dialects.load("drive")), report=reports)
-    with VirtualBus(channel) as other, drive, Live(VirtualBus(channel), gatekeeper) as tester:
+    answers = gatekeeper.add_queue(CheckCabinResponse)
+    cabin = Live.node(VirtualBus(channel), ExplodingCabin(lift.dictionary("cabin")), report=reports)
+    with VirtualBus(channel) as other, cabin, Live(VirtualBus(channel), gatekeeper) as tester:
         wait_for(other, 0x702, BOOT_UP)
-        tester.send(CheckDriveRequest())
+        tester.send(CheckCabinRequest())
         assert reports.wait_for(Event.NODE_FAILED).text.startswith("SystemExit: lamp is gone; ")
         wait_for(other, 0x702, BOOT_UP)
-        tester.send(CheckDriveRequest())
+        tester.send(CheckCabinRequest())
         assert answers.get(LONG) is not None
-    assert drive.gatekeeper.statistics().listeners[0].failed == 1
+    assert cabin.gatekeeper.statistics().listeners[0].failed == 1
 
 
-class TiredDrive(Drive):
+class TiredCabin(Cabin):
     """Fails whenever something is due, and that is always."""
 
     next_wakeup = 0.0
@@ -111,7 +108,7 @@ class TiredDrive(Drive):
 
 def test_a_node_that_fails_whenever_it_is_called_is_restarted_after_growing_pauses(channel: str) -> None:
     reports = Reports()
-    with Live.node(VirtualBus(channel), TiredDrive(dialects.load("drive")), report=reports):
+    with Live.node(VirtualBus(channel), TiredCabin(lift.dictionary("cabin")), report=reports):
         times = [reports.wait_for(Event.NODE_FAILED).timestamp for _ in range(3)]
     pauses = [later - earlier for earlier, later in pairwise(times)]
     assert all(pause >= planned for pause, planned in zip(pauses, (FIRST_PAUSE, 2 * FIRST_PAUSE)))

@@ -14,14 +14,12 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.bus.live import Live
 from eurobot_od.errors import BusError, EurobotError, StateError
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, StopDrive
-from eurobot_od.robot.nodes import Core, Drive
-from eurobot_od.robot.protocol import EurobotProtocol
 from tests.bus.live.loose import LONG, Reports
-from tests.processes import bus_server, free_port, process, shared
+from tests.kit import lift
+from tests.kit.lift import Cabin, CheckCabinRequest, CheckCabinResponse, FloorRequest, Halt, MoveTo, Panel, Ride
+from tests.processes import bus_server, free_port, motor, process, shared
 
-PROTOCOL = EurobotProtocol.load()
+PROTOCOL = lift.protocol()
 
 
 @pytest.fixture
@@ -47,7 +45,7 @@ class ClosedBus(StuckBus):
     error = OSError(errno.EBADF, "Bad file descriptor")
 
 
-class StubbornDrive(Drive):
+class StubbornCabin(Cabin):
     """Does not come to an end."""
 
     def leave(self) -> None:
@@ -56,7 +54,7 @@ class StubbornDrive(Drive):
 
 def test_an_error_at_shutdown_does_not_replace_the_cause(channel: str) -> None:
     reports = Reports()
-    live = Live.node(StuckBus(channel), Drive(dialects.load("drive")), report=reports)
+    live = Live.node(StuckBus(channel), Cabin(lift.dictionary("cabin")), report=reports)
     with pytest.raises(ZeroDivisionError), live:
         raise ZeroDivisionError
     assert reports.wait_for(Event.END_FAILED).text == str(live.failure) != "None"
@@ -64,14 +62,14 @@ def test_an_error_at_shutdown_does_not_replace_the_cause(channel: str) -> None:
 
 def test_a_bus_that_its_server_has_closed_ends_without_a_word(channel: str) -> None:
     reports: list[Report] = []
-    live = Live.node(ClosedBus(channel), Drive(dialects.load("drive")), report=reports.append)
+    live = Live.node(ClosedBus(channel), Cabin(lift.dictionary("cabin")), report=reports.append)
     with pytest.raises(KeyboardInterrupt), live:
         raise KeyboardInterrupt
     assert (reports, live.failure) == ([], None)
 
 
 def test_of_two_errors_at_the_end_the_first_is_raised(channel: str) -> None:
-    live = Live.node(StuckBus(channel), StubbornDrive(dialects.load("drive")))
+    live = Live.node(StuckBus(channel), StubbornCabin(lift.dictionary("cabin")))
     with pytest.raises(EurobotError, match="it does not stand"), live:
         pass
     assert isinstance(live.failure, BusError)
@@ -82,11 +80,11 @@ def test_a_report_that_cannot_be_written_is_kept_and_the_bus_read_on(channel: st
         raise BrokenPipeError(32, "Broken pipe")
 
     gatekeeper = Gatekeeper(PROTOCOL, report=closed)
-    gatekeeper.add_function(CheckDriveResponse, lambda *_: 1 / 0, "lamp")
-    queue = gatekeeper.add_queue(CheckDriveResponse)
-    with Live.node(VirtualBus(channel), Drive(dialects.load("drive"))), Live(VirtualBus(channel), gatekeeper) as live:
+    gatekeeper.add_function(CheckCabinResponse, lambda *_: 1 / 0, "lamp")
+    queue = gatekeeper.add_queue(CheckCabinResponse)
+    with Live.node(VirtualBus(channel), Cabin(lift.dictionary("cabin"))), Live(VirtualBus(channel), gatekeeper) as live:
         for _ in range(2):
-            live.send(CheckDriveRequest())
+            live.send(CheckCabinRequest())
             assert queue.get(LONG) is not None
     assert [report.event for report in gatekeeper.reports].count(Event.LISTENER_FAILED) == 2
     assert isinstance(gatekeeper.report_failure, BrokenPipeError)
@@ -97,23 +95,19 @@ def test_a_report_that_cannot_be_written_is_kept_and_the_bus_read_on(channel: st
 @pytest.mark.live
 def test_a_closed_report_pipe_ends_a_node_and_is_no_failed_bus() -> None:
     port = free_port()
-    with (
-        bus_server(port) as server,
-        process(
-            "bash", "-c", f"{sys.executable} -m eurobot_od node drive {' '.join(shared(port))} > >(head -n 1)"
-        ) as drive,
-    ):
-        drive.line("Ctrl-C ends it")
+    command = " ".join((sys.executable, "-m eurobot_od node", *motor(), *shared(port)))
+    with bus_server(port) as server, process("bash", "-c", f"{command} > >(head -n 1)") as running:
+        running.line("Ctrl-C ends it")
         server.kill()  # which is reported, to nobody
-        assert drive.wait() == 0
-        assert drive.told() == drive.said[:1]
+        assert running.wait() == 0
+        assert running.told() == running.said[:1]
 
 
 def test_send_after_the_end_says_so(channel: str) -> None:
     with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as live:
         pass
     with pytest.raises(StateError, match="the bus is closed; nothing is sent any more"):
-        live.send(StopDrive())
+        live.send(Halt())
 
 
 def test_system_exit_in_a_listener_silences_it_for_one_message() -> None:
@@ -125,17 +119,17 @@ def test_system_exit_in_a_listener_silences_it_for_one_message() -> None:
 
     reports: list[Report] = []
     gatekeeper = Gatekeeper(PROTOCOL, report=reports.append)
-    gatekeeper.add_function(StopDrive, leaves)
+    gatekeeper.add_function(Halt, leaves)
     gatekeeper.start()
     for now in (1.0, 2.0):
-        gatekeeper.receive(PROTOCOL.encode(StopDrive()), now)
+        gatekeeper.receive(PROTOCOL.encode(Halt()), now)
     assert heard == [1.0, 2.0]
     assert [report.text for report in reports] == ["SystemExit: gone"] * 2
 
 
 @pytest.fixture
-def core(channel: str) -> Iterator[tuple[Live, Core]]:
-    node = Core(dialects.load("core"))
+def panel(channel: str) -> Iterator[tuple[Live, Panel]]:
+    node = Panel(lift.dictionary("panel"))
     with Live.node(VirtualBus(channel), node) as live:
         yield live, node
 
@@ -172,22 +166,22 @@ class TestForkedChild:
 
     pytestmark = FORKS
 
-    def test_a_node_is_refused(self, core: tuple[Live, Core], monkeypatch: pytest.MonkeyPatch) -> None:
-        live, node = core
+    def test_a_node_is_refused(self, panel: tuple[Live, Panel], monkeypatch: pytest.MonkeyPatch) -> None:
+        live, node = panel
         calls = (
-            lambda: live.send(CheckDriveRequest()),
-            node.check_nodes,
-            lambda: node.goto(1, 1, 1, 1),
-            node.stop,
+            lambda: live.send(CheckCabinRequest()),
+            node.check,
+            lambda: node.move(MoveTo(1, Ride.NORMAL, 1)),
+            lambda: node.send(FloorRequest()),
             live.stop,
         )
         assert child_says(calls, monkeypatch) == b"RRRR-"
-        live.send(CheckDriveRequest())  # here it goes on
+        live.send(CheckCabinRequest())  # here it goes on
 
     def test_who_has_no_node_is_refused(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
         with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as live:
-            assert child_says([lambda: live.send(CheckDriveRequest()), live.stop], monkeypatch) == b"R-"
-            live.send(CheckDriveRequest())
+            assert child_says([lambda: live.send(CheckCabinRequest()), live.stop], monkeypatch) == b"R-"
+            live.send(CheckCabinRequest())
 
     def test_who_is_gone_is_no_error(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
         with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)):

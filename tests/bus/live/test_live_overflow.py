@@ -13,10 +13,10 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.bus.live import Live
 from eurobot_od.gatekeeper import Event
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.robot import dialects
-from eurobot_od.robot.nodes import Drive
 from eurobot_od.traffic.monitor import NOTED_AGAIN, BusSource
 from tests.bus.live.loose import Reports, wait_for
+from tests.kit import lift
+from tests.kit.lift import Cabin
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the counters are Linux's")
 
@@ -50,7 +50,7 @@ def bus(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 def test_what_overflows_is_counted_reported_and_told_by_emcy(bus: CountingBus) -> None:
     reports = Reports()
-    with VirtualBus(bus.channel_id) as other, Live.node(bus, Drive(dialects.load("drive")), report=reports) as live:
+    with VirtualBus(bus.channel_id) as other, Live.node(bus, Cabin(lift.dictionary("cabin")), report=reports) as live:
         bus.flood(1000)
         told = reports.wait_for(Event.FRAMES_LOST)
         emergency = wait_for(other, 0x082)
@@ -62,14 +62,14 @@ def test_what_overflows_is_counted_reported_and_told_by_emcy(bus: CountingBus) -
 
 
 def test_what_overflows_while_the_node_is_switched_off_is_counted_too(bus: CountingBus) -> None:
-    class Late(Drive):
+    class Late(Cabin):
         """Is switched off while the bus is full: when nobody reads it any more."""
 
         def switched_off(self) -> None:
             bus.flood(1000)
 
     reports = Reports()
-    with Live.node(bus, Late(dialects.load("drive")), report=reports) as live:
+    with Live.node(bus, Late(lift.dictionary("cabin")), report=reports) as live:
         pass
     assert live.overflow > 0
     assert [report.event for report in reports.rest()].count(Event.FRAMES_LOST) == 1

@@ -10,22 +10,20 @@ from eurobot_od.bus.live import Driver, Live
 from eurobot_od.errors import BusError
 from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import (
-    CheckDriveRequest,
-    CheckDriveResponse,
-    GotoConfirm,
-    GotoStateRequest,
-    GotoXY,
-    StartConfigurationSet,
-    StopDrive,
-)
-from eurobot_od.robot.model.values import Outcome, TeamColour
-from eurobot_od.robot.nodes import Core, Drive, Navigation
-from eurobot_od.robot.protocol import EurobotProtocol
 from tests.bus.live.loose import LONG, Cable, Reports, wait_for
+from tests.kit import lift
+from tests.kit.lift import (
+    Cabin,
+    CheckCabinRequest,
+    CheckCabinResponse,
+    Halt,
+    MoveConfirm,
+    MoveTo,
+    Ride,
+    StateRequest,
+)
 
-PROTOCOL = EurobotProtocol.load()
+PROTOCOL = lift.protocol()
 UNPLUGGED = OSError(100, "Network is down")
 
 
@@ -43,17 +41,17 @@ def cable(request: pytest.FixtureRequest, channel: str) -> Cable:
 
 def test_an_interface_that_goes_down_and_up_again_leaves_no_deaf_node(cable: Cable) -> None:
     reports, gatekeeper = Reports(), Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckDriveResponse)
-    drive = Live.node(cable.open(), Drive(dialects.load("drive")), opener=cable.open, report=reports)
-    with drive, Live(VirtualBus(cable.channel), gatekeeper) as tester:
+    answers = gatekeeper.add_queue(CheckCabinResponse)
+    cabin = Live.node(cable.open(), Cabin(lift.dictionary("cabin")), opener=cable.open, report=reports)
+    with cabin, Live(VirtualBus(cable.channel), gatekeeper) as tester:
         cable.error = UNPLUGGED
         lost = reports.wait_for(Event.BUS_FAILED)
         cable.error = None
         back = reports.wait_for(Event.BUS_BACK)
-        tester.send(CheckDriveRequest())
+        tester.send(CheckCabinRequest())
         assert answers.get(LONG) is not None
-        assert (drive.failure, drive.gaps.number, drive.bus) == (None, 1, cable.buses[-1])
-        assert drive.gaps.seconds == pytest.approx(back.timestamp - lost.timestamp, abs=0.5)
+        assert (cabin.failure, cabin.gaps.number, cabin.bus) == (None, 1, cable.buses[-1])
+        assert cabin.gaps.seconds == pytest.approx(back.timestamp - lost.timestamp, abs=0.5)
     assert str(lost) == (
         f"bus failed: Virtual bus channel {cable.channel}: the bus Virtual bus channel {cable.channel} failed: "
         "[Errno 100] Network is down; it is opened again"
@@ -66,7 +64,7 @@ def test_receive_filters_are_set_again(cable: Cable, monkeypatch: pytest.MonkeyP
     monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", ("tests.bus.live.loose", "LooseBus"))
     reports = Reports()
     gatekeeper = Gatekeeper(PROTOCOL, report=reports)
-    gatekeeper.add_queue(StopDrive)
+    gatekeeper.add_queue(Halt)
     with Live(cable.open(), gatekeeper, opener=cable.open):
         cable.error = UNPLUGGED
         reports.wait_for(Event.BUS_FAILED)
@@ -81,46 +79,27 @@ def test_of_what_is_sent_meanwhile_stops_are_kept_and_nothing_else(cable: Cable)
     with VirtualBus(cable.channel) as other, Live(cable.open(), gatekeeper, opener=cable.open) as live:
         cable.error = UNPLUGGED
         reports.wait_for(Event.BUS_FAILED)
-        for message in (GotoXY(500, 500, 0, 50), StopDrive(), GotoStateRequest()):
+        for message in (MoveTo(500, Ride.NORMAL, 50), Halt(), StateRequest()):
             live.send(message)
         cable.error = None
         assert reports.wait_for(Event.BUS_BACK).text.endswith("in which 2 frames were not sent")
-        live.send(CheckDriveRequest())
+        live.send(CheckCabinRequest())
         heard = [message.arbitration_id for message in (other.recv(LONG), other.recv(LONG)) if message is not None]
-    assert heard == [PROTOCOL.cob_id(StopDrive), PROTOCOL.cob_id(CheckDriveRequest)]
+    assert heard == [PROTOCOL.cob_id(Halt), PROTOCOL.cob_id(CheckCabinRequest)]
 
 
-def test_a_drive_brakes_when_its_bus_is_lost_and_says_so_when_it_is_back(cable: Cable) -> None:
-    reports, node = Reports(), Drive(dialects.load("drive"))
-    drive = Live.node(cable.open(), node, opener=cable.open, report=reports)
-    with VirtualBus(cable.channel) as other, drive, Live(VirtualBus(cable.channel), Gatekeeper(PROTOCOL)) as tester:
-        tester.send(StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0))
-        tester.send(GotoXY(1500, 1000, 0, 50))
-        wait_for(other, PROTOCOL.cob_id(GotoConfirm))
+def test_a_cabin_brakes_when_its_bus_is_lost_and_says_so_when_it_is_back(cable: Cable) -> None:
+    reports, node = Reports(), Cabin(lift.dictionary("cabin"))
+    cabin = Live.node(cable.open(), node, opener=cable.open, report=reports)
+    with VirtualBus(cable.channel) as other, cabin, Live(VirtualBus(cable.channel), Gatekeeper(PROTOCOL)) as tester:
+        tester.send(MoveTo(1500, Ride.NORMAL, 50))
+        wait_for(other, PROTOCOL.cob_id(MoveConfirm))
         cable.error = UNPLUGGED
         reports.wait_for(Event.BUS_FAILED)
-        assert node.goto is None
+        assert not node.moving
         cable.error = None
         emergency = wait_for(other, 0x082)
     assert int.from_bytes(emergency[:2], "little") == ErrorCode.BUS_LOST
-
-
-def test_a_core_ends_its_goto_and_recovers_before_the_next(channel: str) -> None:
-    cable, reports, core = Cable(channel), Reports(), Core(dialects.load("core"))
-    with (
-        Live.node(VirtualBus(channel), Drive(dialects.load("drive"))),
-        Live.node(VirtualBus(channel), Navigation(dialects.load("navigation"))),
-        Live.node(cable.open(), core, opener=cable.open, report=reports),
-    ):
-        core.check_nodes().result(LONG)
-        core.configure_start(TeamColour.RED).result(LONG)
-        goto = core.goto(1500, 1000, 0, 50)
-        cable.error = UNPLUGGED
-        assert goto.result(LONG).outcome is Outcome.LOST
-        cable.error = None
-        reports.wait_for(Event.BUS_BACK)
-        core.stop().result(LONG)
-        assert core.goto(350, 1750, 0, 100).result(LONG).outcome is not Outcome.LOST
 
 
 REFUSED = can.CanOperationError("Failed to transmit: Network is down", 100)
@@ -132,7 +111,7 @@ def test_a_drivers_can_error_on_sending_becomes_a_failure(cable: Cable) -> None:
     reports = Reports()
     with Live(cable.open(), Gatekeeper(PROTOCOL, report=reports), opener=cable.open) as live:
         cable.error = REFUSED
-        live.send(StopDrive())
+        live.send(Halt())
         assert "Network is down" in reports.wait_for(Event.BUS_FAILED).text
         cable.error = None
         reports.wait_for(Event.BUS_BACK)

@@ -1,17 +1,13 @@
-"""Nodes in processes of their own on a bus of python-can-remote: what is noticed, and what comes back by itself."""
+"""Devices in processes of their own on a bus of python-can-remote: what is noticed, and what comes back by itself."""
 
 from __future__ import annotations
 
 import gc
 import json
-import re
-import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import partial
-from pathlib import Path
 
 import can
 import pytest
@@ -20,13 +16,13 @@ from eurobot_od.bus.live import open_bus
 from eurobot_od.check.on_bus import run_live
 from eurobot_od.check.report import Status, StepResult, SuitePart
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.robot.model.messages import CheckDriveRequest, GotoConfirm, GotoXY, StartConfigurationSet
-from eurobot_od.robot.model.values import TeamColour
-from eurobot_od.robot.protocol import EurobotProtocol, decoder
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.session import Session
 from tests.bus.live.loose import wait_for
-from tests.check.suites import HEAD, document, suite
-from tests.processes import PATIENCE, bus_server, free_port, node, process, shared
+from tests.kit import lift
+from tests.kit.devices import MOTOR, read
+from tests.processes import PATIENCE, bus_server, free_port, motor, node, shared
 
 pytest.importorskip("can_remote")
 
@@ -34,49 +30,23 @@ from can_remote.websocket import WebSocket
 
 pytestmark = pytest.mark.live
 
-EUROBOT_OD = sys.executable, "-m", "eurobot_od"
-
 
 @pytest.mark.long
 def test_a_bus_server_that_is_restarted_is_found_again() -> None:
     port = free_port()
-    with bus_server(port) as first, node("drive", *shared(port)) as drive, node("core", *shared(port)) as core:
+    with bus_server(port) as first, node(*motor(5), *shared(port)) as one, node(*motor(6), *shared(port)) as another:
         first.kill()
-        for each in (drive, core):
+        for each in (one, another):
             assert each.line("bus failed").endswith("; it is opened again")
-        with bus_server(port):
-            for each in (drive, core):
+        with bus_server(port), joined(port) as bus:
+            for each in (one, another):
                 assert "after a gap of " in each.line("bus back")
-            with node("navigation", *shared(port)), node("core", "--team", "red", *shared(port)) as another:
-                another.line("start configuration confirmed after ")
+            wait_for(bus, 0x705)
+            wait_for(bus, 0x706)
 
 
-MATCH = """
-import asyncio
-
-async def play(core):
-    print("playing", flush=True)
-    await asyncio.sleep(60)
-"""
-
-
-@pytest.mark.long
-def test_a_match_that_a_core_leads_goes_on_when_the_bus_server_is_restarted(tmp_path: Path) -> None:
-    file, port = tmp_path / "mine.py", free_port()
-    file.write_text(MATCH, encoding="utf-8")
-    with bus_server(port) as first, process(*EUROBOT_OD, "world", "--listen", "127.0.0.1:0") as world:
-        where = re.search(r"world on (\S+);", world.line("Ctrl-C ends it"))
-        assert where is not None
-        options = "--world", where[1], *shared(port)
-        with node("drive", *options), node("navigation", *options):
-            leading = "core", "--strategy", str(file), "--duration", "5 s", *options
-            with process(*EUROBOT_OD, "node", *leading) as core:
-                core.line("playing")
-                first.kill()
-                core.line("it is opened again")
-                with bus_server(port):
-                    core.line("bus back")
-                    assert core.wait() == 0, core.told()
+def joined(port: int) -> can.BusABC:
+    return open_bus("remote", f"ws://127.0.0.1:{port}/")
 
 
 @pytest.fixture
@@ -95,7 +65,7 @@ LEAKING = pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")
 def test_a_page_goes_on_when_the_bus_server_is_restarted() -> None:
     port = free_port()
     with bus_server(port) as first:
-        session = Session(partial(joined, port), decoder(), 500_000)
+        session = Session(partial(joined, port), Decoder(lift.dictionaries(), lift.CATALOGUE), 500_000)
         first.kill()
         until(session, lambda: bool(session.trouble))
         with bus_server(port), joined(port) as other:
@@ -112,11 +82,20 @@ def until(session: Session, reached: Callable[[], bool]) -> None:
         assert time.monotonic() < deadline
 
 
+SUITE = """
+spec: 1
+name: a suite
+node: motor
+steps: [{send: {raw: "205#0100"}}, {wait: 1 min}]
+teardown: [{send: {raw: "205#0000"}}]
+"""
+
+
 @LEAKING
 @pytest.mark.usefixtures("_collected")
 def test_a_check_has_its_teardown_when_the_bus_server_is_restarted() -> None:
     port = free_port()
-    text = document("- send: Stop Drive\n- wait: 1 min", HEAD + "teardown:\n  - send: Stop Drive\n")
+    (suite,) = read(Dictionary.load(MOTOR, 5), SUITE)
     restarted = ExitStack()
     first = restarted.enter_context(bus_server(port))
 
@@ -126,7 +105,7 @@ def test_a_check_has_its_teardown_when_the_bus_server_is_restarted() -> None:
             restarted.enter_context(bus_server(port))
 
     with restarted:
-        result = run_live(suite(text), RunOptions(show=restart), partial(joined, port))
+        result = run_live(suite, RunOptions(show=restart), partial(joined, port))
     assert "failed" in str(result.error)
     assert [step.status for step in result.steps] == [Status.PASSED, Status.BUS_FAILED, Status.PASSED]
 
@@ -139,123 +118,25 @@ def test_a_server_that_no_longer_delivers_is_noticed() -> None:
     port = free_port()
     with (
         bus_server(port),
-        node("drive", *shared(port)) as drive,
-        node("navigation", *shared(port)),
+        node(*motor(5), *shared(port)) as first,
+        node(*motor(6), *shared(port)),
         joined(port) as bus,
     ):
         for _ in range(3):
-            wait_for(bus, 0x703)  # a heartbeat, which the drive hears, too
+            wait_for(bus, 0x706)  # a heartbeat, which the other hears, too
         peer = WebSocket(f"ws://127.0.0.1:{port}/", ["can.json.v1"])
         peer.send(json.dumps({"type": "bus_request", "payload": {"config": {}}}))
         peer.read()
         peer.send(json.dumps({"type": "message", "payload": {"arbitration_id": -1, "is_extended_id": False}}))
-        assert "nothing has been heard for 5 s" in drive.line("bus silent")
+        assert "nothing has been heard for 5 s" in first.line("bus silent")
         peer.close()
 
 
 @pytest.mark.long
 def test_without_reconnection_a_lost_bus_ends_a_node_with_status_3() -> None:
     port = free_port()
-    with bus_server(port) as server, node("drive", "--no-reconnect", *shared(port)) as drive:
+    with bus_server(port) as server, node(*motor(), "--no-reconnect", *shared(port)) as running:
         server.kill()
-        assert drive.wait() == 3
-        [line] = [line for line in drive.told() if line.startswith("eurobot-od: ")]
+        assert running.wait() == 3
+        [line] = [line for line in running.told() if line.startswith("eurobot-od: ")]
         assert line.startswith("eurobot-od: the bus Virtual bus channel shared on ws://127.0.0.1:")
-
-
-PROTOCOL = EurobotProtocol.load()
-EMCY_OF_DRIVE, HEARTBEAT_LOST = 0x082, b"\x30\x81"
-
-STRATEGY = """
-import sys
-from contextlib import suppress
-from eurobot_od import Robot
-from eurobot_od.errors import EurobotError, StateError
-from eurobot_od.robot.model.values import TeamColour
-
-with Robot("remote", sys.argv[1]) as robot:
-    robot.check_nodes()
-    robot.configure_start(TeamColour.RED)
-    while True:
-        try:
-            print("goto", flush=True)
-            print(robot.goto(1500, 1000, 90, 10).outcome, flush=True)
-        except StateError as error:  # the shutdown after some 2 s: on a busy machine a drive may take longer to start
-            print(error, flush=True)
-            with suppress(EurobotError):
-                robot.recover()
-        except EurobotError as error:
-            print(error, flush=True)
-"""
-
-
-def strategy(port: int) -> tuple[str, ...]:
-    """Return the command of a core that sends the drive to a place again and again."""
-    return sys.executable, "-c", STRATEGY, f"ws://127.0.0.1:{port}/"
-
-
-def joined(port: int) -> can.BusABC:
-    return open_bus("remote", f"ws://127.0.0.1:{port}/")
-
-
-def place(bus: can.BusABC) -> bytes:
-    """Ask the drive where it is."""
-    bus.send(can.Message(arbitration_id=0x0C0, is_extended_id=False))
-    return wait_for(bus, 0x100)
-
-
-@pytest.mark.long
-def test_a_core_that_is_killed_is_noticed_in_its_heartbeat_time_and_the_drive_stopped() -> None:
-    port = free_port()
-    with bus_server(port), node("drive", *shared(port)), node("navigation", *shared(port)):
-        watching = process(sys.executable, "-m", "eurobot_od", "monitor", "--plain", *shared(port))
-        with watching as monitor:
-            monitor.line("Heartbeat")  # from now on it sees everything
-            with process(*strategy(port)) as core, joined(port) as bus:
-                core.line("goto")
-                wait_for(bus, PROTOCOL.cob_id(GotoConfirm))
-                wait_for(bus, 0x701)  # a heartbeat: from now on the drive misses them
-                core.signal(signal.SIGKILL)
-                wait_for(bus, EMCY_OF_DRIVE, HEARTBEAT_LOST)
-                assert "heartbeat lost" in monitor.line("0x8130")
-                deadline = time.monotonic() + 30.0
-                while place(bus) != place(bus):
-                    assert time.monotonic() < deadline
-
-
-@pytest.mark.long
-def test_a_drive_that_is_killed_and_restarted_is_checked_configured_and_joins_by_itself() -> None:
-    port = free_port()
-    server, navigation, drive = bus_server(port), node("navigation", *shared(port)), node("drive", *shared(port))
-    with server, navigation, drive as killed, process(*strategy(port)) as core, joined(port) as bus:
-        core.line("goto")
-        wait_for(bus, PROTOCOL.cob_id(GotoConfirm))
-        wait_for(bus, 0x702)
-        killed.signal(signal.SIGKILL)
-        core.line("LOST")
-        with node("drive", *shared(port)):
-            for message in (CheckDriveRequest, StartConfigurationSet, GotoXY, GotoConfirm):
-                wait_for(bus, PROTOCOL.cob_id(message))
-
-
-@pytest.mark.long
-def test_a_drive_that_was_frozen_carries_out_no_stale_goto() -> None:
-    port = free_port()
-    with bus_server(port), node("drive", *shared(port)) as drive, joined(port) as bus:
-        bus.send(frame(StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0)))
-        wait_for(bus, 0x300)
-        before = place(bus)
-        drive.signal(signal.SIGSTOP)
-        bus.send(frame(GotoXY(1500, 1000, 0, 100)))
-        time.sleep(2.5)  # what is tested is that time passes
-        drive.signal(signal.SIGCONT)
-        said = [drive.line("stood still") for _ in range(2)]
-        assert sorted(line.partition(":")[0] for line in said) == ["frames lost", "node alarm"]
-        assert place(bus) == before
-        bus.send(frame(GotoXY(1500, 1000, 0, 100)))  # a fresh one is
-        wait_for(bus, PROTOCOL.cob_id(GotoConfirm))
-
-
-def frame(message: GotoXY | StartConfigurationSet) -> can.Message:
-    cob_id, data = PROTOCOL.encode(message)
-    return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
