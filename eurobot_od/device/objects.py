@@ -183,7 +183,7 @@ class Objects:
         """Return an object's value in its SDO form; raises Abort."""
         variable = self._variable(address)
         if not variable.readable:
-            raise Abort(Reason.WRITE_ONLY)
+            raise Abort(Reason.WRITE_ONLY if variable.writable else Reason.NO_ACCESS)
         type_ = data_type(variable)
         try:
             value = self.value(address)
@@ -200,7 +200,7 @@ class Objects:
         """Return how many bytes an object takes; raises Abort if it cannot be written, or not with `size` bytes."""
         variable = self._variable(address)
         if not variable.writable:
-            raise Abort(Reason.READ_ONLY)
+            raise Abort(Reason.READ_ONLY if variable.readable else Reason.NO_ACCESS)
         type_ = data_type(variable)
         room = type_.size or (LARGEST if type_ == values.DOMAIN else LONGEST_TEXT)
         if size is not None and size > room:

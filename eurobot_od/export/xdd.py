@@ -8,7 +8,7 @@ character that XML does not allow becomes U+FFFD.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +19,7 @@ from eurobot_od.od import formats
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import BIT_RATES
-from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NODE_IDS, PdoDirection
+from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NO_ACCESS, NODE_IDS, PdoDirection
 
 SCHEMA = "http://www.canopen.org/xml/1.1"
 INSTANCE = "http://www.w3.org/2001/XMLSchema-instance"
@@ -39,6 +39,9 @@ COMMISSIONED = {
     "networkName": ("networkname", ""),
 }
 """Attributes of a commissioned device, their keys in a DCF, and the value without such a key."""
+
+PARAMETER_TYPES = {code: name for name, code in reversed(formats.SIMPLE_TYPES.items())}
+"""Data types of the application process by CANopen's code: of several, the first."""
 
 NO_DAY = "1970-01-01"
 """The date of a file that has none, as the schema requires one."""
@@ -64,6 +67,10 @@ def _element(tag: str, attributes: Mapping[str, str | None], *children: Element,
 def _texts(texts: Mapping[str, str | None]) -> list[Element]:
     """Return an element for each text."""
     return [_element(tag, {}, text=text) for tag, text in texts.items()]
+
+
+def _parameter_id(variable: DescribedVariable) -> str:
+    return f"UID_{variable.index:04X}{variable.sub:02X}"
 
 
 def _boolean(flag: bool) -> str:
@@ -145,7 +152,22 @@ class _XddWriter:
         about = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._dictionary.file.name))
         parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in about)
         listed = _element("co:characteristicsList", {}, _element("co:characteristic", {}, *parts))
-        return [identity, _element("co:DeviceFunction", {}, _element("co:capabilities", {}, listed))]
+        function = _element("co:DeviceFunction", {}, _element("co:capabilities", {}, listed))
+        return [identity, function, *self._application_process()]
+
+    def _application_process(self) -> Iterator[Element]:
+        """Yield the parameters of objects without SDO access, as only a parameter can say `noAccess`."""
+        found = (each for described in self._device.objects.values() for each in described.variables())
+        listed = [each for each in found if each.access == NO_ACCESS]
+        if listed:
+            yield _element("co:ApplicationProcess", {}, _element("co:parameterList", {}, *map(self._parameter, listed)))
+
+    @staticmethod
+    def _parameter(variable: DescribedVariable) -> Element:
+        type_ = variable.type.code if variable.type else DOMAIN.code
+        attributes = {"uniqueID": _parameter_id(variable), "access": "noAccess"}
+        label = _element("label", {"lang": "en"}, text=variable.name)
+        return _element("co:parameter", attributes, label, _element(PARAMETER_TYPES.get(type_, "BITSTRING"), {}))
 
     # Communication
 
@@ -193,6 +215,7 @@ class _XddWriter:
         return {
             "dataType": self._type(variable),
             "accessType": access if access in SAME_ACCESS else None,
+            "uniqueIDRef": _parameter_id(variable) if access == NO_ACCESS else None,
             "PDOmapping": mapping if variable.is_mappable else "no",
             **{name: self._value(variable, key.lower()) for name, key in formats.VALUES.items()},
             "denotation": variable.section.text("denotation") or None,

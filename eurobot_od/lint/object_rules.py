@@ -59,6 +59,7 @@ def entry_of(key: str, fits: Callable[[str, Number | None], bool], sentence: str
 
 DESCRIPTION, LACKS = "CiA 306, object description", "[{name}] has no {key}"
 CODES = {each.value for each in ObjectCode}
+NO_ACCESS = values.NO_ACCESS_IN_EDS
 TYPES = (values.DATA_TYPES, *COMPLEX_TYPES)
 
 RULES += (
@@ -74,8 +75,12 @@ RULES += (
                   "DataType {} of [{}] is not a type of CiA 301")),
     Rule("E405", "A variable has an AccessType.", DESCRIPTION, missing_of(_simple, "AccessType", sentence=LACKS)),
     Rule("E406", "AccessType is ro, wo, rw, rwr, rww or const.", DESCRIPTION,
-         entry_of("accesstype", lambda text, _: text.lower() in values.ACCESS_TYPES,
+         entry_of("accesstype", lambda text, _: text.lower() in values.ACCESS_TYPES or text.upper() == NO_ACCESS,
                   f"AccessType {{}} of [{{}}] is not one of {', '.join(values.ACCESS_TYPES)}")),
+    Rule("W454", "AccessType is not UNKNOWN, which CANopenEditor writes for an object without SDO access.",
+         "public: canopen takes it for one that an SDO may write",
+         entry_of("accesstype", lambda text, _: text.upper() != NO_ACCESS,
+                  "AccessType {} of [{}] is read as no SDO access; other tools may write the object")),
     Rule("E411", "An array or record has SubNumber or CompactSubObj.", DESCRIPTION,
          missing_of(lambda device: (section for each, section in _composed(device) if not each.compact), "SubNumber",
                     sentence=LACKS)),

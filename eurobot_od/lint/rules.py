@@ -14,8 +14,10 @@ FILE_RULES = (*file_rules.RULES, *object_rules.RULES, *file_rules.MODULES, *pdo_
 """The rules for one file, by code."""
 
 
-NOT_OF_XML = frozenset(["E120", "E201", "E202", "W203", "W207", "W208", "W209", "W213", "W232", "E234", "E235", "W709"])
-"""Codes about keys that an EDS must have, and a device description in XML says elsewhere or not at all."""
+NOT_OF_XML = frozenset(
+    ["E120", "E201", "E202", "W203", "W207", "W208", "W209", "W213", "W232", "E234", "E235", "W454", "W709"]
+)
+"""Codes about keys that an EDS must have, and a device description in XML says elsewhere, otherwise or not at all."""
 
 
 def lint(data: bytes, file: str) -> list[Finding]:

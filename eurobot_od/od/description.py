@@ -65,7 +65,8 @@ def parse_section_name(name: str) -> SectionName | None:
 class DescribedVariable:
     """A place for a value: a VAR (sub-index 0) or a sub-index, and the section that describes it.
 
-    `type` is its basic data type (None: missing, unknown or not a basic one), `access` its AccessType in lower case.
+    `type` is its basic data type (None: missing, unknown or not a basic one), `access` its AccessType in lower case,
+    or NO_ACCESS.
     Its value is the ParameterValue (DCF) or else the DefaultValue.
     """
 
@@ -73,7 +74,8 @@ class DescribedVariable:
         self.index, self.sub, self.section = index, sub, section
         code = parse_number(section.text("datatype"))
         self.type = values.DATA_TYPES.get(code.value) if code else None
-        self.access = section.text("accesstype").lower()
+        written = section.text("accesstype")
+        self.access = values.NO_ACCESS if written.upper() == values.NO_ACCESS_IN_EDS else written.lower()
 
     @cached_property
     def value_entry(self) -> Entry | None:

@@ -10,6 +10,7 @@ type, and so with any entity, is not read as a device description. Reading never
 
 from __future__ import annotations
 
+import codecs
 import re
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -345,7 +346,7 @@ class _Refused(Exception):
 def read_xml(data: bytes) -> Document:
     """Read the bytes of an XDD or XDC; what is not XML gives a document without sections."""
     try:
-        root = parse_xml(data)
+        root = parse_xml(in_known_encoding(data))
     except expat.ExpatError as error:
         odd = Oddity(Odd.XML, error.lineno, error.offset + 1, expat.ErrorString(error.code))
         return Document({}, [odd], is_xml=True)
@@ -359,6 +360,33 @@ def read_xml(data: bytes) -> Document:
     oddities += [Oddity(Odd.DISABLED, each.line, each.column, f"0x{index:04X}") for index, each in disabled]
     sections = _sections(root, [pair for pair in objects if not parameters.is_disabled(pair[1])], parameters)
     return Document({each.name.lower(): each for each in sections}, oddities, is_xml=True)
+
+
+DECLARED_ENCODING = re.compile(rb"""(<\?xml\b[^>]*?\bencoding\s*=\s*)(["'])([A-Za-z][\w.-]{0,40})\2""")
+EXPATS_ENCODINGS = ("utf-8", "utf-16", "iso8859-1", "ascii")
+"""Encodings that expat reads by itself, by their names in Python."""
+
+WIDER = {"gb2312": "gb18030", "gbk": "gb18030", "shift_jis": "cp932"}
+"""Encodings that contain others: Windows' programs declare the smaller one and write the larger one."""
+
+
+def in_known_encoding(data: bytes) -> bytes:
+    """Return XML as UTF-8 if it declares an encoding that expat cannot read; raises _Refused for an unknown one."""
+    declared = DECLARED_ENCODING.match(data.removeprefix(BOM_UTF8))
+    if declared is None or data.startswith(BOM_UTF8):
+        return data
+    name = declared[3].decode("ascii")
+    try:
+        encoding = codecs.lookup(name).name
+        if encoding in EXPATS_ENCODINGS:
+            return data
+        # Only the declaration in its own encoding shows that the rest of the file can be XML in it.
+        if declared[0].decode(encoding).encode() != declared[0]:
+            raise LookupError(name)
+        text = data[declared.end() :].decode(WIDER.get(encoding, encoding), "replace")
+    except (LookupError, ValueError) as error:
+        raise _Refused(f"the encoding {name!r}, which is not known", 1) from error
+    return declared[1] + b'"utf-8"' + text.encode("utf-8", "replace")
 
 
 def parse_xml(data: bytes) -> XmlElement:
@@ -436,7 +464,7 @@ PARAMETER_ACCESS = {
     "readWrite": "rw",
     "readWriteInput": "rwr",
     "readWriteOutput": "rww",
-    "noAccess": "",
+    "noAccess": values.NO_ACCESS_IN_EDS,
 }
 """Access of a parameter of the application process."""
 
@@ -583,7 +611,25 @@ def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
 
 
 PARAMETER_VALUES = (("defaultValue", "DefaultValue"), ("actualValue", "ParameterValue"))
-RANGE = (("minValue", "LowLimit"), ("maxValue", "HighLimit"))
+
+
+def _limits(parameter: XmlElement) -> dict[str, str]:
+    """Return the lowest and the highest value that a parameter may have.
+
+    `range` stands inside `allowedValues` (CiA 311, schema 1.1), which may have several of them, and single values; some
+    editors write it right below the parameter. An EDS has one range: the one that contains all of them.
+    """
+    allowed = parameter.child("allowedValues") or parameter
+    ranges = [each for each in allowed.children if each.tag == "range"]
+    single = [each.attributes.get("value", "") for each in allowed.children if each.tag == "value"]
+    limits = {}
+    for tag, key, outermost in (("minValue", "LowLimit", min), ("maxValue", "HighLimit", max)):
+        ends = [end.attributes.get("value", "") for each in ranges if (end := each.child(tag))] + single
+        if len(ends) == 1:
+            limits[key] = ends[0]
+        elif numbers := [number.value for each in ends if (number := parse_number(each))]:
+            limits[key] = str(outermost(numbers))
+    return limits
 
 
 def _disables(each: XmlElement) -> bool:
@@ -617,11 +663,11 @@ class _Parameters:
         said = self._written(template, depth - 1) if template and depth else {}
         access = PARAMETER_ACCESS.get(parameter.attributes.get("access", ""))
         said |= {"AccessType": access} if access is not None else {}
-        for at, pairs in ((parameter, PARAMETER_VALUES), (parameter.child("range"), RANGE)):
-            for tag, key in pairs:
-                each = at.child(tag) if at else None
-                if each and "value" in each.attributes:
-                    said[key] = each.attributes["value"]
+        for tag, key in PARAMETER_VALUES:
+            each = parameter.child(tag)
+            if each and "value" in each.attributes:
+                said[key] = each.attributes["value"]
+        said |= _limits(parameter)
         denotation = parameter.child("denotation")
         label = denotation.child("label") if denotation else None
         said |= {"Denotation": label.text} if label else {}

@@ -511,6 +511,8 @@ class _Writer:
             self._out.append(f"AccessType={access}")
         elif not each.access:
             self._refusals.append(Refusal(each.index, sub, section.line, f"sub {each.sub} has no AccessType"))
+        if each.access == values.NO_ACCESS:  # canopen takes any AccessType with a `w` for one that can be written
+            self._dropped.append(Dropped(each.index, sub, "access_type", values.NO_ACCESS))
         if whole.code is ObjectCode.DOMAIN:
             self._dropped.append(Dropped(each.index, sub, "object_code", ObjectCode.DOMAIN))
         for key, entry in section.entries.items():

@@ -265,6 +265,12 @@ REALS = (REAL32, REAL64)
 ACCESS_TYPES = ("ro", "wo", "rw", "rwr", "rww", "const")
 """AccessTypes of an EDS (CiA 306-1, 4.6.3.2); rwr and rww are rw, mappable into TPDOs, or into RPDOs."""
 
+NO_ACCESS = "none"
+"""Access of an object that no SDO reads or writes and a PDO may carry: `noAccess` of an XDD (CiA 311)."""
+
+NO_ACCESS_IN_EDS = "UNKNOWN"
+"""AccessType that CANopenEditor writes into an EDS for such an object; CiA 306 has no word for it."""
+
 WRITABLE = ("rw", "wo", "rwr", "rww")
 """Access types that let an SDO write."""
 
@@ -329,7 +335,10 @@ COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 SYNCHRONOUS, EVENT_DRIVEN = range(241), 255
 """Transmission types of PDOs that follow a SYNC, and of those that a device profile rules (CiA 301, Table 68)."""
 
-MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "const", "rwr", "rw")}
+MAPPABLE = {
+    PdoDirection.RPDO: ("wo", "rww", "rw", NO_ACCESS),
+    PdoDirection.TPDO: ("ro", "const", "rwr", "rw", NO_ACCESS),
+}
 """Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""
 
 SLICE = re.compile(r"(?P<name>.+) [(\[](?P<high>\d{1,3}):(?P<low>\d{1,3})[)\]]$")

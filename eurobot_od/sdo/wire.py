@@ -265,6 +265,7 @@ class Reason(Enum):
     NO_SUBINDEX = AbortCode.NO_SUBINDEX, "the object has no such sub-index"
     WRITE_ONLY = AbortCode.WRITE_ONLY, "the object cannot be read: its access type is wo"
     READ_ONLY = AbortCode.READ_ONLY, "the object cannot be written: its access type is ro or const"
+    NO_ACCESS = AbortCode.UNSUPPORTED_ACCESS, "only PDOs carry the object: its access is `noAccess` in the XDD"
     LONGER_THAN_TYPE = AbortCode.TOO_LONG, "the value has more bytes than the object's data type"
     SHORTER_THAN_TYPE = AbortCode.TOO_SHORT, "the value has fewer bytes than the object's data type"
     OUT_OF_MEMORY = AbortCode.OUT_OF_MEMORY, "the client announces a text over 64 KiB, or a DOMAIN over 16 MiB"

@@ -231,6 +231,7 @@ DEFECTS = (
     Defect("E404", "DataType in words", "2008", "DataType=0x0009", "DataType=STRING"),
     Defect("E405", "no AccessType", "2008", "AccessType=const\n", ""),
     Defect("E406", "AccessType r", "2008", "AccessType=const", "AccessType=r"),
+    Defect("W454", "AccessType UNKNOWN", "2008", "AccessType=const", "AccessType=UNKNOWN"),
     Defect("E406", "AccessType wr", "2002sub1", "AccessType=rwr", "AccessType=wr"),
     Defect("E407", "a sub-index without object", "2008", "[2008]", "[2F08sub1]", at="2F08sub1"),
     Defect("E408", "SubNumber in a VAR", "2008", "PDOMapping=0", "SubNumber=1\nPDOMapping=0"),

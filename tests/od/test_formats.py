@@ -11,6 +11,7 @@ import canopen
 import pytest
 
 from eurobot_od.cli import main
+from eurobot_od.device.objects import Objects
 from eurobot_od.errors import DictionaryError
 from eurobot_od.export.xdd import load as load_any
 from eurobot_od.export.xdd import xdd_text
@@ -23,6 +24,7 @@ from eurobot_od.od.formats import plain_value, read
 from eurobot_od.od.network import read_network
 from eurobot_od.od.normal import in_normal_form
 from eurobot_od.od.values import DATA_TYPES, Address, Value
+from eurobot_od.sdo.wire import Abort, Reason
 from tests.eds_text import DEVICE_TYPE, variable
 from tests.rows import rows
 
@@ -139,7 +141,7 @@ LEFT = '<parameter uniqueID="P"><UINT/><denotation><label lang="en">Left</label>
         (process('<parameter uniqueID="P"><UINT/></parameter>'), "accesstype", "ro"),
         (process('<parameter uniqueID="P" access="readWrite"><UINT/></parameter>'), "accesstype", "rw"),
         (process('<parameter uniqueID="P"><UINT/></parameter>', 'accessType="rw"'), "accesstype", "rw"),
-        (process('<parameter uniqueID="P" access="noAccess"><UINT/></parameter>'), "accesstype", ""),
+        (process('<parameter uniqueID="P" access="noAccess"><UINT/></parameter>'), "accesstype", "UNKNOWN"),
         (FROM_TEMPLATE, "accesstype", "rw"),
         (FROM_TEMPLATE, "defaultvalue", "7"),
         (FROM_TEMPLATE, "datatype", "0x0006"),
@@ -155,6 +157,81 @@ LEFT = '<parameter uniqueID="P"><UINT/><denotation><label lang="en">Left</label>
 )
 def test_what_a_file_does_not_say_the_schema_or_a_template_says(made: bytes, key: str, text: str) -> None:
     assert read(made).text("2000", key) == text
+
+
+ONE_TO_THREE = '<range><minValue value="1"/><maxValue value="3"/></range>'
+
+
+def limited(allowed: str) -> str:
+    """A parameter of an UNSIGNED16 with what its value may be."""
+    return f'<parameter uniqueID="P" access="readWrite"><UINT/>{allowed}</parameter>'
+
+
+TEMPLATE_OF_LIMITS = (
+    f'<templateList><parameterTemplate uniqueID="T"><UINT/><allowedValues>{ONE_TO_THREE}</allowedValues>'
+    "</parameterTemplate></templateList>"
+)
+
+
+@rows(
+    "made, limits",
+    [
+        (process(limited(f"<allowedValues>{ONE_TO_THREE}</allowedValues>")), ("1", "3")),  # as the schema has it
+        (process(limited(ONE_TO_THREE)), ("1", "3")),  # as some editors write it
+        (process('<parameter uniqueID="P" templateIDRef="T"/>', lists=TEMPLATE_OF_LIMITS), ("1", "3")),
+        (
+            process(limited(f'<allowedValues><value value="0x10"/>{ONE_TO_THREE}<value value="0"/></allowedValues>')),
+            ("0", "16"),
+        ),
+        (process(limited('<allowedValues><value value="5"/></allowedValues>')), ("5", "5")),
+        (process(limited("<allowedValues/>")), ("", "")),
+    ],
+)
+def test_limits_are_the_lowest_and_the_highest_allowed_value(made: bytes, limits: tuple[str, str]) -> None:
+    document = read(made)
+    assert (document.text("2000", "lowlimit"), document.text("2000", "highlimit")) == limits
+
+
+NO_ACCESS = process('<parameter uniqueID="P" access="noAccess"><UINT/></parameter>', 'PDOmapping="TPDO"')
+NO_ACCESS_IN_EDS = (DEVICE_TYPE + variable("2000", "Value", "UNSIGNED16", "7")).replace("=rw\n", "=UNKNOWN\n").encode()
+
+
+@rows("made", [NO_ACCESS, xdd_text(Dictionary.read(NO_ACCESS, Path("a.xdd"), 5)).encode(), NO_ACCESS_IN_EDS])
+def test_an_object_without_sdo_access_stays_and_no_sdo_reaches_it(made: bytes) -> None:
+    dictionary = Dictionary.read(made, Path("a.xdd"), 5)
+    value = dictionary.variable((0x2000, 0))
+    assert value is not None
+    assert (value.readable, value.writable, value.access_type, value.pdo_mappable) == (False, False, "none", True)
+    objects = Objects(dictionary, {}, {})
+    for access in (lambda: objects.read((0x2000, 0)), lambda: objects.write((0x2000, 0), b"\0\0")):
+        with pytest.raises(Abort) as aborted:
+            access()
+        assert aborted.value.reason is Reason.NO_ACCESS
+
+
+DECLARED = '<?xml version="1.0" encoding="{}"?>\n'
+
+
+@rows(
+    "encoding, name",
+    [
+        ("GB2312", "设备类型"),
+        ("gbk", "设备类型"),
+        ("Shift_JIS", "デバイス"),
+        ("windows-1251", "Тип"),
+        ("iso-8859-1", "Gerät"),
+        ("UTF-8", "Gerät"),
+    ],
+)
+def test_xml_is_read_in_the_encoding_that_it_declares(encoding: str, name: str) -> None:
+    made = DECLARED.format(encoding) + process(limited("")).decode().replace('name="Value"', f'name="{name}"')
+    assert read(made.encode(encoding)).text("2000", "parametername") == name
+
+
+@pytest.mark.parametrize("encoding", ["no-such-encoding", "hex", "punycode", "utf-16-le", "undefined"])
+def test_an_encoding_that_cannot_be_read_is_one_oddity(encoding: str) -> None:
+    document = read((DECLARED.format(encoding) + process(limited("")).decode()).encode())
+    assert [(each.kind, each.line) for each in document.oddities] == [(Odd.XML, 1)]
 
 
 @pytest.mark.parametrize("name", ["NodeID", "nodeID"])

@@ -119,6 +119,7 @@ MORE = (
     + variable("2303", "Text", "VISIBLE_STRING", "")
     + variable("2304", "Spoilt", "UNSIGNED8", "300")
     + variable("2305", "Not for PDOs", "UNSIGNED8", "0").replace("PDOMapping=1", "PDOMapping=0")
+    + variable("2306", "Only for PDOs", "UNSIGNED8", "0").replace("AccessType=rw", "AccessType=UNKNOWN")
 )
 
 
@@ -199,6 +200,7 @@ PROVOKED: Mapping[Reason, tuple[Made, Sequence[bytes | NmtCommand]]] = {
     Reason.NO_SUBINDEX: (module, [read(0x1000, 1)]),
     Reason.WRITE_ONLY: (module, [read(0x2300)]),
     Reason.READ_ONLY: (module, [write(0x2301, 0, 1, size=1)]),
+    Reason.NO_ACCESS: (module, [read(0x2306)]),
     Reason.LONGER_THAN_TYPE: (module, [write(0x2302, 0, 6, size=4)]),
     Reason.SHORTER_THAN_TYPE: (module, [write(0x1017, 0, 6, size=1)]),
     Reason.OUT_OF_MEMORY: (module, [raw("21" + FIRMWARE + "01000001")]),
