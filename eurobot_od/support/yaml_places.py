@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
 import yaml
 from yaml.composer import Composer, ComposerError
+from yaml.scanner import ScannerError
 
 from eurobot_od.errors import LocalError, YamlError
 from eurobot_od.support.texts import encodable, one_line
@@ -191,7 +192,16 @@ def compose_all(source: str, problems: Problems) -> list[yaml.Node]:
 
 
 class PurePython(yaml.SafeLoader):
-    """Parses slowly, and like libyaml refuses half a surrogate pair: no text that is written could hold it."""
+    """Parses slowly, and like libyaml refuses escapes that are no characters, which no file can hold."""
+
+    def scan_flow_scalar_non_spaces(self, double: bool, start_mark: yaml.Mark) -> list[str]:
+        """Return the characters up to the next blank; raises ScannerError."""
+        try:
+            chunks: list[str] = super().scan_flow_scalar_non_spaces(double, start_mark)
+        except (ValueError, OverflowError) as error:  # of `chr`
+            what = "an escape above \\U0010FFFF is not a character"
+            raise ScannerError(None, None, what, self.get_mark()) from error
+        return chunks
 
     def compose_scalar_node(self, anchor: Any) -> yaml.ScalarNode:
         """Return a scalar's node; raises ComposerError."""
@@ -234,6 +244,8 @@ def _parsed(parse: Callable[[str, type], T | None], source: str, problems: Probl
         problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, in_words(error))
     except RecursionError:
         problem = Problem(START, "the file is nested too deeply")
+    except MemoryError:
+        problem = Problem(START, "the file needs more memory than there is")
     else:
         if parsed:
             return parsed

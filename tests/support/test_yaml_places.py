@@ -48,6 +48,8 @@ def test_all_problems_of_a_file_are_one_error_in_the_files_order_each_once() -> 
         ("a: 1\n---\nb: 2", "2:1: a second document, where one is all there can be"),
         ("[" * 5000, "1:1: the file is nested too deeply"),
         ('a: [b, "\\ud800"]', "1:8: not YAML: half a surrogate pair is not a character"),
+        ('a: "\\U00110000"', "1:7: not YAML: an escape above \\U0010FFFF is not a character"),
+        ('a: "\\UFFFFFFFF"', "1:7: not YAML: an escape above \\U0010FFFF is not a character"),
         ('"\\udcff": 1', "1:1: not YAML: half a surrogate pair is not a character"),
     ],
 )
