@@ -262,23 +262,29 @@ def make_eds(
     *,
     output: Annotated[Path, Option("-o", metavar="FOLDER")],
     check: bool = False,
+    same_revision: bool = False,
 ) -> ExitStatus:
     """Make EDS files from a protocol table: a folder for each dialect, a file for each node, and the network file.
 
     table: YAML in the form of eds/protocol.yaml
     output: folder to put the dialects' folders in
     check: write nothing; list the files that differ, with exit status 1 if any do
+    same_revision: write changed bits or codes of messages although the dialect's revision_number is as before
 
     $ make-eds eds/protocol.yaml -o made
     $ make-eds eds/protocol.yaml -o made --check
     """
     from eurobot_od.od.make import read_table
-    from eurobot_od.od.make.text import differences, make_files, write_files
+    from eurobot_od.od.make.text import changed_bits, differences, make_files, write_files
+    from eurobot_od.support.yaml_places import telling
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = read_whole(table).decode(errors="replace")
-    texts = make_files(read_table(source, table, plugin.table_of))
+    read = read_table(source, table, plugin.table_of)
+    texts = make_files(read)
     if not check:
+        with telling(table) as problems:
+            problems += () if same_revision else changed_bits(read, texts, output)
         write_files(texts, output)
         return ExitStatus.FINE
     found = differences(texts, output)

@@ -20,6 +20,7 @@ from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import LATE, Call, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.od import fingerprints
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import Value
@@ -69,7 +70,14 @@ class Node:
         readers = {name: partial(each.read, self) for name, each in self.OBJECTS.items() if each.read}
         writers = {name: each.write for name, each in self.OBJECTS.items() if each.write}
         measured = {dictionary.address(name): partial(read, self) for name, read in self.MEASURED.items()}
+        subs = dictionary.members.get(fingerprints.FINGERPRINTS, {})
+        measured |= {(fingerprints.FINGERPRINTS, sub): partial(self._fingerprint, sub) for sub in subs if sub}
         return Application(readers, writers, self._obey, measured=measured)
+
+    def _fingerprint(self, sub: int) -> Value:
+        """Return a fingerprint by how messages are mapped now, whatever the file says (see `od.fingerprints`)."""
+        found = [*fingerprints.in_force(self.device.dictionary, self.device.objects.value).values()]
+        return fingerprints.of_all(found) if sub == fingerprints.OF_ALL else found[sub - fingerprints.FIRST]
 
     # From outside
 

@@ -178,7 +178,7 @@ Result = TypeVar("Result")
 class Ask(NamedTuple):
     """Send `request` up to `attempts` times, `wait` seconds apart, until the `answer` comes; None is not sent.
 
-    The answer to a message is a message type, that to a frame a COB-ID.
+    The answer to a message is a message type, that to an SDO request the COB-ID of a frame about the same object.
     """
 
     request: Message | Frame | None
@@ -189,7 +189,9 @@ class Ask(NamedTuple):
     def fits(self, heard: Message | Frame) -> bool:
         """Tell whether this is the answer."""
         if isinstance(heard, Frame):
-            return heard.cob_id == self.answer
+            # A late answer to an earlier question, or one to somebody else's, is about another object (bytes 1 to 3).
+            asked = self.request.data[1:4] if isinstance(self.request, Frame) else heard.data[1:4]
+            return heard.cob_id == self.answer and heard.data[1:4] == asked
         return not isinstance(self.answer, int) and isinstance(heard, self.answer)
 
     def unanswered(self) -> NoAnswer:

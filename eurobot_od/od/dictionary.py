@@ -22,6 +22,7 @@ from eurobot_od.od import cia401, cia402, standard, values
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, ObjectCode
 from eurobot_od.od.document import Document, Section, parse, read_bytes
+from eurobot_od.od.meanings import ObjectMeaning, read_meanings
 from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
@@ -179,6 +180,12 @@ class Dictionary:
         """Return canopen's variable at an index and sub-index, None if there is none."""
         return od.variable_at(self.objects, address)
 
+    @cached_property
+    def meanings(self) -> Mapping[Address, ObjectMeaning]:
+        """What the file's comments say about objects: units and codes; see `meanings`."""
+        section = self.device.document.sections.get("comments")
+        return read_meanings(each.value for each in section.entries.values()) if section else {}
+
     def flags(self, address: Address) -> int:
         """Return the ObjFlags of a variable, 0 without any (CiA 306)."""
         described = self.device.variable(*address)
@@ -309,11 +316,14 @@ class Dictionary:
         self, value: Callable[[Address], Value], refused: OnRefused = fatal, listening: bool = False
     ) -> tuple[Pdo, ...]:
         """Read RPDOs, then TPDOs, from the parameter values that `value` gives; see `PdoReader`."""
-        return PdoReader(self.file, self.objects, self.node_id, value).pdos(refused, listening)
+        return self._reader(value).pdos(refused, listening)
 
     def mapped(self, mapping_index: int, entry: int) -> Mapped:
         """Return what a mapping entry stands for; raises MappingError."""
-        return PdoReader(self.file, self.objects, self.node_id, self.default).mapped(mapping_index, entry)
+        return self._reader(self.default).mapped(mapping_index, entry)
+
+    def _reader(self, value: Callable[[Address], Value]) -> PdoReader:
+        return PdoReader(self.file, self.objects, self.node_id, value, self.meanings)
 
     def part(self, address: Address) -> Part | None:
         """Return what a slice is a part of; None for what is not a slice."""

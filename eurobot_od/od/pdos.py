@@ -6,13 +6,15 @@ They are read from canopen's records 0x1400 to 0x1BFF, with the values that a fi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias
 
 from eurobot_od.errors import MappingError
 from eurobot_od.od import objects as od
 from eurobot_od.od import values
+from eurobot_od.od.meanings import NO_MEANING, ObjectMeaning
 from eurobot_od.od.values import Address, DataType, Limits, MappingEntry, Multiplex, PdoDirection, PdoRecords, Value
 
 if TYPE_CHECKING:
@@ -37,7 +39,7 @@ class Mapped(NamedTuple):
     """One entry of a mapping: canopen's variable, and how many of its bits the PDO carries.
 
     `type` and `limits` are the variable's; a slice has those of the value that it is a part of. What is not an integer
-    has the limits of its bits. `is_padding` tells that these bits carry nothing.
+    has the limits of its bits. `is_padding` tells that these bits carry nothing, `meaning` what their numbers mean.
     """
 
     variable: ODVariable
@@ -45,16 +47,17 @@ class Mapped(NamedTuple):
     type: DataType
     limits: Limits
     is_padding: bool
+    meaning: ObjectMeaning = NO_MEANING
 
     @classmethod
-    def of(cls, variable: ODVariable, bits: int, whole: ODVariable) -> Mapped:
+    def of(cls, variable: ODVariable, bits: int, whole: ODVariable, meaning: ObjectMeaning = NO_MEANING) -> Mapped:
         """Return the entry of a variable, which may be a slice of a `whole`."""
         type_ = od.data_type(whole)
         range_ = type_ if type_.is_integer else values.UNSIGNED64
         limits = (whole.min, whole.max) if type_.is_integer else (None, None)
         low, high = (most if limit is None else limit for limit, most in zip(limits, (range_.low, range_.high)))
         padding = variable.index in values.DUMMIES or carries_nothing(variable.name)
-        return cls(variable, bits, type_, Limits(0, 0) if padding else Limits(low, high), padding)
+        return cls(variable, bits, type_, Limits(0, 0) if padding else Limits(low, high), padding, meaning)
 
     def meant(self, raw: int) -> Value:
         """Return the value of its bits; mapped in part, all but an integer is a number."""
@@ -157,10 +160,21 @@ def unheard(_: MappingError) -> None:
 
 
 class PdoReader:
-    """Reads the PDOs of a device from the parameters that `value` gives; errors name its `file`."""
+    """Reads the PDOs of a device from the parameters that `value` gives; errors name its `file`.
 
-    def __init__(self, file: Path, objects: ObjectDictionary, node_id: int, value: Callable[[Address], Value]) -> None:
+    `meanings` are those of its objects.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        objects: ObjectDictionary,
+        node_id: int,
+        value: Callable[[Address], Value],
+        meanings: Mapping[Address, ObjectMeaning] = MappingProxyType({}),
+    ) -> None:
         self._file, self._objects, self._node_id, self._value = file, objects, node_id, value
+        self._meanings = meanings
 
     def pdos(self, refused: OnRefused = fatal, listening: bool = False) -> tuple[Pdo, ...]:
         """Return RPDOs, then TPDOs.
@@ -243,4 +257,5 @@ class PdoReader:
             what = f"maps {entry.where} with {entry.bits} bits, its type has {most}"
             raise MappingError(self._file, mapping_index, what)
         part = part_of(self._objects, variable)
-        return Mapped.of(variable, entry.bits, od.at(part.whole, self._objects) if part else variable)
+        whole = od.at(part.whole, self._objects) if part else variable
+        return Mapped.of(variable, entry.bits, whole, self._meanings.get(od.address_of(whole), NO_MEANING))

@@ -6,10 +6,11 @@ Each method is the core's method of the same name, waited for, and nothing more:
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack
 from functools import partial, wraps
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Concatenate, ParamSpec, cast
 
 from eurobot_od import plugin
@@ -52,6 +53,7 @@ class Robot:
         print(robot.goto(1500, 1000, 90, speed=50).outcome)
     ```
     `robot` is a team's own, by name or folder (see `plugin.find`); its messages go by `send`, `ask`, `hear` and `on`.
+    `settings` are numbers in place of those that the core's file has, such as `{"Goto handshake.Transmissions": 3}`.
     `sensor` is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with.
     What else is left out comes from python-can's configuration; without one, it is the in-process bus. However the
     block is left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is
@@ -68,10 +70,13 @@ class Robot:
         sensor: DistanceSensor | None = None,
         actuators: Actuators | None = None,
         robot: str | None = None,
+        settings: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         found = plugin.find(robot)
         core = cast(type[Core], found.kind("core") if "core" in found.nodes else Core)
-        self.core = core(found.dialects.load("core", dialect), sensor, actuators)
+        file = found.dialects.load("core", dialect)
+        configured = file.configured({file.address(name): value for name, value in settings.items()})
+        self.core = core(configured, sensor, actuators)
         opener = partial(runtime.open_bus, interface, channel, bitrate)
         self.live = runtime.Live.node(opener(), self.core, opener=opener)
 

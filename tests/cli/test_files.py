@@ -180,6 +180,35 @@ def test_makes_the_files_of_a_teams_own_table(table: Path, tmp_path: Path, capsy
     assert run(capsys, "lint", "--network", str(tmp_path / "new" / "eds" / "network.yaml")).status == 0
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("bits: 12, range: [0, 3000]", "bits: 13, range: [0, 3000]"),
+        ("identifier: 12", "identifier: 13"),
+        ("unknown: 0xFFF", "unknown: 0xFFE"),
+        ("unit: mm", "unit: 0.1 mm"),
+    ],
+)
+def test_other_bits_under_the_same_revision_are_refused_unless_it_is_said(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str
+) -> None:
+    words = ("make-eds", str(table), "-o", str(tmp_path / "eds"))
+    assert run(capsys, *words).status == 0
+    changed = TABLE.replace(old, new)
+    assert changed != TABLE
+    table.write_text(changed)
+    said = run(capsys, *words)
+    assert (said.status, said.out) == (2, "")
+    line = next(n for n, each in enumerate(changed.split("\n"), start=1) if "revision_number" in each)
+    assert said.err.startswith(f"eurobot-od: {table}:{line}:") or said.err.startswith(f"{table}:{line}:")
+    assert "under the same revision" in said.err
+    assert "--same-revision" in said.err
+    assert run(capsys, *words, "--check").status == 1  # nothing was written
+    assert run(capsys, *words, "--same-revision").status == 0
+    table.write_text(TABLE.replace("revision_number: 0x000", "revision_number: 0x001"))
+    assert run(capsys, *words).status == 0
+
+
 def test_check_tells_what_differs_and_writes_nothing(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -213,6 +213,15 @@ def test_an_error_in_the_script_is_that_of_the_call() -> None:
     assert run.ended == 1
 
 
+def test_an_sdo_answer_about_another_object_is_none() -> None:
+    ask = Ask(Frame(0x602, bytes.fromhex("4018100300000000")), 0x582, 1.0, 1)
+    assert ask.fits(Frame(0x582, bytes.fromhex("4318100304000000")))
+    assert ask.fits(Frame(0x582, bytes.fromhex("8018100311000906")))
+    assert not ask.fits(Frame(0x582, bytes.fromhex("4318100204000000")))
+    assert not ask.fits(Frame(0x583, bytes.fromhex("4318100304000000")))
+    assert not ask.fits(Frame(0x582, b"\x43\x18"))
+
+
 def test_a_failed_flow_stops_asking() -> None:
     run = Run(asking())
     run.flow.fail(StateError("given up"), 0.2)

@@ -17,8 +17,10 @@ from typing import Annotated, TypeAlias
 import yaml
 
 from eurobot_od.od.document import BIT_RATES
+from eurobot_od.od.fingerprints import FINGERPRINTS, MOST_MESSAGES
+from eurobot_od.od.meanings import RESERVED_SIGNS, ObjectMeaning
 from eurobot_od.od.pdos import RESERVED, carries_nothing
-from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS, REAL32
+from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS, REAL32, Limits
 from eurobot_od.support import texts, yaml_places
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
@@ -33,8 +35,15 @@ FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
 Bits: TypeAlias = Annotated[PlacedNumber, Within(1, 32)]
 Milliseconds: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFF, "ms")]
 Number32: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFFFFFF)]
+Unit: TypeAlias = Annotated[PlacedText, matching(f"[^{RESERVED_SIGNS}]*", f"a unit without {RESERVED_SIGNS}")]
+CodeName: TypeAlias = Annotated[PlacedText, matching(f"[^{RESERVED_SIGNS}]+", f"a name without {RESERVED_SIGNS}")]
 FileName: TypeAlias = Annotated[PlacedText, matching(r"[A-Za-z0-9_-]+", "a name of letters, digits, _ and -")]
 """What names a folder or a file, on any system."""
+
+
+NOWHERE = Place(0, 0)
+"""The place of what is not written."""
+NO_UNIT = PlacedText("", NOWHERE)
 
 
 # The shape of the YAML
@@ -58,15 +67,21 @@ class TableField:
     bits: Bits
     default: PlacedInteger | PlacedText
     range: tuple[PlacedInteger, PlacedInteger] | None = None
-    codes: dict[PlacedText, PlacedInteger] = field(default_factory=dict)
+    codes: dict[CodeName, PlacedInteger] = field(default_factory=dict)
     type: FieldType = FieldType.INTEGER
-    unit: str = ""  # for readers of the table; an EDS has no key for it
+    unit: Unit = NO_UNIT  # with the size of a step where that is not 1: `0.1 N`
 
     @property
     def limits(self) -> tuple[int, ...]:
         """The lowest and the highest value, plain or coded (EDS LowLimit, HighLimit); neither for a REAL32."""
         codes = self.codes.values()
         return (min((self.range[0], *codes)), max((self.range[1], *codes))) if self.range else ()
+
+    @property
+    def meaning(self) -> ObjectMeaning:
+        """What an EDS has no keys for: unit, plain values and codes."""
+        plain = Limits(*map(int, self.range)) if self.range and (self.unit or self.codes) else None
+        return ObjectMeaning(str(self.unit), plain, {str(name): int(number) for name, number in self.codes.items()})
 
     @property
     def is_signed(self) -> bool:
@@ -129,12 +144,14 @@ class DialectRow:
     """How one dialect differs: its number in the identity, further fields, other widths, reserved bits, its bit order.
 
     `reserved` says about an object how many bits of its PDO carry nothing, by the field that they stand before.
+    `defaults` are those of settings where they differ.
     """
 
     revision_number: Number32
     fields: dict[PlacedText, dict[PlacedText, TableField]] = field(default_factory=dict)
     widths: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
     reserved: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
+    defaults: dict[PlacedText, dict[PlacedText, PlacedInteger]] = field(default_factory=dict)
     most_significant_first: tuple[PlacedText, ...] = ()
 
     def form_of(self, name: PlacedText, plain: Record) -> Record:
@@ -143,6 +160,12 @@ class DialectRow:
         every = {**plain.fields, **self.fields.get(name, {})}
         fields = {key: replace(f, bits=widths.get(key, f.bits)) for key, f in every.items()}
         fields |= {self.reserved_before(name)[field]: always_zero(bits) for field, bits in reserved.items()}
+        return replace(plain, fields=fields)
+
+    def setting_of(self, name: PlacedText, plain: Record) -> Record:
+        """Return the settings `name` with the defaults that they have in this dialect."""
+        own = self.defaults.get(name, {})
+        fields = {key: replace(f, default=own.get(key, f.default)) for key, f in plain.fields.items()}
         return replace(plain, fields=fields)
 
     def reserved_before(self, name: PlacedText) -> dict[PlacedText, PlacedText]:
@@ -232,9 +255,20 @@ def unknown_names(table: Table) -> Iterator[Problem]:
     for dialect in table.dialects.values():
         named = [*dialect.fields, *dialect.widths, *dialect.reserved, *dialect.most_significant_first]
         yield from unknown("object", named, table.objects)
+        yield from unknown_settings(table, dialect)
         for name, each in table.objects.items():
             about = [*dialect.widths.get(name, {}), *dialect.reserved.get(name, {})]
             yield from unknown("field", about, {*each.fields, *dialect.fields.get(name, {})})
+
+
+def unknown_settings(table: Table, dialect: DialectRow) -> Iterator[Problem]:
+    """Check that the settings are there whose defaults a dialect changes."""
+    known: dict[str, set[str]] = {}
+    for name, each in named_records(table):
+        known.setdefault(name, set()).update(each.fields)
+    yield from unknown("object", dialect.defaults, known)
+    for name, fields in dialect.defaults.items():
+        yield from unknown("setting", fields, known.get(name, fields))
 
 
 def unknown(kind: str, names: Iterable[PlacedText], known: Container[str]) -> Iterator[Problem]:
@@ -371,7 +405,18 @@ def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
     return yaml_places.merged(yaml_places.elsewhere(base, str(file)), own)
 
 
+def fingerprints_without_room(table: Table) -> Iterator[Problem]:
+    """Check that no object of the table is where the fingerprints are, and that these have room for all messages."""
+    settings = (each for _, each in named_records(table))
+    for each in (*table.objects.values(), *settings, *(r for n in table.nodes.values() for r in n.readings.values())):
+        if each.index == FINGERPRINTS:
+            yield Problem(each.index.place, f"index 0x{FINGERPRINTS:04X} is that of the message fingerprints")
+    for name in [*table.messages][MOST_MESSAGES:]:
+        yield Problem(name.place, f"a table has at most {MOST_MESSAGES} messages")
+
+
 CHECKS = (
+    fingerprints_without_room,
     unknown_names,
     repeated_values,
     bit_rates_that_no_node_has,

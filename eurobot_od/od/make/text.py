@@ -11,6 +11,7 @@ CANopenNode, CanFestival, canmatrix and canopen.
 - All of Dummy0001 to Dummy0007, and in [Comments] as many lines as `Lines` says.
 - A DefaultValue in sub-index 0 of every record, too.
 - No Unit, no Factor, no Description of an object and no section of our own: checkers refuse what they do not know.
+  Units and codes stand in [Comments] (see `meanings`).
 - A field has the type of exactly as many bytes as it touches in its frame: canopen reads and writes it through these.
 - Every PDO has all five communication parameters. Every mapping record, even that of a message without data, has the
   same number of entries, filled up with zeros: a master can write only entries that are there.
@@ -32,12 +33,18 @@ import yaml
 
 from eurobot_od.od import values
 from eurobot_od.od.description import ObjectCode
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import BIT_RATES
+from eurobot_od.od.fingerprints import ALL_NAME, FINGERPRINTS, OBJECT_NAME, MappedPart, fingerprint, of_all, of_pdo
 from eurobot_od.od.formats import list_entries, listed
-from eurobot_od.od.make import DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
+from eurobot_od.od.make import NOWHERE, DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
+from eurobot_od.od.meanings import HEAD as MEANINGS_HEAD
+from eurobot_od.od.meanings import NO_MEANING
 from eurobot_od.od.pdos import PADDING as PADDING_NAME
+from eurobot_od.od.pdos import carries_nothing, unheard
+from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DataType, MappingEntry, PdoDirection
-from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText
+from eurobot_od.support.yaml_places import PlacedNumber, PlacedText, Problem
 
 KeyValues = list[tuple[str, object]]
 EdsSection = tuple[str, KeyValues]
@@ -54,11 +61,31 @@ def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> s
         file_info(table, dialect_name, node_name),
         device_info(table, dialect.revision_number, table.nodes[node_name], objects),
         ("DummyUsage", [(f"Dummy{each:04X}", 0) for each in values.DUMMIES]),
-        ("Comments", [("Lines", 1), ("Line1", table.file.comment)]),
+        comments(table, dialect, node_name),
         *lists,
         *(section for each in objects for section in each.sections),
     ]
     return "\n".join(f"[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys) for name, keys in sections)
+
+
+def comments(table: Table, dialect: DialectRow, node_name: PlacedText) -> EdsSection:
+    """Return [Comments]: who has made the file, and the units and codes of its objects."""
+    said = [
+        field.meaning.line((each.index, sub))
+        for each in all_records(table, dialect, node_name)
+        for sub, field in enumerate(each.fields.values(), start=1)
+        if field.meaning != NO_MEANING
+    ]
+    lines = [table.file.comment, *([MEANINGS_HEAD, *said] if said else [])]
+    return "Comments", [("Lines", len(lines)), *((f"Line{n}", line) for n, line in enumerate(lines, start=1))]
+
+
+def all_records(table: Table, dialect: DialectRow, node_name: PlacedText) -> list[Record]:
+    """Return the data, settings and readings that a node has, in the order of their indices."""
+    node, names = table.nodes[node_name], data_names(table, node_name)
+    data = (each for name, each in table.objects_in(dialect).items() if name in names)
+    own = (*table.settings.values(), *node.settings.values(), *node.readings.values())
+    return sorted((*data, *own), key=lambda each: each.index)
 
 
 def file_info(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> EdsSection:
@@ -80,7 +107,7 @@ def file_info(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> 
 
 
 def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[MadeObject]) -> EdsSection:
-    """Return [DeviceInfo]. `RevisionNumber` is the dialect's: nodes compare it to find out whether they agree."""
+    """Return [DeviceInfo]. `RevisionNumber` is the dialect's, for people: nodes compare fingerprints."""
     indices = {each.index for each in objects}
     return "DeviceInfo", [
         ("VendorName", table.vendor.name),
@@ -109,7 +136,7 @@ def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[Ma
 # device's bytes. What loads such an EDS joins the slices again by their names, `X position (11:4)`.
 
 
-PADDING = PlacedText(PADDING_NAME, Place(0, 0))
+PADDING = PlacedText(PADDING_NAME, NOWHERE)
 BYTE = 8
 FIRST_SLICES = 0x3000
 """The object of the first cut object's slices; the next ones follow."""
@@ -179,6 +206,12 @@ class ObjectLayout:
         return tuple(MappingEntry(*address, bits).number for address, bits in places)
 
     @property
+    def mapped(self) -> list[MappedPart]:
+        """The mapping as far as it decides how a frame is read."""
+        wholes = (None if carries_nothing(each.field) else self.fields[each.field] for each in self.parts)
+        return [mapped_part(entry, whole) for entry, whole in zip(self.targets, wholes)]
+
+    @property
     def begins(self) -> dict[PlacedText, int]:
         """The bit, 0 to 7, of its first byte in a frame at which each field begins that is mapped whole."""
         offsets = accumulate((each.bits for each in self.parts), initial=0)
@@ -187,6 +220,13 @@ class ObjectLayout:
     def is_whole(self, part: Slice) -> bool:
         """Tell whether a part is a whole field."""
         return part.field in self.fields and part.bits == self.fields[part.field].bits
+
+
+def mapped_part(entry: int, whole: TableField | None) -> MappedPart:
+    """Return an entry of a mapping with what its numbers mean; bits without a value are of no field."""
+    if whole is None:
+        return MappedPart(entry, None, is_real=False, meaning=NO_MEANING)
+    return MappedPart(entry, whole.is_signed, whole.type is FieldType.REAL32, whole.meaning)
 
 
 def layouts(table: Table, dialect: DialectRow) -> dict[PlacedText, ObjectLayout]:
@@ -410,7 +450,23 @@ def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -
             yield from pdo_records(index, key, each.identifier | control, targets, entries)
 
 
+def fingerprints(table: Table, data: dict[PlacedText, ObjectLayout]) -> MadeObject:
+    """Make the object with the fingerprints of all messages, in the order of their identifiers."""
+    found: dict[str, int] = {
+        name: fingerprint(name, each.identifier, data[each.object].mapped if each.object else ())
+        for name, each in table.by_identifier.items()
+    }
+    entries: dict[str, int] = {ALL_NAME: of_all(found.values()), **found}
+    return array(FINGERPRINTS, OBJECT_NAME, *(entry(name, U32, "ro", number) for name, number in entries.items()))
+
+
 # Data and settings
+
+
+def data_names(table: Table, name: PlacedText) -> set[PlacedText]:
+    """Return the names of the objects whose data the node `name` sends or receives."""
+    rows = (*sent(table, name).values(), *received(table, name).values())
+    return {each.object for each in rows if each.object is not None}
 
 
 def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
@@ -466,8 +522,9 @@ def object_dictionary(table: Table, dialect: DialectRow, name: PlacedText) -> li
     """Return all objects of the node `name`, in the order of their indices."""
     node, data = table.nodes[name], layouts(table, dialect)
     objects = [*common(), *own_objects(table, dialect, node), *clients(table, node)]
-    objects += [*pdos(table, name, data), *all_data(table, name, data)]
-    for access, records in (("rw", {**table.settings, **node.settings}), ("ro", node.readings)):
+    objects += [*pdos(table, name, data), *all_data(table, name, data), fingerprints(table, data)]
+    settings = {key: dialect.setting_of(key, each) for key, each in {**table.settings, **node.settings}.items()}
+    for access, records in (("rw", settings), ("ro", node.readings)):
         for key, each in records.items():
             fields = (field_entry(name, own, access, node=node) for name, own in each.fields.items())
             objects.append(record(each.index, key, *fields))
@@ -518,6 +575,29 @@ def network_text(table: Table) -> str:
             for name, row in table.traffic.items()
         }
     return HEAD.format(table.file.comment, dialect) + yaml.safe_dump(network, sort_keys=False, width=LINE)
+
+
+def changed_bits(table: Table, texts: Texts, folder: Path) -> Iterator[Problem]:
+    """Yield a problem for each dialect with files below `folder` that map a message otherwise under the same revision.
+
+    Raises DictionaryError for a file that cannot be read.
+    """
+    for name, dialect in table.dialects.items():
+        pairs = ((folder / path, text) for path, text in texts.items() if path.startswith(f"{name}/"))
+        found = {message for file, text in pairs if file.is_file() for message in _changed(file, text)}
+        if found:
+            revision = f"0x{dialect.revision_number:08X}"
+            what = f"other bits or codes than in {folder / name} under the same revision {revision}: {', '.join(found)}"
+            yield Problem(dialect.revision_number.place, f"{what}; raise it, or say --same-revision")
+
+
+def _changed(file: Path, text: str) -> Iterator[str]:
+    """Yield the messages that a file with the revision of the text maps otherwise."""
+    old, new = Dictionary.load(file), Dictionary.read(text.encode("ascii"), file)
+    if old.number(REVISION) != new.number(REVISION) or FINGERPRINTS not in old.members:
+        return
+    before, now = ({pdo.name: of_pdo(pdo) for pdo in each.read_pdos(each.default, unheard)} for each in (old, new))
+    yield from (name for name, each in now.items() if before.get(name, each) != each)
 
 
 def write_files(texts: Texts, folder: Path) -> None:

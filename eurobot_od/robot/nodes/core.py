@@ -53,6 +53,7 @@ from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 from eurobot_od.robot.nodes import flows
+from eurobot_od.robot.nodes.agreement import NodeMismatch, SdoClientParameter, number_in
 from eurobot_od.robot.nodes.estimate import DriveAnswer, Seen, Sighting, Track, Twins
 from eurobot_od.robot.nodes.flows import GotoReport, Standstill
 from eurobot_od.robot.nodes.node import (
@@ -194,8 +195,8 @@ class Core(CallingNode, CoreSettings):
     def check_nodes(self) -> Call[dict[str, float]]:
         """Check the drive, then the navigation; the result is the seconds that each took to answer (document 2.3).
 
-        NoAnswer names the node check that nobody answered: the start is then blocked (document 5.1). DialectMismatch
-        names a node that is loaded from the EDS of another dialect. A team's own nodes come after the two.
+        NoAnswer names the node check that nobody answered: the start is then blocked (document 5.1). NodeMismatch
+        names a node that does not read frames as the core does. A team's own nodes come after the two.
         """
         return self.begin(flows.check_nodes(self)).call
 
@@ -569,7 +570,7 @@ class Core(CallingNode, CoreSettings):
 
     def _ask_deviation(self) -> Script[int | None]:
         """Ask the drive how well it knows its place, mm; None if it does not know, or does not say."""
-        channel = flows.SdoClientParameter.to("drive", self.device)
+        channel = SdoClientParameter.to("drive", self.device)
         if channel is None or not self._tells_deviation:
             return None
         address = self.device.dictionary.address(DEVIATION)
@@ -578,7 +579,7 @@ class Core(CallingNode, CoreSettings):
         except NoAnswer:
             self._tells_deviation = False  # a drive without SDO would cost each goto this wait
             return None
-        deviation = flows.number_in(answer, address)
+        deviation = number_in(answer, address)
         return None if deviation == UNKNOWN else deviation
 
     @property
@@ -635,9 +636,9 @@ class Core(CallingNode, CoreSettings):
             yield from flows.take_back(self, node, configuration)
             self._heard = self.now  # a navigation that is back gets its time to be heard
             self.alarm(f"the {node} is back")
-        except flows.DialectMismatch as error:
+        except NodeMismatch as error:
             self.alarm(str(error))
-            # A node with another dialect is of no use: the next goto begins with the checks, which say so.
+            # A node that maps differently is of no use: the next goto begins with the checks, which say so.
             self._lost = str(error)
         finally:
             self._absent.pop(node, None)
@@ -734,7 +735,7 @@ class Core(CallingNode, CoreSettings):
         """Return the name of a node that is part of the start; '' for any other."""
         for node in self.parts:
             # Only the EDS says which node has which ID: its SDO client parameters (CiA 301, 7.5.2.34).
-            channel = flows.SdoClientParameter.to(node, self.device)
+            channel = SdoClientParameter.to(node, self.device)
             if channel is not None and channel.node_id == node_id:
                 return node
         return ""

@@ -3,9 +3,7 @@
 Confirms of the start configuration have one identifier and may merge on the wire, so one of them may be anybody's. That
 is why a configuration ends with a second check of both nodes.
 
-A node's revision number, read by SDO, tells which EDS it is loaded from (CiA 301, 7.2.4.3.3 and 7.5.2.21). A node that
-does not answer, such as those of the 2014 robot, is not a CANopen node: it cannot be asked, and is trusted. One that
-answers with another revision speaks another dialect, and is not driven.
+A node is driven only if it reads frames as the core does (see `agreement`).
 """
 
 from __future__ import annotations
@@ -15,97 +13,14 @@ from contextlib import suppress
 from math import inf
 from typing import NamedTuple
 
-from eurobot_od.device.device import Device
 from eurobot_od.device.timers import START, Ask, Pause, Script
 from eurobot_od.errors import DictionaryError, NoAnswer, RemoteError, StateError
-from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import REVISION
-from eurobot_od.od.values import Address
-from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
+from eurobot_od.robot.nodes.agreement import SdoClientParameter, compare
 from eurobot_od.robot.nodes.node import KEEP_PLACE, Component, CoreSettings
-from eurobot_od.sdo.client import TransferError, download, upload
-
-# The dialect of another node
-
-
-CHANNEL_NAME = "SDO client parameter {}"
-"""ParameterName of the record that says how to reach a node by SDO."""
-
-
-class DialectMismatch(RemoteError):
-    """A node is loaded from the EDS of another dialect than the core; `theirs` and `ours` are revision numbers.
-
-    The dialects get their names where the error is turned into text, not where it is raised: finding a name reads EDS
-    files, and the core runs on the thread that receives frames.
-    """
-
-    def __init__(self, node: str, node_id: int, theirs: int, ours: int) -> None:
-        super().__init__(node, node_id, theirs, ours)
-        self.node, self.node_id, self.theirs, self.ours = node, node_id, theirs, ours
-
-    def __str__(self) -> str:
-        theirs, ours = _eds(self.node, self.theirs), _eds("core", self.ours)
-        what = f"{self.node} (node {self.node_id}) speaks another dialect"
-        return f"{what}: it is loaded from {theirs}, the core from {ours}"
-
-
-def _eds(node: str, revision: int) -> str:
-    """Describe the EDS with a revision number, by the dialect that has it."""
-    dictionaries = ((name, dictionary) for name in dialects.names() for dictionary in dialects.load_all(name))
-    known = [
-        name for name, dictionary in dictionaries if (dictionary.name, dictionary.default(REVISION)) == (node, revision)
-    ]
-    return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")
-
-
-class SdoClientParameter(NamedTuple):
-    """How a device reaches another one by SDO (CiA 301, 7.5.2.34)."""
-
-    request: int
-    answer: int
-    node_id: int
-
-    @classmethod
-    def to(cls, node: str, device: Device) -> SdoClientParameter | None:
-        """Return how to reach a node, None if the device's EDS does not say."""
-        try:
-            index, _ = device.dictionary.address(CHANNEL_NAME.format(node))
-        except DictionaryError:
-            return None
-        return cls(*(device.number((index, subindex)) for subindex in (1, 2, 3)))
-
-    def ask(self, address: Address) -> Frame:
-        """Return the request for an object's value."""
-        (request,) = upload(address, inf).start(0.0)
-        return Frame(self.request, request)
-
-    def order(self, dictionary: Dictionary, name: str, value: int) -> Frame:
-        """Return the request that writes a number of up to 4 bytes to an object; raises DictionaryError."""
-        address = dictionary.address(name)
-        variable = dictionary.variable(address)
-        assert variable is not None  # it has an address
-        # Least significant byte first, as CiA 301 transfers numbers; up to four bytes fit an expedited transfer.
-        content = value.to_bytes((len(variable) + 7) // 8, "little")
-        (request,) = download(address, content, inf).start(0.0)
-        return Frame(self.request, request)
-
-
-def number_in(answer: Frame, address: Address) -> int | None:
-    """Return the number in the answer to a request for an object, None if it says something else."""
-    # Only one answer is awaited and only the question is sent, so the transfer needs no time and goes no further: a
-    # node that would send its number in segments, or an odd answer, has not told it.
-    question = upload(address, inf)
-    question.start(0.0)
-    question.receive(answer.data, 0.0)
-    try:
-        return int.from_bytes(question.result(), "little") if question.done else None
-    except TransferError:
-        return None
-
 
 # The startup
 
@@ -120,7 +35,7 @@ CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Ene
 def check_nodes(core: CoreSettings, without: Collection[str] = ()) -> Script[dict[str, float]]:
     """Check the nodes, but those to do `without`; return the seconds that each took to answer.
 
-    Raises NoAnswer, DialectMismatch.
+    Raises NoAnswer, NodeMismatch.
     """
     took = {}
     # Before anything is asked: a node that does not answer now must not count as checked from before.
@@ -133,7 +48,7 @@ def check_nodes(core: CoreSettings, without: Collection[str] = ()) -> Script[dic
         asked = core.now
         yield _check_of(core, node, part)
         took[node] = core.now - asked
-        yield from _compare(core, node)
+        yield from compare(core, node)
         core.readiness.checked.add(node)
     return took
 
@@ -152,22 +67,10 @@ def _channel(core: CoreSettings, node: str) -> SdoClientParameter:
     return channel
 
 
-def _compare(core: CoreSettings, node: str) -> Script[None]:
-    """Make sure that a node speaks our dialect, if it can be asked."""
-    channel = SdoClientParameter.to(node, core.device)
-    if channel is None:
-        return
-    with suppress(NoAnswer):  # the 2014 robot's own nodes do not have SDO
-        answer = yield Ask(channel.ask(REVISION), channel.answer, core.identity_wait, 1)
-        theirs, ours = number_in(answer, REVISION), core.device.number(REVISION)
-        if theirs is not None and theirs != ours:
-            raise DialectMismatch(node, channel.node_id, theirs, ours)
-
-
 def configure(core: CoreSettings, configuration: messages.StartConfigurationSet) -> Script[float]:
     """Set the start configuration, and check both nodes again; return the time of its confirm.
 
-    Raises NoAnswer, DialectMismatch.
+    Raises NoAnswer, NodeMismatch.
     """
     yield START
     # Until the confirm, nobody knows which configuration the nodes use.
@@ -190,13 +93,13 @@ def configure(core: CoreSettings, configuration: messages.StartConfigurationSet)
 
 
 def take_back(core: CoreSettings, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
-    """Ask a lost node until it answers, and configure it, while the drive keeps driving; raises DialectMismatch."""
+    """Ask a lost node until it answers, and configure it, while the drive keeps driving; raises NodeMismatch."""
     yield START
     while True:
         with suppress(NoAnswer):
             yield _check_of(core, node, core.parts[node])
             break
-    yield from _compare(core, node)
+    yield from compare(core, node)
     # No SDO, or a file that has the configuration in other pieces.
     with suppress(NoAnswer, StateError, DictionaryError):
         yield from tell(core, node, configuration)

@@ -96,8 +96,9 @@ class Loss(Enum):
 class Component(NamedTuple):
     """A team's own node as a part of the start (document 5.1: a component that deviates blocks the system).
 
-    It has to answer `check` with `answer`; if there is no such message, it has to answer by SDO, with the revision
-    number of the table. It answers the start configuration with `confirm`, or is not asked to, None.
+    It has to answer `check` with `answer`; if there is no such message, it has to answer by SDO. In either case its
+    fingerprints of the messages are compared with the core's. It answers the start configuration with `confirm`, or is
+    not asked to, None.
     """
 
     check: Message | None = None
@@ -213,6 +214,7 @@ class CoreSettings(RobotNode):
     check_wait = seconds("Node check.Check wait")
     check_attempts = setting("Node check.Check attempts")
     identity_wait = seconds("Node check.Identity wait")
+    trusts_without_sdo = setting("Node check.Nodes without SDO")
     configuration_wait = seconds("Configuration handshake.Configuration confirm wait")
     configuration_transmissions = setting("Configuration handshake.Configuration transmissions")
     confirm_wait = seconds("Goto handshake.Confirm wait")

@@ -33,7 +33,7 @@ def test_the_same_table_makes_the_same_texts() -> None:
 def test_the_comment_is_the_tables() -> None:
     assert "Line1=Made by eurobot-od make-eds from a protocol table; change it there.\n" in TEXTS["plain/core.eds"]
     said = TABLE.replace("author: somebody", "author: somebody, comment: Ours")
-    assert "Lines=1\nLine1=Ours\n" in make_files(read_table(said, ""))["plain/core.eds"]
+    assert "\nLine1=Ours\n" in make_files(read_table(said, ""))["plain/core.eds"]
 
 
 def test_a_reading_is_read_only_and_a_setting_is_not() -> None:

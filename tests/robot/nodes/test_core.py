@@ -42,8 +42,9 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Direction, GotoFault, Obstacle, Outcome, Source, TeamColour
 from eurobot_od.robot.nodes import ROLES
+from eurobot_od.robot.nodes.agreement import NodeMismatch
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.flows import DialectMismatch, GotoReport
+from eurobot_od.robot.nodes.flows import GotoReport
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, as_if_started
 from tests.rows import rows
 
@@ -254,7 +255,7 @@ def test_no_goto_leaves_with_a_node_of_another_dialect(other: str, checked: bool
     bench.run(5.0)
     for call in (*calls, configured):
         error = call.exception(0)
-        assert isinstance(error, (DialectMismatch, NoAnswer))  # a drive refuses what it reads of a configuration
+        assert isinstance(error, (NodeMismatch, NoAnswer))  # a drive refuses what it reads of a configuration
     assert f"{other}" in refused(bench.core)
     bench.run(1.0)
     assert bench.sent(GotoXY) == []

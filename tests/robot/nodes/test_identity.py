@@ -12,7 +12,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.standard import REVISION
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.flows import DialectMismatch, number_in
+from eurobot_od.robot.nodes.agreement import QUESTIONS, NodeMismatch, number_in
 
 BOOTED = 0.1
 ONE, OTHER = dialects.names()[:2]
@@ -46,14 +46,14 @@ def test_nodes_of_one_dialect_are_fine(dialect: str) -> None:
 @pytest.mark.parametrize(
     ("spoken", "text"),
     [
-        ({"drive": OTHER}, f"drive (node 2) speaks another dialect: it is loaded from .* ({OTHER}), .* ({ONE})"),
-        ({"navigation": OTHER}, f"navigation (node 3) speaks another dialect: .* ({OTHER}), .* ({ONE})"),
-        ({"core": OTHER}, f"drive (node 2) speaks another dialect: it is loaded from .* ({ONE}), .* ({OTHER})"),
+        ({"drive": OTHER}, f"drive (node 2) maps messages differently: .* dialect {OTHER})"),
+        ({"navigation": OTHER}, f"navigation (node 3) maps messages differently: .* dialect {OTHER})"),
+        ({"core": OTHER}, f"drive (node 2) maps messages differently: .* dialect {ONE})"),
     ],
 )
 def test_another_dialect_is_noticed_and_named(spoken: dict[str, str], text: str) -> None:
     pattern = text.replace("(", r"\(").replace(")", r"\)")
-    with pytest.raises(DialectMismatch, match=pattern):
+    with pytest.raises(NodeMismatch, match=pattern):
         check(*robot(**spoken))
 
 
@@ -63,22 +63,27 @@ def test_the_error_names_dialects_when_it_is_printed_and_the_node_reads_no_file(
     network, core = robot(drive=OTHER)
     with monkeypatch.context() as without_files:
         without_files.setattr(dialects, "eds_folder", lambda: tmp_path / "none")
-        with pytest.raises(DialectMismatch) as caught:
+        with pytest.raises(NodeMismatch) as caught:
             check(network, core)
     assert OTHER in str(caught.value)
 
 
-def test_a_revision_of_no_dialect_is_a_number() -> None:
-    text = str(DialectMismatch("drive", 2, 0xABCD, 0x00010000))
-    assert "it is loaded from an EDS of revision 0x0000ABCD, the core" in text
+def test_a_number_of_no_dialect_names_none() -> None:
+    text = str(NodeMismatch("drive", 2, "maps messages differently", 0xABCD))
+    assert text == "drive (node 2) maps messages differently; nothing is driven"
 
 
-def test_a_node_that_speaks_no_sdo_is_believed() -> None:
-    network, core = robot()
+@pytest.mark.parametrize(("dialect", "is_believed"), [("canopen", False), ("firmware2014", True)])
+def test_a_node_without_sdo_is_believed_in_the_dialect_of_2014_only(dialect: str, is_believed: bool) -> None:
+    network, core = robot(core=dialect, drive=dialect, navigation=dialect)
     core.device.objects.put((0x1280, 1), 0x67F)  # nobody answers there
     begin = network.now
-    assert set(check(network, core)) == {"drive", "navigation"}
-    assert network.now - begin == pytest.approx(core.identity_wait, abs=0.01)
+    if is_believed:
+        assert set(check(network, core)) == {"drive", "navigation"}
+    else:
+        with pytest.raises(NodeMismatch, match="answers no SDO, so nobody knows how it maps"):
+            check(network, core)
+    assert network.now - begin == pytest.approx(QUESTIONS * core.identity_wait, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,109 @@
+"""Fingerprints of messages: numbers that differ when two nodes would not read a frame alike.
+
+A node has them in an object of its own, made by `make-eds` from the table: one number for all messages together, and
+one for each message of the table, whether the node has it or not. Why not an object that CANopen has: the revision
+number (0x1018:3) is raised by a person, who may forget it; the date and time of 0x1020 are a configuration tool's,
+which any write to the node resets. Both stay what they are.
+
+A fingerprint covers name, identifier, order and bits of what is mapped, and its units and codes. Ranges are not in it:
+whoever receives a value sees that it is out of range. The upper 11 bits are the identifier, so that messages can be
+told apart without their names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+from zlib import crc32
+
+from eurobot_od.od.meanings import ObjectMeaning
+from eurobot_od.od.values import REALS, Address, MappingEntry, Value
+
+if TYPE_CHECKING:
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.od.pdos import Mapped, Pdo
+
+FINGERPRINTS = 0x2F00
+"""The object with a node's fingerprints; sub-index `OF_ALL` is that of all messages, the messages follow."""
+
+OBJECT_NAME, ALL_NAME = "Message fingerprints", "All messages"
+OF_ALL, FIRST = 1, 2
+MOST_MESSAGES = 0xFE - 1
+"""Most messages that an object's sub-indices have room for."""
+
+HASH_BITS = 21
+"""Bits of a fingerprint below the identifier."""
+
+
+class MappedPart(NamedTuple):
+    """One entry of a mapping, as far as it decides how a frame is read; `signed` is None for bits without a value."""
+
+    entry: int
+    is_signed: bool | None
+    is_real: bool
+    meaning: ObjectMeaning
+
+    @property
+    def text(self) -> str:
+        """The same in one text."""
+        codes = sorted(self.meaning.codes.items())
+        return f"{self.entry:08X} {self.is_signed} {self.is_real} {self.meaning.unit} {codes}"
+
+
+def fingerprint(name: str, identifier: int, parts: Iterable[MappedPart]) -> int:
+    """Return the fingerprint of a message."""
+    text = "\n".join([name, *(each.text for each in parts)])
+    return identifier << HASH_BITS | crc32(text.encode()) & (1 << HASH_BITS) - 1
+
+
+def of_all(fingerprints: Iterable[int]) -> int:
+    """Return the fingerprint of all messages together."""
+    return crc32(b"".join(each.to_bytes(4, "little") for each in fingerprints))
+
+
+def of_pdo(pdo: Pdo) -> int:
+    """Return the fingerprint of a message as a PDO maps it, valid or not."""
+    return fingerprint(pdo.name, pdo.cob_id, map(_part, pdo.mapping))
+
+
+def _part(mapped: Mapped) -> MappedPart:
+    signed = None if mapped.is_padding else mapped.type.is_signed
+    entry = MappingEntry(*mapped.address, mapped.bits).number
+    return MappedPart(entry, signed, mapped.type in REALS, mapped.meaning)
+
+
+def in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[str, int]:
+    """Return the fingerprints of all messages by name, those of the node's own PDOs as these values map them now.
+
+    Empty for a device whose file has no fingerprints.
+    """
+    own = {pdo.name: of_pdo(pdo) for pdo in dictionary.read_pdos(value, lambda _: None)}
+    members = dictionary.members.get(FINGERPRINTS, {})
+    said = {each.name: dictionary.number((FINGERPRINTS, sub)) or 0 for sub, each in members.items() if sub >= FIRST}
+    return {name: own.get(name, number) for name, number in said.items()}
+
+
+class MessageDifference(NamedTuple):
+    """A message that another node maps differently: its name here, '' for one that only the other has.
+
+    `identifier` is the other node's, None if it does not have the message; `bits` tells that the identifier agrees, and
+    that something in the message does not.
+    """
+
+    name: str
+    identifier: int | None
+    bits: bool = False
+
+
+def differences(ours: dict[str, int], theirs: Sequence[int]) -> list[MessageDifference]:
+    """Return the messages whose fingerprints differ."""
+    by_identifier = {each >> HASH_BITS: each for each in theirs}
+    odd = {name: each for name, each in ours.items() if by_identifier.get(each >> HASH_BITS) != each}
+    moved = {each & (1 << HASH_BITS) - 1: each >> HASH_BITS for each in theirs if each not in ours.values()}
+    found = []
+    for name, each in odd.items():
+        there = moved.get(each & (1 << HASH_BITS) - 1)
+        same = each >> HASH_BITS in by_identifier and there is None
+        found.append(MessageDifference(name, each >> HASH_BITS if same else there, same))
+    known = {each >> HASH_BITS for each in ours.values()} | {each.identifier for each in found}
+    return found + [MessageDifference("", each) for each in by_identifier if each not in known]
