@@ -27,7 +27,7 @@ LAYERS = (
     {"support"},
     {"od"},
     {"pdo", "sdo", "lint"},
-    {"gatekeeper", "export"},
+    {"gatekeeper", "export", "library"},
     {"device"},
     {"bus"},
     {"client"},

@@ -49,6 +49,7 @@ COMMANDS = {
     "diff": "compare two EDS, DCF or XDD files, or one with a live node",
     "export": "turn EDS and DCF files into other forms",
     "make-eds": "make EDS files from a protocol table, or check them against it",
+    "devices": "list the library of device files, or add files to it",
     "scan": "list the CANopen nodes of a bus",
     "read": "read objects of a CANopen node, by number or name",
     "write": "write one object of a CANopen node",
@@ -80,6 +81,7 @@ MODULES = {
     **dict.fromkeys(("export", "make-eds"), "files"),
     **dict.fromkeys(("doctor", "completion"), "installation"),
     **dict.fromkeys(("compare", "replay"), "decode"),
+    "devices": "library",
     "diff": "lint",
     "faults": "node",
 }

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import islice
 from math import inf
+from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, Target
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
-from eurobot_od.client.description import Found, Identity
+from eurobot_od.client.description import Found
 from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.client.master import Master, produce, syncs, times
@@ -27,6 +28,7 @@ from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import LssState, node_id_words
 from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import texts
@@ -37,8 +39,8 @@ from eurobot_od.support.texts import columns, one_line
 def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> ExitStatus:
     """List the CANopen nodes of a bus: which answer, in which state, what they are.
 
-    With --network or --eds also what they are called there, and which of them are missing. Exit status 1 if one is
-    missing, or if there is no node at all.
+    With a library also which of its files fits each of them. With --network or --eds also what they are called there,
+    and which of them are missing. Exit status 1 if one is missing, or if there is no node at all.
 
     listen: listen for heartbeats for this time (1.5 s)
 
@@ -51,15 +53,52 @@ def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> Exi
         for each in known:
             master.follow(each)  # a device that answers elsewhere is there, too
         found = scan_nodes(master, listen=listen)
+    files = {each.node_id: ScannedFile(each.file) for each in known} | _library_files(devices, known, found)
     names = {each.node_id: each.name for each in known}
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
     rows = [found_as_data(each) for each in (*found, *(Found(each, None, None, "") for each in missing))]
     for row in rows if names else ():  # a stranger to the network has no name in it: null
         row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
-    lines = columns(found_rows(found, names)) if found else ["no node answers"]
+    for row in rows if files else ():
+        row.update(files.get(row["node_id"], NO_FILE).as_data())
+    lines = columns(found_rows(found, names, files)) if found else ["no node answers"]
     missed = [one_line(f"missing: {', '.join(f'{names[each]} ({each})' for each in missing)}")] * bool(missing)
-    give(as_json, rows, (*lines, *missed))
+    also = [f"node {node_id}: also of this product: {each.further}" for node_id, each in files.items() if each.others]
+    give(as_json, rows, (*lines, *map(one_line, also), *missed))
     return ExitStatus.FINE if found and not missing else ExitStatus.FOUND
+
+
+class ScannedFile(NamedTuple):
+    """The file of a node that was found, and `others` that fit it less."""
+
+    file: Path | None
+    others: Sequence[Path] = ()
+
+    @property
+    def further(self) -> str:
+        """The names of the others."""
+        return ", ".join(each.name for each in self.others)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {"file": self.file and str(self.file), "other_files": list(map(str, self.others))}
+
+
+NO_FILE = ScannedFile(None)
+
+
+def _library_files(devices: Devices, known: Iterable[Dictionary], found: Iterable[Found]) -> dict[int, ScannedFile]:
+    """Return the library's files of the nodes that were found, and complain of what does not fit them."""
+    named, describe = {each.node_id: each for each in known}, devices.describer(known)
+    fitting: dict[int, ScannedFile] = {}
+    for each in found:
+        if each.identity is None:
+            continue
+        describe.check(each.node_id, each.identity, named.get(each.node_id))
+        fit = None if each.node_id in named else devices.known_library.find(each.identity, each.device_type)
+        if fit is not None:
+            fitting[each.node_id] = ScannedFile(fit.entry.path, [other.path for other in fit.others])
+    return fitting
 
 
 def found_as_data(found: Found) -> dict[str, Any]:
@@ -69,14 +108,21 @@ def found_as_data(found: Found) -> dict[str, Any]:
     return {"node_id": found.node_id, "name": found.name, "state": state, "identity": identity}
 
 
-def found_rows(found: Sequence[Found], names: Mapping[int, str] = MappingProxyType({})) -> Iterator[tuple[str, ...]]:
-    """Yield the table of the nodes, with a column for the `names` that a network has for them, if there are any."""
-    yield "node", *["in network"] * bool(names), "name", "state", "vendor", "product", "revision", "serial"
+def found_rows(
+    found: Sequence[Found],
+    names: Mapping[int, str] = MappingProxyType({}),
+    files: Mapping[int, ScannedFile] = MappingProxyType({}),
+) -> Iterator[tuple[str, ...]]:
+    """Yield the table of the nodes, with columns for the `names` that a network has for them and for their `files`."""
+    title = "node", *["in network"] * bool(names), "name", "state", "vendor", "product", "revision", "serial"
+    yield *title, *["file"] * bool(files)
     for each in found:
         state = "-" if each.state is None else STATE_NAMES[each.state]
         numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
         there = [names.get(each.node_id, "-")] * bool(names)
-        yield f"{each.node_id:>4}", *there, each.name or "-", state, *numbers
+        file = files.get(each.node_id, NO_FILE).file
+        shown = [file.name if file else "-"] * bool(files)
+        yield f"{each.node_id:>4}", *there, each.name or "-", state, *numbers, *shown
 
 
 # Boot
@@ -97,7 +143,7 @@ def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: 
     named = network.read_network(path)
     loaded = {each.node_id: each for each in replace(access.devices, network=path).load_and_complain()}
     # `load` sorts by node-ID; the standard starts slaves in the network's own order
-    order = [Dictionary.load(*each).node_id for each in named.nodes]
+    order = [each.load().node_id for each in named.nodes]
     slaves = [loaded[each] for each in order if loaded[each].name != named.master]
     with access.master() as master:
         nodes = [master.node(each.node_id) for each in slaves]
@@ -373,7 +419,8 @@ def lss(
     alone: the device is the only one on the bus
     timeout: longest wait for an answer (100 ms)
 
-    $ lss scan -i socketcan -c can0
+    $ lss find -i socketcan -c can0
+    $ lss set --node-id 6 --store -i socketcan -c can0
     """
     wanted = list(settings.services())  # checked before the first frame goes out
     if action == "set" and not wanted:

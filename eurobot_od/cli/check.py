@@ -6,7 +6,7 @@ import datetime
 import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -133,6 +133,8 @@ def check(
     report.check_files()
     for name in checks.fault:
         checks.devices.robot.find_fault(name)  # complains of a name before the first suite, not in it
+    if checks.made.is_wanted and not (checks.simulate or list or output):
+        checks = replace(checks, devices=checks.devices.found_on(checks.bus))
     with left_out() as refused:
         reader = checks.reader(refused)
         if output is not None:

@@ -20,6 +20,7 @@ from eurobot_od.cli.options import BitRate, BusOptions, DbcFiles, EmcyFiles, Jso
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import Address
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support import files, progress
 from eurobot_od.support.texts import amount, one_line
@@ -83,6 +84,23 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             yield io.BufferedReader(Watched(file, lambda done: draw(done, status.st_size)))
         else:
             yield io.BufferedReader(Watched(file, lambda _: None))  # the same class, so that no format has a second way
+
+
+def decoder_for(
+    logs: Iterable[str], reading: Reading, devices: Devices, emcy: Iterable[str] = (), dbc: Iterable[str] = ()
+) -> Decoder:
+    """Return the decoder of logs' frames, with the library's files for devices that say at the beginning what they are.
+
+    Raises as `Devices.decoder`.
+    """
+    shown: dict[int, dict[Address, int]] = {}
+    if devices.known_library.entries:
+        from eurobot_od.traffic.identities import shown_in
+
+        for log in filter(os.path.isfile, logs):  # what a pipe says is seen while decoding
+            with opened(log, is_watched=False) as file:
+                shown = shown_in(file, reading.format, reading.largest) | shown
+    return devices.decoder(emcy, dbc, shown)
 
 
 class Watched(io.RawIOBase):
@@ -164,7 +182,7 @@ def decode(
     $ decode run.log --eds 5=motor.eds
     $ decode run.log --statistics
     """
-    decoder = devices.decoder(emcy, dbc)
+    decoder = decoder_for(logs, reading, devices, emcy, dbc)
     several = len(logs) > 1
     if statistics:
         from eurobot_od.traffic.statistics import TrafficOutput  # the usual case starts without the other ones' modules
@@ -204,6 +222,7 @@ def compare(
     filters: Filters,
     devices: Devices,
     emcy: EmcyFiles = (),
+    dbc: DbcFiles = (),
 ) -> ExitStatus:
     """Compare two logs that should be the same: which frames are missing, extra or late, or have other values.
 
@@ -222,7 +241,7 @@ def compare(
     from eurobot_od.traffic.compare import compare as differences_of
     from eurobot_od.traffic.decoding import Following
 
-    decoder = devices.decoder(emcy)
+    decoder = decoder_for([first, second], reading, devices, emcy, dbc)
     fields, wanted = tolerances(tolerance, decoder.protocol), filters.wanted(decoder)
 
     def seen(log: str) -> Iterator[ComparedEntry]:
@@ -293,7 +312,7 @@ def replay(
     from eurobot_od.client.master import replay as replay_frames
     from eurobot_od.traffic.filters import by_sender
 
-    decoder = devices.decoder()
+    decoder = decoder_for(logs, reading, devices)
     wanted = by_sender(decoder.dictionaries, decoder.protocol, only, without)
     # What a log has besides frames is damage, which nobody can send.
     timed = ((at, raw) for _, (_, at, _, raw) in entries(logs, reading) if isinstance(raw, Frame) and wanted(raw))

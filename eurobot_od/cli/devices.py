@@ -6,7 +6,8 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -16,16 +17,19 @@ from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, look_up
+from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
 from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
+from eurobot_od.pdo.in_force import Describe, nothing_known
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.plugin import Plugin
 from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:  # a command that needs no bus does without
+    from eurobot_od.client.description import Found
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
@@ -37,6 +41,12 @@ Dialect: TypeAlias = Annotated[
     f"name of a robot's dialect, or a folder of EDS files (default: the variable {DIALECT_VARIABLE})",
 ]
 
+LibraryFolders: TypeAlias = Annotated[
+    Sequence[str],
+    Option(metavar="FOLDER", is_file=True),
+    f"folder of device files; repeatable (default: the variable {VARIABLE}, `library:` of {DEFAULT}, or your own)",
+]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Devices:
@@ -46,6 +56,7 @@ class Devices:
     network: network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files
     module: modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable
     patch: patch over a device's file: objects in YAML, or a DCF's values; repeatable
+    library: folder of device files, for nodes whose file is not named (default: your own, see `devices`); repeatable
     """
 
     GROUP = HelpGroup("devices", f"default: {DEFAULT} in this folder, else the robot's")
@@ -54,6 +65,7 @@ class Devices:
     network: Annotated[str | None, Option(metavar="PATH", is_file=True)] = None
     module: Annotated[Sequence[str], Option(metavar="[NODE=]MODULES")] = ()
     patch: Annotated[Sequence[str], Option(metavar="[NODE=]FILE", is_file=True)] = ()
+    library: LibraryFolders = ()
     dialect: Dialect = None
     robot_name: RobotName = None
 
@@ -71,12 +83,25 @@ class Devices:
         """The network file: what is named on the command line replaces the folder's own; the two are never mixed."""
         return self.network or ("" if self.eds else DEFAULT)
 
-    @property
+    @cached_property
     def _described(self) -> NetworkFile:
         """What the network file says, if there is one; raises FileError."""
         if not self.network and (self.dialect or not os.path.isfile(self._file)):  # noqa: PTH113
             return NetworkFile()
         return network.read_network(self._file)
+
+    @cached_property
+    def known_library(self) -> Library:
+        """The library that describes nodes whose files are not named; raises LocalError, FileError."""
+        written = self._described.library
+        if not written and self._file != DEFAULT and os.path.isfile(DEFAULT):  # noqa: PTH113
+            written = network.read_network(DEFAULT).library  # said once for a folder, whatever else is named
+        return Library(folders(self.library, written))
+
+    def describer(self, known: Iterable[Dictionary]) -> LibraryDevices:
+        """Return what describes nodes by what they show of themselves; the `known` ones that nobody named give way."""
+        implied = () if self.files() else [each.node_id for each in known]
+        return LibraryDevices(self.known_library, complain, implied)
 
     @property
     def master(self) -> str:
@@ -114,44 +139,92 @@ class Devices:
         with left_out() as refused:
             return Protocol.of_devices(known or self.load_and_complain(), self.robot.catalogue(), refused)
 
-    def decoder(self, emcy: Iterable[str] = (), dbc: Iterable[str] = ()) -> Decoder:
+    def decoder(
+        self, emcy: Iterable[str] = (), dbc: Iterable[str] = (), shown: Mapping[int, Numbers] = MappingProxyType({})
+    ) -> Decoder:
         """Return the decoder of these devices' frames, of CiA 301's without any; complains of PDOs that are left out.
 
-        `emcy` are files with makers' words for error codes, `dbc` name frames of other protocols. Raises as `load`.
+        `emcy` are files with makers' words for error codes, `dbc` name frames of other protocols, besides those of the
+        network file. `shown` is what nodes have shown of their identity: the library describes them. Raises as `load`.
         """
         known = self.load_and_complain() if self.are_known else ()
-        return decoder_of(known, self.robot, error_words(emcy), self.master, dbc)
+        describe = self.describer(known)
+        devices = {each.node_id: each for each in known}
+        for node_id, numbers in shown.items():
+            if found := describe(node_id, numbers, devices.get(node_id)):
+                devices[node_id] = found
+        return self._decoder_of(devices.values(), emcy, dbc, describe=describe)
+
+    def _decoder_of(
+        self,
+        known: Iterable[Dictionary],
+        emcy: Iterable[str],
+        dbc: Iterable[str],
+        learned: Iterable[Dictionary] = (),
+        describe: Describe = nothing_known,
+    ) -> Decoder:
+        others = (*self._described.dbc, *dbc)
+        return decoder_of(known, self.robot, self._error_words(emcy), self.master, others, learned, describe)
+
+    def _error_words(self, emcy: Iterable[str]) -> dict[int, dict[int, str]]:
+        """Return makers' words for error codes by node-ID, 0 for all: the network file's, and over them `emcy`'s."""
+        said = [f"{each.node_id}={file}" if each.node_id else file for each in self.files() for file in each.emcy]
+        return error_words((*self._described.emcy, *said, *emcy))
 
     def errors(self, emcy: Iterable[str] = ()) -> ErrorWords:
         """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
         known = self.load() if self.are_known else ()
-        return ErrorWords.of_devices(known, self.robot.catalogue(), error_words(emcy))
+        return ErrorWords.of_devices(known, self.robot.catalogue(), self._error_words(emcy))
 
     def asking_decoder(self, bus: BusOptions, emcy: Iterable[str] = (), dbc: Iterable[str] = ()) -> Decoder:
         """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
 
         Without files all devices that answer are asked. Raises as `load`, BusError.
         """
-        from eurobot_od.client.configure import all_pdo_parameters, pdo_parameters
+        from eurobot_od.client.configure import all_pdo_parameters
         from eurobot_od.client.description import scan
         from eurobot_od.client.master import Master
         from eurobot_od.pdo.in_force import made
 
-        asked, learned = [], list[Dictionary]()
+        asked, learned = list[Dictionary](), list[Dictionary]()
         with Master(bus.open()) as master:
-            for node_id in () if self.are_known else (each.node_id for each in scan(master)):
+            for found in () if self.are_known else scan(master):
                 try:
-                    learned += made(node_id, all_pdo_parameters(master.node(node_id)))
+                    if described := self.found_description(found):
+                        asked.append(described)
+                    else:
+                        learned += made(found.node_id, all_pdo_parameters(master.node(found.node_id)))
                 except RemoteError as error:
-                    complain(f"node {node_id}: {error}")
-            for dictionary in self.load_and_complain() if self.are_known else ():
-                master.follow(dictionary)
-                try:
-                    asked.append(dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary)))
-                except RemoteError as error:  # one node that is off must not keep the others from being decoded
-                    complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
-                    asked.append(dictionary)
-        return decoder_of(asked, self.robot, error_words(emcy), self.master, dbc, learned)
+                    complain(f"node {found.node_id}: {error}")
+            known = self.load_and_complain() if self.are_known else asked
+            present = [self._as_on_the_bus(master, each) for each in known]
+        return self._decoder_of(present, emcy, dbc, learned, self.describer(known))
+
+    def _as_on_the_bus(self, master: Master, dictionary: Dictionary) -> Dictionary:
+        """Return a device as it is set now, or as in its file, with a complaint, if it does not answer."""
+        from eurobot_od.client.configure import pdo_parameters
+
+        master.follow(dictionary)
+        try:
+            return dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary))
+        except RemoteError as error:  # one node that is off must not keep the others from being decoded
+            complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
+            return dictionary
+
+    def found_on(self, bus: BusOptions) -> Devices:
+        """Return the devices that are on the bus and in the library, if none are named; raises LocalError, BusError."""
+        if self.are_known or not self.known_library.entries:
+            return self
+        from eurobot_od.client.description import scan
+        from eurobot_od.client.master import Master
+
+        with Master(bus.open()) as master:
+            found = {each.node_id: self.found_description(each) for each in scan(master)}
+        return replace(self, eds=[f"{node_id}={each.file}" for node_id, each in found.items() if each])
+
+    def found_description(self, found: Found) -> Dictionary | None:
+        """Return the library's description of a node that was found, None without one; complains as `describer`."""
+        return self.describer(())(found.node_id, found.numbers)
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
@@ -246,18 +319,20 @@ def decoder_of(
     master: str = "",
     dbc: Iterable[str] = (),
     learned: Iterable[Dictionary] = (),
+    describe: Describe = nothing_known,
 ) -> Decoder:
     """Return the decoder of some devices' frames; complains of PDOs that are left out.
 
     `errors` are words for emergency error codes, by node-ID; `master` is who leads the network, if a file says it.
-    `dbc` are files that name frames of other protocols; `learned` is what devices without files have said.
+    `dbc` are files that name frames of other protocols; `learned` is what devices without files have said;
+    `describe` finds a file for a node that shows its identity.
     """
     from eurobot_od.traffic.dbc import read_dbc  # files are shown and exported without
     from eurobot_od.traffic.meaning import Decoder
 
     others = read_dbc(dbc)
     with left_out() as refused:
-        return Decoder(dictionaries, robot.catalogue(), refused, errors, master, learned, others)
+        return Decoder(dictionaries, robot.catalogue(), refused, errors, master, learned, others, describe=describe)
 
 
 @contextmanager
@@ -331,7 +406,7 @@ class Target(Access):
             yield master.node(number)
 
     def description(self, node: RemoteNode) -> Dictionary | None:
-        """Return the EDS of the node: the file, ours that has its identity, or its own; None if there is none.
+        """Return the EDS of the node: the file, ours or the library's for its identity, or its own; None without any.
 
         A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
         transferred, tens of thousands of bytes.
@@ -344,7 +419,20 @@ class Target(Access):
         dialects = self.devices.robot.dialects
         names = [self.devices.dialect] if self.devices.dialect else dialects.names()
         known = (each for name in names for each in dialects.load_all(name))
-        return description.fitting(node, known) or description.uploaded(node)
+        return description.fitting(node, known) or self._library_description(node) or description.uploaded(node)
+
+    def _library_description(self, node: RemoteNode) -> Dictionary | None:
+        """Return the library's description of the node, which is asked what it is only if there is a library."""
+        from eurobot_od.client.description import read_numbers
+
+        devices = self.devices
+        if not devices.known_library.entries:
+            return None
+        found = devices.describer(())(node.node_id, read_numbers(node))
+        if found is not None:
+            complain_of_repairs([found])
+            node.master.follow(found)
+        return found
 
     def named_description(self, node: RemoteNode) -> Dictionary | None:
         """Return the EDS that the user has named for the node; None if there is none.
@@ -355,7 +443,7 @@ class Target(Access):
         named = files[: len(self.devices.eds)]
         mine = next((each for each in named if each.node_id in (None, node.node_id)), None)
         if mine is None:  # only then the network, whose files have to be loaded to know whose they are
-            mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
+            mine = next((each for each in files if each.load().node_id == node.node_id), None)
         if mine is None:
             return None
         dictionary = Dictionary.load(mine.file, node.node_id, modules=mine.modules, patch=mine.patch)
@@ -368,6 +456,7 @@ class Target(Access):
         found = self.description(node)
         if found is None:
             raise LocalError(
-                f"no EDS has the identity of node {node.node_id}, and it keeps none itself: name one by --eds"
+                f"no EDS has the identity of node {node.node_id}, and it keeps none itself: name one by --eds, "
+                "or put it into your library (`devices add FILE`)"
             )
         return found

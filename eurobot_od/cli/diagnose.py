@@ -11,9 +11,9 @@ from typing import Annotated
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, version
-from eurobot_od.cli.decode import Log, Reading, entries
+from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, EmcyFiles, Json, NoReconnect, Seconds, give, write
+from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, Json, NoReconnect, Seconds, give, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
 from eurobot_od.lint.findings import LEVELS
@@ -43,6 +43,7 @@ def diagnose(
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
+    dbc: DbcFiles = (),
     bus: BusOptions,
 ) -> ExitStatus:
     """Say what is wrong in logs, or on a bus, and what to do: a verdict in one line, then incidents, worst first.
@@ -58,7 +59,7 @@ def diagnose(
     $ diagnose -i socketcan -c can0 --for 10s
     """
     form = form_of(report) if report else ""  # an unknown suffix ends it before the log is read
-    decoder = devices.decoder(emcy)
+    decoder = decoder_for(logs, reading, devices, emcy, dbc)
     watchers, promised = devices.robot.watchers(), devices.promised(decoder)
     diagnosis = Diagnosis(decoder, watchers, bus.bitrate or BITRATE, promised)
     if logs:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, complain
-from eurobot_od.cli.decode import Log, Reading, entries
+from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
-from eurobot_od.cli.options import EmcyFiles, Output, write
+from eurobot_od.cli.options import DbcFiles, EmcyFiles, Output, write
 from eurobot_od.cli.signature import Forms, Option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od.dictionary import Dictionary
@@ -91,6 +91,7 @@ def mcap(
     reading: Reading,
     devices: Devices,
     emcy: EmcyFiles = (),
+    dbc: DbcFiles = (),
 ) -> None:
     """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any.
 
@@ -101,7 +102,7 @@ def mcap(
     """
     with extras.needed("mcap"):
         from eurobot_od.traffic.mcap import write as write_mcap
-    decoder = devices.decoder(emcy)
+    decoder = decoder_for([log], reading, devices, emcy, dbc)
     check_writable(output)  # before a long log is decoded for nothing
     file = BytesIO()  # what was there before stays if anything fails
     logged = (entry for _, entry in entries([log], reading))
@@ -132,7 +133,7 @@ def xdd(file: Annotated[str, Option(metavar="FILE", is_file=True)], *, output: O
     texts: dict[str, str] = {}
     for each in read_network(file).nodes:
         # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
-        dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
+        dictionary = each.load(each.node_id or NODE_IDS[0])
         complain_of_repairs([dictionary])
         texts[f"{each.name or Path(each.file).stem}.xdd"] = xdd_text(dictionary)
     output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder

@@ -18,7 +18,7 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
-from eurobot_od.cli.decode import Log, Reading, entries
+from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, NoReconnect, positive
 from eurobot_od.cli.signature import Option
@@ -81,7 +81,7 @@ def monitor(
     """
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")
-    decoder = devices.asking_decoder(bus, emcy, dbc) if ask else devices.decoder(emcy, dbc)
+    decoder = devices.asking_decoder(bus, emcy, dbc) if ask else decoder_for(logs, reading, devices, emcy, dbc)
     traffic = Traffic(decoder, bus.bitrate or BITRATE, devices.promised(decoder) if statistics else NOTHING)
     controls = Controls(sort, filter)
     rich = redraws(sys.stdout) and not plain

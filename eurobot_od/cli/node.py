@@ -66,8 +66,8 @@ class LoadedDevice(NamedTuple):
     def of(cls, file: NodeFile, store: str | None = None) -> LoadedDevice:
         """Load a device; what LSS has stored counts if it is to begin without a node-ID. Raises DictionaryError."""
         if file.node_id != UNCONFIGURED:
-            return cls.configured(Dictionary.load(*file))
-        dictionary = Dictionary.load(*file._replace(node_id=NODE_IDS[-1]))  # any: LSS gives it another one
+            return cls.configured(file.load())
+        dictionary = file.load(NODE_IDS[-1])  # any: LSS gives it another one
         stored = FileStore(store, dictionary).commissioned if store else None
         return cls(dictionary, stored or Commissioning())
 

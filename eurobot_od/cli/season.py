@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from eurobot_od.cli import RobotName, complain
-from eurobot_od.cli.decode import Format
+from eurobot_od.cli.decode import Format, Reading, decoder_for
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BIT_RATE, BitRate, Jobs, Json, write
 from eurobot_od.cli.signature import Option
@@ -48,7 +48,7 @@ def archive(
     with extras.needed("season"):
         from eurobot_od.season.archive import DecodedNetwork, archive
     logs = list(dict.fromkeys(logs))  # one that two patterns of a shell name is archived once
-    decoder = devices.decoder()
+    decoder = decoder_for(map(str, logs), Reading(format=format), devices)
     names = {each.cob_id: each.name for each in decoder.protocol.bindings}
     promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
     answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}

@@ -18,9 +18,9 @@ from urllib.parse import urlsplit
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
-from eurobot_od.cli.decode import Log, Reading, entries
+from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, EmcyFiles
+from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
@@ -53,6 +53,7 @@ def serve(
     listen: Annotated[Address, Option(metavar="HOST:PORT", read=parse_address)] = HERE,
     devices: Devices,
     emcy: EmcyFiles = (),
+    dbc: DbcFiles = (),
     bus: BusOptions,
 ) -> None:
     """Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
@@ -72,7 +73,10 @@ def serve(
         raise LocalError(f"a page shows one log, or two side by side, not {len(logs)}")
     if logs and control:
         raise LocalError("--control is for a bus: a log cannot be changed")
-    decoder, bitrate = devices.decoder(emcy), bus.bitrate or BITRATE
+    if control:  # a page that may send may ask, too
+        devices = devices.found_on(bus)
+    decoder = decoder_for(logs, reading, devices, emcy, dbc)
+    bitrate = bus.bitrate or BITRATE
     panels = [each.of(decoder.protocol) for each in devices.robot.panels() if each.fits(decoder.protocol)]
     diagnosis = partial(Diagnosis, decoder, devices.robot.watchers(), bitrate, devices.promised(decoder))
     with suppress(KeyboardInterrupt):  # the usual way to end it

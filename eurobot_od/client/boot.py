@@ -17,13 +17,13 @@ from enum import Enum
 from typing import NamedTuple
 
 from eurobot_od.client.configure import configure
-from eurobot_od.client.description import Identity
 from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.client.watch import LOST_AFTER
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.support.texts import amount
 

@@ -16,6 +16,7 @@ from eurobot_od.client.master import Master, Procedure, RemoteNode
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, IDENTITY, STORE_FORMAT, STORED_EDS
 from eurobot_od.od.values import NODE_IDS, Address
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LENGTH, ClientCommand, Initiate, ServerCommand, initiate
@@ -27,42 +28,26 @@ PLAIN_TEXT = b"\0"
 """Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.25)."""
 
 
-class Identity(NamedTuple):
-    """The identity object 0x1018; 0 for a number that a node does not have (CiA 301, 7.5.2.21)."""
-
-    vendor: int = 0
-    product: int = 0
-    revision: int = 0
-    serial: int = 0
-
-    def __str__(self) -> str:
-        return ":".join(f"0x{number:08X}" for number in self)
-
-    @classmethod
-    def of(cls, dictionary: Dictionary) -> Identity:
-        """Return the identity that an EDS or DCF is for."""
-        return cls(*dictionary.identity)
-
-    def difference(self, other: Identity) -> str | None:
-        """Return in what another device is of another kind than this one; None if it is of the same kind.
-
-        The serial number tells devices of one kind apart. Only the upper half of the revision must agree: the lower
-        half does not change the CANopen behaviour (CiA 301, 7.5.2.21).
-        """
-        pairs = {
-            "vendor-ID": (self.vendor, other.vendor),
-            "product code": (self.product, other.product),
-            "major revision": (self.revision >> 16, other.revision >> 16),
-        }
-        return next((f"{name} 0x{b:X}, not 0x{a:X}" for name, (a, b) in pairs.items() if a != b), None)
-
-
 @Procedure
 async def read_identity(node: RemoteNode) -> Identity:
     """Ask a node what it is; only the vendor-ID is mandatory. Raises NoAnswer, RemoteError, BusError."""
     addresses = {(IDENTITY, subindex): name for subindex, name in enumerate(Identity._fields, start=1)}
     numbers = [await _optional(node, address, name) for address, name in addresses.items()]
     return Identity(*(int.from_bytes(each, "little") for each in numbers))
+
+
+@Procedure
+async def read_numbers(node: RemoteNode) -> dict[Address, int]:
+    """Ask a node for its identity and its device type: the numbers by address. Raises as `read_identity`."""
+    identity = await read_identity.steps(node)
+    type_ = await _optional(node, DEVICE_TYPE, "Device type")
+    return numbers_of(identity, int.from_bytes(type_, "little") if type_ else None)
+
+
+def numbers_of(identity: Identity, device_type: int | None) -> dict[Address, int]:
+    """Return what is known of a node by the addresses of the objects."""
+    numbers = {(IDENTITY, sub): number for sub, number in enumerate(identity, start=1)}
+    return numbers if device_type is None else numbers | {DEVICE_TYPE: device_type}
 
 
 @Procedure
@@ -123,12 +108,21 @@ LISTEN = 1.5
 
 
 class Found(NamedTuple):
-    """A node: its NMT `state` if a heartbeat was heard, its `identity` if it answers SDO, its `name` in 0x1008."""
+    """A node: its NMT `state` if a heartbeat was heard, its `identity` if it answers SDO, its `name` in 0x1008.
+
+    `device_type` is its 0x1000, None if it did not say it.
+    """
 
     node_id: int
     state: NmtState | None
     identity: Identity | None
     name: str
+    device_type: int | None = None
+
+    @property
+    def numbers(self) -> dict[Address, int]:
+        """What it has shown of its identity and type, by the addresses of the objects."""
+        return numbers_of(self.identity, self.device_type) if self.identity else {}
 
 
 @Procedure
@@ -137,14 +131,14 @@ async def scan(
 ) -> list[Found]:
     """Return the nodes that are there, by node-ID. Raises BusError."""
     wanted = sorted(node_ids)
-    answered: set[int] = set()
+    answered: dict[int, int | None] = {}
 
     def received(node_id: int, data: bytes) -> None:
         # An abort of 0x1000 is an answer, too. A transfer would not do here: it ends with the first odd answer, and
         # another master may be asking the node as well.
         answer = Initiate.of(data) if len(data) == LENGTH else None
         if answer is not None and answer.address == DEVICE_TYPE and answer.command >> 5 in UPLOADED:
-            answered.add(node_id)
+            answered[node_id] = None if answer.content is None else int.from_bytes(answer.content, "little")
 
     # All are asked before the first has to answer: one after the other, silent node-IDs would take a minute.
     for node_id in wanted:
@@ -153,14 +147,15 @@ async def scan(
         master.send(server.requests, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
         await master.pump.steps(pace)
     await master.pump.steps(max(listen - pace * len(wanted), master.answer_wait))
-    return [await _found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]
+    there = sorted({*answered, *master.states})
+    return [await _found(master, each, answered.get(each)) for each in there if each in wanted]
 
 
-async def _found(master: Master, node_id: int) -> Found:
+async def _found(master: Master, node_id: int, device_type: int | None) -> Found:
     """Ask a node that is there for its identity; one that is STOPPED does not answer."""
     node = master.node(node_id)
     try:
         identity, name = await read_identity.steps(node), await device_name.steps(node)
     except RemoteError:
         identity, name = None, ""
-    return Found(node_id, node.last_state, identity, name)
+    return Found(node_id, node.last_state, identity, name, device_type)

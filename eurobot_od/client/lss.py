@@ -13,10 +13,10 @@ import logging
 from collections.abc import Generator, Iterator
 from typing import NamedTuple, TypeAlias, TypeVar
 
-from eurobot_od.client.description import Identity
 from eurobot_od.client.master import STORE_WAIT, Master, Procedure
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.od import standard
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support.progress import Progress, unwatched
 

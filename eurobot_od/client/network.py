@@ -23,7 +23,7 @@ from eurobot_od.bus.live import open_bus
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
-from eurobot_od.client.description import LISTEN, Found, Identity, scan, uploaded
+from eurobot_od.client.description import LISTEN, Found, scan, uploaded
 from eurobot_od.client.lss import LssSteps, Result
 from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, PeriodicTask, blocking, syncs
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, ThreadedMaster, feed_of
@@ -38,6 +38,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od import DEFAULT, cia402
 from eurobot_od.od.cia402 import MODE_WORDS, Mode, State
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.network import load, read_network
 from eurobot_od.od.standard import LssState
 from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID

@@ -13,10 +13,11 @@ from enum import IntEnum
 from typing import NamedTuple
 from zlib import crc32
 
-from eurobot_od.client.description import Identity, read_identity
+from eurobot_od.client.description import read_identity
 from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, ProgramError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
 from eurobot_od.od.values import label
 from eurobot_od.sdo.wire import LARGEST, AbortCode

@@ -24,7 +24,7 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client import configure, program, streams
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
-from eurobot_od.client.description import Identity, read_identity
+from eurobot_od.client.description import read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.master import Master, PeriodicTask, RemoteNode, blocking, finished
 from eurobot_od.client.program import Loaded
@@ -34,6 +34,7 @@ from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode, encode, label
 from eurobot_od.od.standard import EMCY
 from eurobot_od.od.values import EMCY_BASE, ERROR_CONTROL_BASE, NODE_IDS, Address, Scalar, Value, pdo_of, typed

@@ -61,7 +61,7 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
 
     Raises DictionaryError as `Dictionary.load`, and if two have one node-ID.
     """
-    loaded = sorted((Dictionary.load(*each) for each in nodes), key=lambda each: each.node_id)
+    loaded = sorted((each.load() for each in nodes), key=lambda each: each.node_id)
     # sorted, so two of one node-ID are neighbours
     for one, other in pairwise(loaded):
         if one.node_id == other.node_id:
@@ -74,7 +74,7 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
 class NodeFile(NamedTuple):
     """A node: its EDS or DCF, its node-ID if that is said, its name if it is not the file's, its modules if said.
 
-    `patch` are the files that are laid over its own.
+    `patch` are the files that are laid over its own, `emcy` those with the maker's words for its error codes.
     """
 
     file: str
@@ -82,6 +82,11 @@ class NodeFile(NamedTuple):
     name: str = ""
     modules: Sequence[str] | None = None
     patch: Annotated[Sequence[str], OneOrMore()] = ()
+    emcy: Annotated[Sequence[str], OneOrMore()] = ()
+
+    def load(self, node_id: int | None = None) -> Dictionary:
+        """Load its dictionary, for another node-ID if one is given; raises as `Dictionary.load`."""
+        return Dictionary.load(self.file, node_id or self.node_id, self.name, self.modules, self.patch)
 
 
 class TrafficEntry(NamedTuple):
@@ -101,7 +106,9 @@ class NetworkFile(NamedTuple):
     """What a network file says: its nodes, shared messages, messages by urgency, bit rate, what is sent how often.
 
     `robot` is the name of an installed robot (see `plugin`); such a file need not name nodes. `master` is the
-    node that leads the network, or any other name for a master without a file, such as a PC.
+    node that leads the network, or any other name for a master without a file, such as a PC. `library` are folders of
+    device files for nodes that are not named here; `emcy` are files with words for error codes, `dbc` such that name
+    frames of other protocols.
     """
 
     nodes: Annotated[Sequence[NodeFile], ByName()] = ()
@@ -111,6 +118,23 @@ class NetworkFile(NamedTuple):
     traffic: Mapping[str, TrafficEntry] = MappingProxyType({})
     robot: str = ""
     master: str = ""
+    library: Annotated[Sequence[str], OneOrMore()] = ()
+    emcy: Annotated[Sequence[str], OneOrMore()] = ()
+    dbc: Annotated[Sequence[str], OneOrMore()] = ()
+
+    def beside(self, file: str) -> NetworkFile:
+        """Return the same with all paths as they are from here, of a network file that says them from its folder."""
+        folder = PurePath(file).parent
+
+        def there(paths: Iterable[str]) -> tuple[str, ...]:
+            return tuple(str(folder / each) for each in paths)
+
+        nodes = [
+            each._replace(file=str(folder / each.file), patch=there(each.patch), emcy=there(each.emcy))
+            for each in self.nodes
+        ]
+        library, emcy, dbc = map(there, (self.library, self.emcy, self.dbc))
+        return self._replace(nodes=nodes, library=library, emcy=emcy, dbc=dbc)
 
 
 NODE_KEY = re.compile(r"node(\d{1,3})(?:present|name|dcfname)")
@@ -170,13 +194,9 @@ def read_network_file(text: str, file: str) -> NetworkFile:
         return NetworkFile(nodes, bit_rate=bus.bit_rate, master=bus_file.MASTER)
     number = replace(converted(SCALAR, _as_in_an_eds), whole=True)
     network: NetworkFile = read_yaml(text, shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: number}), file)
-    if not network.nodes and not network.robot:
+    if not (network.nodes or network.robot or network.library):
         raise FileError(file, "it names no nodes")
-    folder = PurePath(file).parent
-    patches = [tuple(str(folder / patch) for patch in each.patch) for each in network.nodes]
-    files = [str(folder / each.file) for each in network.nodes]
-    both = zip(network.nodes, files, patches)
-    return network._replace(nodes=[each._replace(file=file, patch=patch) for each, file, patch in both])
+    return network.beside(file)
 
 
 # A maker's words for emergency error codes: `0x7310: speed`, `0x73xx: sensor`, `0xFF01..0xFF0F: axis`

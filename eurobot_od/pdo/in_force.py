@@ -7,10 +7,10 @@ what was shown makes one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import standard, values
@@ -24,6 +24,14 @@ SETTINGS = (standard.SYNC_PERIOD, standard.HEARTBEAT_TIME)
 """Objects that say how often something comes."""
 
 
+Describe: TypeAlias = Callable[[int, Mapping[Address, int], Dictionary | None], Dictionary | None]
+"""Returns the description of a node by what it has shown of 0x1000 and 0x1018; the last one is its named file."""
+
+
+def nothing_known(*_: object) -> None:
+    """Describe no node: there is no library."""
+
+
 def is_followed(address: Address) -> bool:
     """Whether an object is one of those that say what other frames mean."""
     in_record = values.pdo_of(address[0]) is not None or address[0] == standard.CONSUMED_HEARTBEATS
@@ -33,8 +41,15 @@ def is_followed(address: Address) -> bool:
 class InForce:
     """What the devices of one bus have in force; at first what their files say, or what was `learned` of them."""
 
-    def __init__(self, dictionaries: Iterable[Dictionary], learned: Iterable[Dictionary] = ()) -> None:
+    def __init__(
+        self,
+        dictionaries: Iterable[Dictionary],
+        learned: Iterable[Dictionary] = (),
+        describe: Describe = nothing_known,
+    ) -> None:
         self._files = {each.node_id: each for each in dictionaries}
+        self._named, self._describe = dict(self._files), describe
+        self._identities: dict[int, dict[Address, int]] = {}
         self._present: dict[int, Dictionary] = {}
         self._learned: dict[int, tuple[Dictionary, ...]] = {}
         self._stored: dict[int, dict[Address, int]] = {}
@@ -75,6 +90,8 @@ class InForce:
     def show(self, node_id: int, address: Address, octets: bytes) -> bool:
         """Take in what a device has at an address; return whether other frames mean something else now."""
         shown = self._shown.setdefault(node_id, {})
+        if address[0] == standard.IDENTITY or address == standard.DEVICE_TYPE:
+            return self._identified(node_id, address, octets)
         if address[0] == standard.STORE:
             if octets == standard.SIGNATURES[standard.STORE]:
                 self._stored[node_id] = dict(shown)
@@ -87,6 +104,19 @@ class InForce:
             # A device is made anew when it matters, and not at each of the dozen writes that map one PDO.
             return before != self._said_by(node_id, address) and self._changed(node_id)
         return False
+
+    def _identified(self, node_id: int, address: Address, octets: bytes) -> bool:
+        """Take in what a device is; return whether it has another description now."""
+        numbers = self._identities.setdefault(node_id, {})
+        numbers[address] = int.from_bytes(octets, "little")
+        found = self._describe(node_id, numbers, self._named.get(node_id))
+        if found is None or found is self._files.get(node_id):
+            return False
+        self._files[node_id] = found
+        self._learned.pop(node_id, None)
+        self._present.pop(node_id, None)
+        self._changed(node_id)  # what it has shown before counts more than the file
+        return True
 
     def _said_by(self, node_id: int, address: Address) -> Any:
         """Return what an object and those beside it say of a device's frames; None for a PDO that is not valid."""

@@ -155,6 +155,12 @@ class Initiate(NamedTuple):
         # (CiA 301, 7.2.4.3.3).
         return EXPEDITED_SIZE - (self.command >> 2 & 3) if self.command & EXPEDITED else self.number
 
+    @property
+    def content(self) -> bytes | None:
+        """The object's whole content in the answer to an upload; None if the frame does not carry it."""
+        is_whole = self.command >> 5 == ServerCommand.UPLOAD and self.command & EXPEDITED
+        return self.rest[: self.size or EXPEDITED_SIZE] if is_whole else None
+
 
 def initiate(command: int, address: Address, rest: bytes = b"") -> bytes:
     """Return a frame that names an object."""

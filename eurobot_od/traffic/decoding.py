@@ -306,7 +306,7 @@ class Following:
 
     def _in_force(self, channel: str) -> InForce:
         if channel not in self._shown:
-            self._shown[channel] = InForce(self._first.dictionaries, self._first.learned)
+            self._shown[channel] = InForce(self._first.dictionaries, self._first.learned, self._first.describe)
         return self._shown[channel]
 
     def follow(self, time: float, channel: str, meaning: Meaning) -> Meaning:

@@ -20,7 +20,7 @@ from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import ALL_NODES, Address, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import compiled, extract
-from eurobot_od.pdo.in_force import InForce
+from eurobot_od.pdo.in_force import Describe, InForce, nothing_known
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, OutOfRange, flagged_fields
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
@@ -139,7 +139,7 @@ class Decoder:
     `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
     name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
     `others` are messages of other protocols, by COB-ID: they name what no device is known to send; `former` are
-    messages that may be the same still.
+    messages that may be the same still. `describe` finds a file for a node that shows its identity.
     """
 
     def __init__(
@@ -152,8 +152,9 @@ class Decoder:
         learned: Iterable[Dictionary] = (),
         others: Mapping[int, ForeignMessage] = MappingProxyType({}),
         former: Iterable[Binding] = (),
+        describe: Describe = nothing_known,
     ) -> None:
-        self.dictionaries, self.others = tuple(dictionaries), others
+        self.dictionaries, self.others, self.describe = tuple(dictionaries), others, describe
         self.learned = tuple(learned)
         devices = (*self.dictionaries, *self.learned)
         self.protocol = Protocol.of_devices(devices, catalogue, refused, listening=True, former=former)
@@ -164,7 +165,7 @@ class Decoder:
     def as_shown(self, shown: InForce) -> Decoder:
         """Return the decoder for what the devices have in force now; a PDO that does not hold is left out."""
         known = shown.described, self.protocol.catalogue, lambda _: None, self._own_errors, self._master
-        return Decoder(*known, shown.learned, self.others, self.protocol.bindings)
+        return Decoder(*known, shown.learned, self.others, self.protocol.bindings, self.describe)
 
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.cli import options
-from eurobot_od.client.description import Identity
 from eurobot_od.client.master import Master, produce, syncs
 from eurobot_od.errors import BusError
+from eurobot_od.od.identity import Identity
 from eurobot_od.sdo.client import UNANNOUNCED
 from tests.cli.console import Said, run
 from tests.client.lss_slave import WAITING, LssStation

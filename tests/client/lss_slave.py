@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from math import inf
 from types import MappingProxyType
 
-from eurobot_od.client.description import Identity
 from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.frame import Frame
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import BIT_RATES, LssState
 
 WAITING, CONFIGURATION = LssState

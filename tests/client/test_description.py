@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.client.description import Identity, device_name, fitting, read_identity, uploaded
+from eurobot_od.client.description import device_name, fitting, read_identity, uploaded
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.robot import dialects
 from tests.client.peers import DRIVE, master_on, peer, robot, stock_drive
 

@@ -9,10 +9,10 @@ import canopen
 import pytest
 
 from eurobot_od.client import lss
-from eurobot_od.client.description import Identity
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.frame import Frame
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import LssState
 from tests.client.lss_slave import CONFIGURATION, WAITING, LssStation, StatelessStation
 from tests.client.wired import Answerer, wired

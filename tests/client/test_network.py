@@ -16,7 +16,6 @@ import can
 import canopen
 import pytest
 
-from eurobot_od.client.description import Identity
 from eurobot_od.client.network import AsyncNetwork, Network, NetworkLss, SimulatedNetwork, simulated
 from eurobot_od.client.remote_device import AsyncRemoteDevice, NodeNmt, RemoteDevice
 from eurobot_od.client.watch import NodeChange
@@ -37,6 +36,7 @@ from eurobot_od.errors import (
     UnknownName,
 )
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import Range
 from eurobot_od.od.values import UNSIGNED32
 from eurobot_od.pdo.protocol import Protocol

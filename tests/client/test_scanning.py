@@ -7,8 +7,9 @@ from functools import partial
 import can
 import pytest
 
-from eurobot_od.client.description import Found, Identity, scan
+from eurobot_od.client.description import Found, scan
 from eurobot_od.device.nmt import NmtState
+from eurobot_od.od.identity import Identity
 from eurobot_od.sdo.wire import ABORT, ClientCommand
 from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
 from tests.rows import rows

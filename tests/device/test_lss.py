@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.client import lss
-from eurobot_od.client.description import Identity
 from eurobot_od.client.lss import perform
 from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.device.nmt import NmtState
@@ -17,6 +16,7 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import LssState
 from tests.client.wired import wired
 

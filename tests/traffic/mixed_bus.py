@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from eurobot_od.client.description import Identity
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.sdo.client import Transfer, block_download, block_upload, download, upload
 from tests.client.lss_slave import LssStation

@@ -25,7 +25,7 @@ from eurobot_od.traffic.entries import Timed
 from eurobot_od.traffic.meaning import Decoder
 from tests.kit.plant import messages as m
 from tests.kit.plant import nodes
-from tests.kit.plant.messages import CATALOGUE as CATALOGUE
+from tests.kit.plant.messages import CATALOGUE
 
 HERE = Path(__file__).parent
 TABLE = HERE / "protocol.yaml"

@@ -1,0 +1,180 @@
+"""Which file of a library fits a device, and what is told about it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.errors import LocalError
+from eurobot_od.library.library import (
+    VARIABLE,
+    Library,
+    LibraryDevices,
+    contradiction,
+    device_yaml_of,
+    folders,
+    users_folder,
+)
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
+from eurobot_od.od.values import Address
+from tests.kit.library import OTHER_PRODUCT, PRODUCT, VENDOR, device_text, library_of
+from tests.rows import rows
+
+
+def at(revision: int, **others: int | None) -> str:
+    return device_text(revision=revision, **others)  # type: ignore[arg-type]
+
+
+# The files of a library, the device's revision and type, and the files that fit, the best one first.
+FITS = [
+    ({"a": at(0x10000)}, 0x10000, None, "a"),
+    ({"a": at(0x10001), "b": at(0x10002), "c": at(0x10004)}, 0x10003, None, "bac"),  # the nearest older one
+    ({"a": at(0x10005), "b": at(0x10009)}, 0x10003, None, "ab"),  # no older one: the nearest newer one
+    ({"a": at(0x20000), "b": at(0x10000)}, 0x10003, None, "ba"),  # another major revision behaves otherwise
+    ({"a": at(0x10003), "b": at(0x20000)}, 0x20003, None, "ba"),
+    ({"a": at(0), "b": at(0x20000)}, 0x10003, None, "ab"),  # one that says no revision is for all
+    ({"a": at(0x10003, device_type=0x191), "b": at(0x10001, device_type=0x192)}, 0x10003, 0x192, "ba"),
+    ({"a": at(0x10003, device_type=0x191), "b": at(0x10001, device_type=0x192)}, 0x10003, None, "ab"),
+    ({"a": at(0x10003, device_type=None), "b": at(0x10001, device_type=0x192)}, 0x10003, 0x192, "ab"),
+    ({"a": at(0x10000, product=OTHER_PRODUCT), "b": at(0x10000, vendor=1)}, 0x10000, None, ""),
+    ({"a": "no EDS"}, 0x10000, None, ""),
+]
+
+
+@rows("texts, revision, device_type, fitting", FITS)
+def test_the_best_fit_comes_first_and_the_rest_is_named(
+    tmp_path: Path, texts: dict[str, str], revision: int, device_type: int | None, fitting: str
+) -> None:
+    folder = tmp_path / str(hash((*texts.values(), revision, device_type)))
+    found = Library([library_of(folder, **texts)]).find(Identity(VENDOR, PRODUCT, revision, 77), device_type)
+    names = [each.path.stem for each in (found.entry, *found.others)] if found else []
+    assert "".join(names) == fitting
+
+
+def test_an_eds_is_for_all_devices_of_a_kind_and_a_dcf_for_one(tmp_path: Path) -> None:
+    folder = library_of(tmp_path, b=device_text())
+    (folder / "a.dcf").write_text(device_text())
+    found = Library([folder]).find(Identity(VENDOR, PRODUCT, 0x0002_0003))
+    assert found
+    assert found.entry.path.name == "b.eds"
+
+
+# The identity of a device without a product code: any file of the maker's without one might be its own.
+NO_PRODUCT = [
+    (VENDOR, 0x192, "a"),
+    (VENDOR, 0x191, ""),
+    (VENDOR, None, ""),
+    (0, 0x192, ""),
+]
+
+
+@rows("vendor, device_type, fitting", NO_PRODUCT)
+def test_without_a_product_code_the_device_type_decides(
+    tmp_path: Path, vendor: int, device_type: int | None, fitting: str
+) -> None:
+    texts = {"a": device_text(product=None, device_type=0x192), "z": device_text(0, None, device_type=0x192)}
+    found = Library([library_of(tmp_path / "lib", **texts)]).find(Identity(vendor), device_type)
+    assert (found.entry.path.stem if found else "") == fitting
+
+
+DIFFERENCES = [
+    (Identity(1, 2, 0x10000), Identity(1, 2, 0x10005, 9), None),
+    (Identity(1, 2, 0x10000), Identity(1, 3, 0x10005), "product code 0x3, not 0x2"),
+    (Identity(1, 2, 0x10000), Identity(1, 2, 0x20000), "major revision 0x2, not 0x1"),
+    (Identity(0, 2), Identity(1, 2, 0x20000), None),  # the file does not say it
+    (Identity(1, 2, 0x10000), Identity(1), None),  # nor the device, yet
+]
+
+
+@rows("said, device, difference", DIFFERENCES)
+def test_what_is_not_said_is_no_difference(said: Identity, device: Identity, difference: str | None) -> None:
+    assert contradiction(said, device) == difference
+
+
+def test_what_a_maker_says_stands_beside_the_file(tmp_path: Path) -> None:
+    assert device_yaml_of(tmp_path / "axis.eds") is None
+    (tmp_path / "device.yaml").touch()
+    assert device_yaml_of(tmp_path / "axis.eds") == tmp_path / "device.yaml"
+    (tmp_path / "axis.device.yaml").touch()
+    assert device_yaml_of(tmp_path / "axis.eds") == tmp_path / "axis.device.yaml"
+
+
+def test_typed_folders_count_before_the_environments_and_the_network_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    typed, environment, written = (tmp_path / each for each in ("typed", "environment", "written"))
+    for each in (typed, environment, written):
+        each.mkdir()
+    assert folders() == [users_folder()]
+    assert folders(written=[str(written)]) == [written]
+    monkeypatch.setenv(VARIABLE, os.pathsep.join(map(str, (environment, typed))))
+    assert folders(written=[str(written)]) == [environment, typed]
+    assert folders([str(typed)], [str(written)]) == [typed]
+    with pytest.raises(LocalError, match=r"library .*nowhere: no such folder"):
+        folders([str(tmp_path / "nowhere")])
+
+
+# Descriptions of nodes
+
+
+def numbers(revision: int, product: int = PRODUCT) -> dict[Address, int]:
+    return {(0x1018, 1): VENDOR, (0x1018, 2): product, (0x1018, 3): revision}
+
+
+def test_a_node_is_described_by_what_it_shows_bit_by_bit(tmp_path: Path) -> None:
+    told: list[str] = []
+    folder = library_of(tmp_path / "lib", old=at(0x10000), new=at(0x10002))
+    describe = LibraryDevices(Library([folder]), told.append)
+    shown: dict[Address, int] = {}
+    found = []
+    for address, number in numbers(0x10002).items():
+        shown[address] = number
+        found.append(describe(5, shown))
+    assert [each and each.file.stem for each in found] == [None, "old", "new"]
+    assert (found[2] and found[2].name, found[2] and found[2].node_id, told) == ("new_5", 5, [])
+    assert describe(5, shown) is found[2]
+
+
+def test_another_version_is_told_once_with_both_names_and_the_rest(tmp_path: Path) -> None:
+    told: list[str] = []
+    folder = library_of(tmp_path / "lib", a=at(0x10000), b=at(0x20000))
+    describe = LibraryDevices(Library([folder]), told.append)
+    describe(5, numbers(0x30000))
+    describe(5, numbers(0x30000))
+    (line,) = told
+    assert line.endswith(
+        "b.eds is for another version: node 5 has major revision 0x3, not 0x2; also of this product: a.eds"
+    )
+
+
+def test_a_named_file_that_is_for_another_device_is_told_and_kept(tmp_path: Path) -> None:
+    told: list[str] = []
+    folder = library_of(tmp_path / "lib", right=device_text())
+    named = Dictionary.read(device_text(product=OTHER_PRODUCT).encode(), Path("named.eds"), 5)
+    describe = LibraryDevices(Library([folder]), told.append)
+    assert describe(5, numbers(0x20003), named) is None
+    assert told == ["named.eds is for another device: node 5 has product code 0x1001, not 0x1002"]
+
+
+def test_a_file_that_nobody_named_gives_way_to_one_that_fits(tmp_path: Path) -> None:
+    told: list[str] = []
+    folder = library_of(tmp_path / "lib", right=device_text())
+    implied = Dictionary.read(device_text(product=OTHER_PRODUCT).encode(), Path("implied.eds"), 5)
+    found = LibraryDevices(Library([folder]), told.append, [5])(5, numbers(0x20003), implied)
+    assert (found and found.file.name, told) == ("right.eds", [])
+
+
+def test_a_file_that_cannot_be_loaded_is_told_once(tmp_path: Path) -> None:
+    told: list[str] = []
+    folder = library_of(tmp_path / "lib", odd=device_text())
+    library = Library([folder])
+    assert library.entries
+    (folder / "odd.eds").write_text("[x]\n")  # after it was indexed
+    describe = LibraryDevices(library, told.append)
+    assert describe(5, numbers(0x20003)) is None
+    assert describe(5, numbers(0x20003)) is None
+    assert len(told) == 1
+    assert told[0].startswith("node 5: ")
