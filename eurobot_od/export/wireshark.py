@@ -90,7 +90,8 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     given = f", base.DEC, {names}" if field.named else ""
     yield "        {"
     yield f"            proto = ProtoField.{kind}({_quoted(filters)}, {_quoted(printable_name(field.name))}{given}),"
-    yield f"            name = {_quoted(printable_name(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
+    yield f"            name = {_quoted(printable_name(field.name))}, unit = {_quoted(_unit(field.unit))},"
+    yield f"            names = {names},"
     yield f"            numeral = {_quoted(field.numeral.value)}, width = {field.width}, first = {first},"
     yield f"            bytes = {last - first + 1},"
     if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
@@ -101,6 +102,11 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     listed = ", ".join(f"{{{at // 8}, {at % 8}, {shift}, {bits}}}" for shift, at, bits in field.chunks)
     yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"
     yield "        },"
+
+
+def _unit(unit: str) -> str:
+    """Return a unit as it follows a raw value: `1250 x 0.01 kg` where one step is not one unit."""
+    return f"x {unit}" if unit[:1].isdigit() else unit
 
 
 def _quoted(text: str) -> str:

@@ -13,9 +13,8 @@ from interop_rows.row import Differs
 
 from eurobot_od.export import c
 from eurobot_od.export.description import DescribedMessage, described
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import EurobotProtocol
 from tests.export import made_up
+from tests.kit import plant
 from tests.rows import rows
 
 FRAMES = 500
@@ -25,9 +24,9 @@ needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C com
 
 
 @needs_compiler
-@pytest.mark.parametrize("dialect", dialects.names())
-def test_it_reads_and_writes_the_robot_s_frames_as_we_do(dialect: str, tmp_path: Path) -> None:
-    protocol = EurobotProtocol.load(dialect)
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
+def test_it_reads_and_writes_frames_of_a_catalogue_as_we_do(dialect: str, tmp_path: Path) -> None:
+    protocol = plant.protocol(dialect)
     exports.compare_c(protocol, described(protocol), tmp_path, FRAMES)
 
 
@@ -40,11 +39,11 @@ def test_it_reads_and_writes_numbers_of_any_type_and_place_as_we_do(tmp_path: Pa
 
 @needs_compiler
 def test_the_judge_sees_a_wrong_bit(tmp_path: Path) -> None:
-    protocol = EurobotProtocol.load(dialects.DEFAULT)
+    protocol = plant.protocol()
     messages = described(protocol)
-    stop = messages[1]
-    moved = [*messages[:1], stop._replace(fields=[stop.fields[0]._replace(places=[1])]), *messages[2:]]
-    with pytest.raises(Differs, match="Emergency Stop"):
+    halt = messages[5]
+    moved = [*messages[:5], halt._replace(fields=[halt.fields[0]._replace(places=[1])]), *messages[6:]]
+    with pytest.raises(Differs, match="Halt Cause"):
         exports.compare_c(protocol, moved, tmp_path, FRAMES)
 
 
@@ -66,12 +65,12 @@ USER = """
 int main(void)
 {
     uint8_t data[8];
-    bus_goto_xy_t m = { 1234, 567, 89, 75, 0xA5C3 };
-    for (size_t i = 0, length = bus_goto_xy_pack(data, sizeof data, &m); i < length; i++) printf("%02X ", data[i]);
+    bus_move_to_t m = { 1234, 567, 89, 75, 0xA5C3 };
+    for (size_t i = 0, length = bus_move_to_pack(data, sizeof data, &m); i < length; i++) printf("%02X ", data[i]);
     m.angle = 1024;
-    printf("%zu ", bus_goto_xy_pack(data, sizeof data, &m));
-    printf("%d %d ", bus_goto_xy_unpack(&m, data, 7), bus_goto_xy_unpack(&m, data, 6));
-    printf("%u %u %u", m.speed, m.barriers, BUS_GOTO_STATE_RESPONSE_TIME_BLOCKED);
+    printf("%zu ", bus_move_to_pack(data, sizeof data, &m));
+    printf("%d %d ", bus_move_to_unpack(&m, data, 7), bus_move_to_unpack(&m, data, 6));
+    printf("%u %u %u", m.speed, m.gates, BUS_MOVE_STATE_RESPONSE_TIME_BLOCKED);
     return 0;
 }
 """
@@ -105,6 +104,6 @@ def test_no_name_ends_a_comment_or_begins_a_trigraph() -> None:
 
 @needs_compiler
 def test_a_program_uses_it(tmp_path: Path) -> None:
-    judge = exports.compiled(c.c_header(EurobotProtocol.load(dialects.DEFAULT), "bus"), USER, tmp_path)
+    judge = exports.compiled(c.c_header(plant.protocol(), "bus"), USER, tmp_path)
     said = subprocess.run([judge], capture_output=True, text=True, check=True).stdout
     assert said == "D2 74 23 59 2C 01 C3 A5 0 0 1 75 0 16777214"

@@ -12,9 +12,8 @@ from markdown_it import MarkdownIt
 from eurobot_od.errors import UnknownName
 from eurobot_od.export.forms import FORMS, docs_text, form_of, one_line
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import EurobotProtocol
 from tests.export import made_up
+from tests.kit import plant
 
 VOID = ("meta",)
 TAGS = {"html", "head", "meta", "title", "style", "body", "h1", "h2", "h3", "p", "a"}
@@ -75,25 +74,25 @@ def page(text: str, form: str) -> str:
     return str(MarkdownIt("commonmark", {"html": True}).enable("table").render(text))
 
 
-def robot(form: str, dialect: str = dialects.DEFAULT) -> Tables:
-    return read(page(docs_text(EurobotProtocol.load(dialect), dialects.load_all(dialect), form), form))
+def line(form: str, dialect: str | None = None) -> Tables:
+    return read(page(docs_text(plant.protocol(dialect), plant.load_all(dialect), form), form))
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
 def test_it_lists_all_messages_and_objects(form: str, dialect: str) -> None:
-    found = robot(form, dialect)
-    protocol, dictionaries = EurobotProtocol.load(dialect), dialects.load_all(dialect)
-    messages, *_, navigation = found.tables
+    found = line(form, dialect)
+    protocol, dictionaries = plant.protocol(dialect), plant.load_all(dialect)
+    messages, *_, scale = found.tables
     assert [row[:2] for row in messages[1:]] == [[f"0x{b.cob_id:03X}", b.name] for b in protocol.bindings]
-    addresses = [(int(row[0], 16), int(row[1])) for row in navigation[1:] if row[1]]
+    addresses = [(int(row[0], 16), int(row[1])) for row in scale[1:] if row[1]]
     assert addresses == list(dictionaries[-1].addresses())
     assert {each[1:] for each in found.links} <= set(found.anchors)
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_the_fields_of_a_message(form: str) -> None:
-    found = next(each for each in robot(form).tables if each[1][0] == "x")
+    found = next(each for each in line(form).tables if each[1][0] == "x")
     assert found[:3] == [
         ["Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names"],
         ["x", "0.0..1.3", "12", "unsigned", "0..3000", "mm", ""],

@@ -11,7 +11,7 @@ from tests.export.made_up import BAD_NAMES
 from tests.rows import rows
 
 IDENTIFIERS = [
-    ("Goto XY", "Goto_XY"),
+    ("Move To", "Move_To"),
     ("Status (raw)", "Status_raw"),
     ("1st axis", "n1st_axis"),
     ("", "unnamed"),

@@ -13,12 +13,12 @@ from eurobot_od.export import xdd
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import NODE_ID, Value, parse_number
-from eurobot_od.robot import dialects
 from tests.export import made_up
+from tests.kit import plant
 from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
-OWN = sorted((ROOT / "eds").rglob("*.eds"))
+OWN = sorted(plant.FILES.folder().parent.rglob("*.eds"))
 FOREIGN = [
     ROOT / "tests" / "lint" / "samples" / name
     for name in (
@@ -88,7 +88,7 @@ def test_it_says_of_every_object_what_the_file_says(file: Path) -> None:
 
 
 def test_the_node_id_stays_a_parameter() -> None:
-    file = dialects.folder(dialects.DEFAULT) / "drive.eds"
+    file = plant.FILES.folder() / "lift.eds"
     text = xdd.xdd_text(xdd.load(file))
     assert objects(text)[0x1014, 0].get("defaultValue") == f"{NODE_ID}+0x80"
     assert text == xdd.xdd_text(Dictionary.load(file, NODE))

@@ -10,15 +10,14 @@ import can
 import pytest
 from live_network import CutBus, LiveNetwork
 
-from eurobot_od.robot import dialects
-from eurobot_od.robot.nodes import Navigation
+from tests.kit import plant
 
-CHECK, CHECKED = 0x340, 0x380
+CHECK, CHECKED = 0x303, 0x283
 
 
 def test_a_node_hangs_and_what_came_meanwhile_waits_for_it() -> None:
     network = LiveNetwork()
-    station, peer = network.attach(Navigation(dialects.load("navigation"))), CutBus(network)
+    station, peer = network.attach(plant.NODES["scale"](plant.load("scale"))), CutBus(network)
     until, guard = network.now + 0.3, station.node.guard
     assert isinstance(guard, type(RLock()))
 

@@ -8,19 +8,13 @@ import pytest
 import sdo_fuzz
 
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot import dialects
 from tests.device import io_module
+from tests.kit import plant
 from tests.rows import rows
-
-
-@pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])
-@pytest.mark.parametrize("node", ["core", "drive", "navigation"])
-def test_every_node_answers_by_the_standard(node: str, dialect: str) -> None:
-    assert sdo_fuzz.run(dialects.load(node, dialect), requests=1500, seed=7) > 0
-
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 FOREIGN = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
+FOREIGN += plant.FILES.folder().iterdir()
 
 
 @rows("file", FOREIGN)
@@ -52,11 +46,11 @@ WRONG = [
 @rows("request_data, answers", [row[:2] for row in WRONG])
 def test_the_judge_finds_a_wrong_answer(request_data: bytes, answers: list[str]) -> None:
     with pytest.raises(sdo_fuzz.Fault):
-        sdo_fuzz.Judge(dialects.load("drive")).exchange(request_data, [bytes.fromhex(each) for each in answers])
+        sdo_fuzz.Judge(plant.load("lift")).exchange(request_data, [bytes.fromhex(each) for each in answers])
 
 
 def test_the_judge_misses_the_abort_of_a_silent_client() -> None:
-    judge = sdo_fuzz.Judge(dialects.load("drive"))
+    judge = sdo_fuzz.Judge(plant.load("lift"))
     judge.exchange(bytes.fromhex("4008100000000000"), [bytes.fromhex("4108100012000000")])
     with pytest.raises(sdo_fuzz.Fault):
         judge.silence([])

@@ -23,6 +23,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Faults, Plugin
 from eurobot_od.traffic.entries import Timed
 from eurobot_od.traffic.meaning import Decoder
+from tests.conftest import with_entry
 from tests.kit.plant import messages as m
 from tests.kit.plant import nodes
 from tests.kit.plant.messages import CATALOGUE
@@ -63,6 +64,16 @@ def protocol(dialect: str | None = None) -> Protocol:
 def decoder(dialect: str | None = None) -> Decoder:
     """Return the decoder of the plant's frames in a dialect."""
     return Decoder(load_all(dialect), CATALOGUE)
+
+
+def spoiled(folder: Path, *changes: tuple[str, str, str, str | None]) -> Path:
+    """Copy the files and change entries: node, section, key, value (None: no such line); return their new folder."""
+    copy = folder / "spoiled"
+    shutil.copytree(FILES.folder(), copy)
+    for node, section, key, value in changes:
+        file = copy / f"{node}.eds"
+        file.write_text(with_entry(file.read_text(), section, key, value))
+    return copy
 
 
 def _faults() -> Faults:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-PAGE = (Path(__file__).parents[2] / "docs" / "firmware.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "firmware.md").read_text(encoding="utf-8")
 FILES = dict(re.findall(r'^```\w+ title="(.*?)"\n(.*?)^```$', PAGE, re.DOTALL | re.MULTILINE))
 NEEDED = ("cc", "patch", "nm")
 
