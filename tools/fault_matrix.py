@@ -30,7 +30,7 @@ from eurobot_od.robot.nodes import ROLES
 from eurobot_od.season.campaign import Workers
 from eurobot_od.season.campaign import run as in_blocks
 from eurobot_od.season.results import Results
-from tests.kit.robot_faults import ROBOT
+from tests.robot.faults import ROBOT
 
 FINE, NOT_FOUND = 0, 1
 

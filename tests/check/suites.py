@@ -11,10 +11,10 @@ from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.report import StepResult, SuiteResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Suite
-from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.support.yaml_places import Problems
+from tests.kit import plant
 
-HEAD = "spec: 1\nname: a suite\nnode: drive\n"
+HEAD = "spec: 1\nname: a suite\nnode: lift\n"
 FILE = Path("suite.yaml")
 
 
@@ -26,7 +26,7 @@ def document(steps: str, head: str = HEAD) -> str:
 @cache
 def reader(dialect: str | None) -> SuiteReader:
     """Return the reader of a dialect, which loads its EDS files once."""
-    return SuiteReader(ROBOT.networks(), dialect)
+    return SuiteReader(plant.PLANT.networks(), dialect)
 
 
 def read(text: str, dialect: str | None = None) -> tuple[list[Suite], list[str]]:
@@ -45,11 +45,11 @@ def suite(text: str) -> Suite:
 
 def results(text: str, *, keep_going: bool = True, seed: int = 1) -> SuiteResult:
     """Run a suite against simulated nodes."""
-    return run_simulated(suite(text), RunOptions(keep_going), ROBOT.under_test, seed)
+    return run_simulated(suite(text), RunOptions(keep_going), plant.PLANT.under_test, seed)
 
 
 def run(steps: str, head: str = HEAD) -> tuple[StepResult, ...]:
-    """Run some steps against the simulated drive and return their results."""
+    """Run some steps against the simulated lift and return their results."""
     return results(document(steps, head)).steps
 
 

@@ -18,7 +18,7 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od import network
 from eurobot_od.od.network import NodeFile
-from eurobot_od.robot.plugin import ROBOT
+from tests.kit import plant
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 
@@ -76,7 +76,7 @@ def red(result: SuiteResult) -> list[str]:
 @pytest.mark.parametrize("networks", [from_files, from_folder])
 def test_simulated(files: list[NodeFile], networks: object) -> None:
     assert callable(networks)
-    assert red(run_simulated(read(networks(files)), RunOptions(keep_going=True), ROBOT.under_test)) == []
+    assert red(run_simulated(read(networks(files)), RunOptions(keep_going=True), plant.PLANT.under_test)) == []
 
 
 def test_on_a_bus(files: list[NodeFile]) -> None:

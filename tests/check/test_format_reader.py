@@ -28,63 +28,63 @@ from tests.check.suites import HEAD, document, read, reader, suite
 from tests.marks import marked
 from tests.rows import rows
 
-RANGE = "'3001' is not allowed; allowed: 0..3000 mm; {raw: '008#...'} sends any bits"
-GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
+RANGE = "'3001' is not allowed; allowed: 0..3000 mm; {raw: '202#...'} sends any bits"
+MOVE = "{Move To: {x: 1, y: 2, angle: 3, speed: 4}}"
 
 # Each row: a step, with ^ before the place of the problem, and what is said about it.
 WRONG_STEPS = {
     # keys
     "no action": ("- ^{name: nothing}", "no action; a step has one of send, answer, expect, await, never"),
-    "unknown action": ("- ^snd: Stop Drive", "unknown action 'snd'; did you mean send?"),
-    "two actions": ("- {send: Stop Drive, ^wait: 1 s}", "a step has one action, and 'send' is one already"),
-    "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key 'within'; known: send, name"),
-    "missing key": ("- ^never: Goto Confirm", "key 'for' is missing: how long"),
-    "missing key inside": ("- poll: ^{send: Stop Drive}\n  until: Goto Confirm", "key 'every' is missing"),
+    "unknown action": ("- ^snd: Halt Lift", "unknown action 'snd'; did you mean send?"),
+    "two actions": ("- {send: Halt Lift, ^wait: 1 s}", "a step has one action, and 'send' is one already"),
+    "key of another action": ("- {send: Halt Lift, ^within: 1 s}", "unknown key 'within'; known: send, name"),
+    "missing key": ("- ^never: Move Confirm", "key 'for' is missing: how long"),
+    "missing key inside": ("- poll: ^{send: Halt Lift}\n  until: Move Confirm", "key 'every' is missing"),
     "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' is given twice"),
-    "no mapping": ("- ^Stop Drive", "expected a mapping, `key: value`, found 'Stop Drive'"),
+    "no mapping": ("- ^Halt Lift", "expected a mapping, `key: value`, found 'Halt Lift'"),
     # durations
     "no unit": ("- wait: ^500", "'500' is not a duration; write a number and one of us, ms, s, min"),
     "unknown unit": ("- wait: ^1 h", "'1 h' is not a duration"),
     "base 60": ("- wait: ^12:30", "'12:30' is not a duration"),
-    "nothing to send": ("- poll: ^{every: 1 s}\n  until: Goto Confirm", "key 'send' is missing"),
-    "no period": ("- poll: {send: Stop Drive, every: ^0 s}\n  until: Goto Confirm", "this time has to be longer"),
+    "nothing to send": ("- poll: ^{every: 1 s}\n  until: Move Confirm", "key 'send' is missing"),
+    "no period": ("- poll: {send: Halt Lift, every: ^0 s}\n  until: Move Confirm", "this time has to be longer"),
     "negative": ("- wait: ^-1 s", "'-1 s' is not a duration"),
     # messages and fields
-    "unknown message": ("- send: ^Stop Drove", "unknown message 'Stop Drove'; did you mean Stop Drive?"),
-    "unknown expected message": ("- expect: ^Goto Confrm", "unknown message 'Goto Confrm'; did you mean"),
-    "unknown field": ("- expect: {Goto State Response: {^tme: 3}}", "unknown field of Goto State Response 'tme'"),
-    "field twice": ("- expect: {Goto State Response: {time: 3, ^time: 4}}", "key 'time' is given twice"),
-    "field missing": ("- send: ^{Goto XY: {x: 1, y: 2}}", "Goto XY: angle, speed missing"),
-    "two messages": ("- send: ^{Stop Drive: {}, Goto Confirm: {}}", "expected one message, found 2 keys"),
-    "list for fields": ("- send: {Goto XY: ^[1]}", "expected a mapping, `key: value`, found a list"),
-    "list for a value": ("- expect: {Goto State Response: {time: ^[1]}}", "expected a single value, found a list"),
+    "unknown message": ("- send: ^Halt Lyft", "unknown message 'Halt Lyft'; did you mean Halt Lift?"),
+    "unknown expected message": ("- expect: ^Move Confrm", "unknown message 'Move Confrm'; did you mean"),
+    "unknown field": ("- expect: {Move State Response: {^tme: 3}}", "unknown field of Move State Response 'tme'"),
+    "field twice": ("- expect: {Move State Response: {time: 3, ^time: 4}}", "key 'time' is given twice"),
+    "field missing": ("- send: ^{Move To: {x: 1, y: 2}}", "Move To: angle, speed missing"),
+    "two messages": ("- send: ^{Halt Lift: {}, Move Confirm: {}}", "expected one message, found 2 keys"),
+    "list for fields": ("- send: {Move To: ^[1]}", "expected a mapping, `key: value`, found a list"),
+    "list for a value": ("- expect: {Move State Response: {time: ^[1]}}", "expected a single value, found a list"),
     # values
-    "over the range": (f"- send: {GOTO.replace('x: 1', 'x: ^3001')}", RANGE),
-    "octal": (f"- send: {GOTO.replace('x: 1', 'x: ^010')}", "'010' is not allowed"),
-    "no whole number": (f"- send: {GOTO.replace('x: 1', 'x: ^1.5')}", "'1.5' is not allowed"),
-    "truth for a colour": ("- expect: {Start Configuration Set: {team colour: ^off}}", "'off' is not allowed"),
-    "expectation to be sent": (f"- send: {GOTO.replace('x: 1', 'x: ^1 +- 3')}", "'1 +- 3' is not allowed"),
-    "no tolerance": ("- expect: {Goto State Response: {time: ^3 +- x}}", "'x' is not allowed"),
-    "unknown variable": ("- expect: {Goto State Response: {time: ^'{t}'}}", "unknown variable 't'"),
-    "unknown barrier": (f"- send: {GOTO.replace('4}', '4, barriers: {^fire 7: forced}}')}", "unknown barrier 'fire 7'"),
+    "over the range": (f"- send: {MOVE.replace('x: 1', 'x: ^3001')}", RANGE),
+    "octal": (f"- send: {MOVE.replace('x: 1', 'x: ^010')}", "'010' is not allowed"),
+    "no whole number": (f"- send: {MOVE.replace('x: 1', 'x: ^1.5')}", "'1.5' is not allowed"),
+    "truth for a colour": ("- expect: {Order Set: {colour: ^off}}", "'off' is not allowed"),
+    "expectation to be sent": (f"- send: {MOVE.replace('x: 1', 'x: ^1 +- 3')}", "'1 +- 3' is not allowed"),
+    "no tolerance": ("- expect: {Move State Response: {time: ^3 +- x}}", "'x' is not allowed"),
+    "unknown variable": ("- expect: {Move State Response: {time: ^'{t}'}}", "unknown variable 't'"),
+    "unknown barrier": (f"- send: {MOVE.replace('4}', '4, gates: {^gate 7: locked}}')}", "unknown gate 'gate 7'"),
     "unknown passage": (
-        f"- send: {GOTO.replace('4}', '4, barriers: {fire 1: ^f}}')}",
-        "unknown passage 'f'; known: free",
+        f"- send: {MOVE.replace('4}', '4, gates: {gate 1: ^f}}')}",
+        "unknown state 'f'; known: free",
     ),
     "half a place": (
-        "- send: ^{Kalman Position Response: {x: unknown, y: 3, angle: 4, source: internal}}",
-        "Kalman Position Response: x = None is not allowed",
+        "- send: ^{Place Response: {x: unknown, y: 3, angle: 4, source: encoder}}",
+        "Place Response: x = None is not allowed",
     ),
     # raw frames
     "identifier over 11 bits": ("- send: {raw: ^'900#'}", "expected a frame such as 008#D27423, found '900#'"),
     "remote frame of nine bytes": ("- send: {raw: ^'705#R9'}", "expected a frame such as 008#D27423"),
-    "half a byte": ("- send: {raw: ^'008#123'}", "expected a frame such as 008#D27423"),
-    "nine bytes": ("- send: {raw: ^'008#112233445566778899'}", "expected a frame such as 008#D27423"),
-    "any digit to be sent": ("- send: {raw: ^'008#1?'}", "expected a frame such as 008#D27423"),
+    "half a byte": ("- send: {raw: ^'202#123'}", "expected a frame such as 008#D27423"),
+    "nine bytes": ("- send: {raw: ^'202#112233445566778899'}", "expected a frame such as 008#D27423"),
+    "any digit to be sent": ("- send: {raw: ^'202#1?'}", "expected a frame such as 008#D27423"),
     # services
     "unknown state": ("- heartbeat: ^awake", "unknown NMT state 'awake'; known: boot-up"),
     "unknown command": ("- nmt: ^restart", "unknown NMT command 'restart'"),
-    "unknown node": ("- nmt: {command: reset, node: ^wheels}", "unknown node 'wheels'; known: core, drive, navigation"),
+    "unknown node": ("- nmt: {command: reset, node: ^wheels}", "unknown node 'wheels'; known: panel, lift, scale"),
     "error code": ("- emcy: ^0x10000", "error code = '0x10000' is not allowed; allowed: whole numbers 0..65535"),
     "unknown object": (
         "- sdo: {read: ^Producer heartbet time}",
@@ -103,7 +103,7 @@ WRONG_STEPS = {
         "- sdo: {write: 0x1017, value: ^65536}",
         "0x1017:0: Producer heartbeat time = 65536 is not",
     ),
-    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is not in the EDS of drive; use 'data'"),
+    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is not in the EDS of lift; use 'data'"),
     "no bytes": (
         "- sdo: {write: 0x1017, data: ^12 3}",
         "0x1017:0: Producer heartbeat time = '12 3' is",
@@ -117,13 +117,13 @@ WRONG_STEPS = {
     "more digits than a number has": (f"- {{wait: 1 s, repeat: ^{'9' * 4400}}}", "count = '9999"),
     "longer than a day": ("- wait: ^86401 s", "86401 s is too long: at most 86400 s, a day"),
     "for ever": (f"- wait: ^{'9' * 400} s", "'999"),
-    "a value of two lines": ('- expect: {Goto XY: {x: ^"a\\nb"}}', "'a\\nb' is not allowed"),
-    "hexadecimal for ever": (f"- expect: {{Goto XY: {{x: ^0x{'F' * 5000}}}}}", "'0xFFF"),
+    "a value of two lines": ('- expect: {Move To: {x: ^"a\\nb"}}', "'a\\nb' is not allowed"),
+    "hexadecimal for ever": (f"- expect: {{Move To: {{x: ^0x{'F' * 5000}}}}}", "'0xFFF"),
     "half a time": ("- {wait: 1 s, repeat: ^1.5}", "count = '1.5' is not allowed"),
     # variables
-    "no name": ("- save: {^a-b: Goto State Response.time}", "expected a name of letters, digits and _, found 'a-b'"),
-    "no field": ("- save: {t: ^Goto State Response}", "unknown field of Goto State Response"),
-    "unknown field to save": ("- save: {t: ^Goto State Response.x}", "unknown field of Goto State Response 'x'"),
+    "no name": ("- save: {^a-b: Move State Response.time}", "expected a name of letters, digits and _, found 'a-b'"),
+    "no field": ("- save: {t: ^Move State Response}", "unknown field of Move State Response"),
+    "unknown field to save": ("- save: {t: ^Move State Response.x}", "unknown field of Move State Response 'x'"),
 }
 
 # Each row: a document, with ^ before the place of the problem, and what is said about it.
@@ -139,19 +139,19 @@ WRONG_DOCUMENTS = {
     "no steps": ("^" + HEAD, "key 'steps' is missing: the steps"),
     "no version": ("^name: x\nsteps: []\n", "key 'spec' is missing: version of the format, `spec: 1`"),
     "an expectation without quotes": (
-        HEAD + "steps:\n  - expect: {Goto State Response: {time: ^> 0}}\n",
+        HEAD + "steps:\n  - expect: {Move State Response: {time: ^> 0}}\n",
         "a text with > or | at its start needs quotes: '> 0'",
     ),
     "unknown key": (HEAD + "^step: []\nsteps: []\n", "unknown key 'step'; did you mean steps?"),
     "truth for a name": (HEAD.replace("a suite", "^off") + "steps: []\n", "expected a text, found 'off'"),
-    "unknown node": (HEAD.replace("drive", "^wheels") + "steps: []\n", "unknown node 'wheels'"),
+    "unknown node": (HEAD.replace("lift", "^wheels") + "steps: []\n", "unknown node 'wheels'"),
     "unknown dialect": (HEAD + "dialect: ^latin\nsteps: []\n", "unknown dialect 'latin'"),
     "steps no list": (HEAD + "steps: ^5\n", "expected a list, found '5'"),
     "constant not allowed": (
-        HEAD + "variables: {v: 500}\nsteps:\n  - expect: {Goto XY: {speed: ^'{v}'}}\n",
+        HEAD + "variables: {v: 500}\nsteps:\n  - expect: {Move To: {speed: ^'{v}'}}\n",
         "'500' is not allowed; allowed: 0..100 %",
     ),
-    "which node": (HEAD.replace("drive", "[drive, core]") + "steps:\n  - heartbeat: ^any\n", "which node? Write it"),
+    "which node": (HEAD.replace("lift", "[lift, panel]") + "steps:\n  - heartbeat: ^any\n", "which node? Write it"),
 }
 
 
@@ -171,14 +171,14 @@ def test_tells_place_and_reason_in_a_document(text: str, what: str) -> None:
 
 def test_tells_all_problems_of_all_files_at_once(tmp_path: Path) -> None:
     one, other, missing, latin = (tmp_path / name for name in ("one.yaml", "other.yaml", "missing.yaml", "latin.yaml"))
-    one.write_text(document("- wait: 1\n- send: Stop Drve\n- {send: Stop Drive, for: 1 s, wthin: x}"))
+    one.write_text(document("- wait: 1\n- send: Halt Lft\n- {send: Halt Lift, for: 1 s, wthin: x}"))
     other.write_text("a: [")
     latin.write_bytes("spec: 1 # Zürich".encode("latin-1"))
     with pytest.raises(YamlError) as error:
         reader(None).read_files([one, other, missing, latin])
     places = [line.split(": ")[0] for line in str(error.value).splitlines()]
     assert places == [
-        *(f"{one}:{place}" for place in ("5:11", "6:11", "7:24", "7:34")),
+        *(f"{one}:{place}" for place in ("5:11", "6:11", "7:23", "7:33")),
         f"{other}:1:5",
         f"{missing}:1:1",
         f"{latin}:1:1",
@@ -192,20 +192,19 @@ def action(step: str, head: str = HEAD) -> object:
 @rows(
     "step, frame",
     [
-        ("- send: Stop Drive", Frame(0x004)),
-        ("- send: {Stop Drive: }", Frame(0x004)),
-        ("- send: stop drive", Frame(0x004)),  # case does not matter
-        ("- send: {raw: 008#d274}", Frame(0x008, b"\xd2\x74")),
+        ("- send: Halt Lift", Frame(0x381)),
+        ("- send: {Halt Lift: }", Frame(0x381)),
+        ("- send: halt lift", Frame(0x381)),  # case does not matter
+        ("- send: {raw: 202#d274}", Frame(0x202, b"\xd2\x74")),
         ("- send: {raw: '705#R1'}", RemoteFrame(0x705, b"\0")),
         ("- send: {raw: '185#R'}", RemoteFrame(0x185)),
         (
-            "- send: {Goto XY: {x: 1234, Y position: 567 mm, angle: 89, Speed: 75, barriers: 0xA5C3}}",
-            Frame(0x008, bytes.fromhex("D27423592C01C3A5")),
+            "- send: {Move To: {x: 1234, Y position: 567 mm, angle: 89, Speed: 75, gates: 0xA5C3}}",
+            Frame(0x202, bytes.fromhex("D27423592C01C3A5")),
         ),
         (
-            "- send: {Start Configuration Set: {team colour: red, enemies: 2, confederates: 1, enemy_1_diameter: 45, "
-            "Enemy 2 diameter: 33}}",
-            Frame(0x2C0, bytes.fromhex("DD86")),
+            "- send: {Order Set: {colour: blue, boxes: 12, Rows: 2}}",
+            Frame(0x481, bytes.fromhex("1901")),
         ),
     ],
 )
@@ -216,9 +215,9 @@ def test_reads_what_is_sent(step: str, frame: Frame) -> None:
     assert sent.sent.frame({}).is_remote == frame.is_remote
 
 
-def test_reads_barriers_by_name() -> None:
-    by_name = action("- send: {Goto XY: {x: 1, y: 1, angle: 0, speed: 1, barriers: {fire 2: forced, pool 1: normal}}}")
-    by_number = action("- send: {Goto XY: {x: 1, y: 1, angle: 0, speed: 1, barriers: 0x1008}}")
+def test_reads_keyed_values_by_name() -> None:
+    by_name = action("- send: {Move To: {x: 1, y: 1, angle: 0, speed: 1, gates: {gate 2: locked, gate 4: shut}}}")
+    by_number = action("- send: {Move To: {x: 1, y: 1, angle: 0, speed: 1, gates: 0x48}}")
     assert isinstance(by_name, Send)
     assert isinstance(by_number, Send)
     assert by_name.sent.frame({}) == by_number.sent.frame({})
@@ -227,13 +226,13 @@ def test_reads_barriers_by_name() -> None:
 @rows(
     "step, order, kinds",
     [
-        ("- expect: Goto Confirm", Order.IN_ORDER, [MessagePattern]),
+        ("- expect: Move Confirm", Order.IN_ORDER, [MessagePattern]),
         ("- expect: {raw: '701#??'}", Order.IN_ORDER, [FramePattern]),
-        ("- expect: [Goto Confirm, {emcy: any}]", Order.IN_ORDER, [MessagePattern, ServicePattern]),
-        ("- expect: {all: [Goto Confirm, {heartbeat: stopped}]}", Order.ALL, [MessagePattern, ServicePattern]),
-        ("- expect: {any: [Goto Confirm]}", Order.ANY, [MessagePattern]),
+        ("- expect: [Move Confirm, {emcy: any}]", Order.IN_ORDER, [MessagePattern, ServicePattern]),
+        ("- expect: {all: [Move Confirm, {heartbeat: stopped}]}", Order.ALL, [MessagePattern, ServicePattern]),
+        ("- expect: {any: [Move Confirm]}", Order.ANY, [MessagePattern]),
         ("- heartbeat: operational", Order.IN_ORDER, [ServicePattern]),
-        ("- emcy: {code: 0x8210, node: core}", Order.IN_ORDER, [ServicePattern]),
+        ("- emcy: {code: 0x8210, node: panel}", Order.IN_ORDER, [ServicePattern]),
     ],
 )
 def test_reads_what_is_expected(step: str, order: Order, kinds: list[type]) -> None:
@@ -245,11 +244,11 @@ def test_reads_what_is_expected(step: str, order: Order, kinds: list[type]) -> N
 
 def test_services_are_those_of_the_nodes_eds() -> None:
     assert action("- nmt: reset") == Nmt(NmtCommand.RESET_NODE, 2)
-    assert action("- nmt: {command: stop, node: navigation}") == Nmt(NmtCommand.STOP, 3)
-    assert action("- nmt: start", HEAD.replace("node: drive\n", "")) == Nmt(NmtCommand.START, 0)
-    heartbeat = action("- heartbeat: {state: pre-operational, node: core}")
+    assert action("- nmt: {command: stop, node: scale}") == Nmt(NmtCommand.STOP, 3)
+    assert action("- nmt: start", HEAD.replace("node: lift\n", "")) == Nmt(NmtCommand.START, 0)
+    heartbeat = action("- heartbeat: {state: pre-operational, node: panel}")
     assert isinstance(heartbeat, Expect)
-    assert heartbeat.expected.patterns == (ServicePattern(HEARTBEAT, "core", 0x701, NmtState.PRE_OPERATIONAL),)
+    assert heartbeat.expected.patterns == (ServicePattern(HEARTBEAT, "panel", 0x701, NmtState.PRE_OPERATIONAL),)
 
 
 @rows(
@@ -269,14 +268,14 @@ def test_reads_objects_and_their_values(step: str, address: tuple[int, int], con
 
 
 def test_reads_a_group() -> None:
-    group = suite(document("- repeat: 3\n  steps:\n    - wait: 1 s\n    - send: Stop Drive")).steps[0]
+    group = suite(document("- repeat: 3\n  steps:\n    - wait: 1 s\n    - send: Halt Lift")).steps[0]
     assert group.repeat == 3
     assert isinstance(group.action, Group)
-    assert [step.name for step in group.action.steps] == ["wait 1 s", "send Stop Drive"]
+    assert [step.name for step in group.action.steps] == ["wait 1 s", "send Halt Lift"]
 
 
 def test_reads_times_in_seconds() -> None:
-    poll = action("- poll: {send: Goto State Request, every: 100 ms}\n  until: Goto State Response\n  within: 2 min")
+    poll = action("- poll: {send: Move State Request, every: 100 ms}\n  until: Move State Response\n  within: 2 min")
     assert isinstance(poll, Poll)
     assert poll.every == pytest.approx(0.1)
     assert poll.within == pytest.approx(120)
@@ -290,16 +289,16 @@ def test_reads_several_documents_of_one_file() -> None:
 
 
 def test_a_suite_is_read_by_its_own_dialect() -> None:
-    text = document("- send: {Goto XY: {x: 1, y: 1, angle: 0, speed: 1, route: direct}}")
-    assert "unknown field of Goto XY 'route'" in read(text)[1][0]
-    assert read(text, "firmware2014")[1] == []
-    assert read(text.replace("node:", "dialect: firmware2014\nnode:"))[1] == []
+    text = document("- send: {Move To: {x: 1, y: 1, angle: 0, speed: 1, route: direct}}")
+    assert "unknown field of Move To 'route'" in read(text)[1][0]
+    assert read(text, "packed")[1] == []
+    assert read(text.replace("node:", "dialect: packed\nnode:"))[1] == []
 
 
 @rows("text", ["a" + " " * 80_000 + "b", "{" + " " * 80_000, "x" * 80_000, "1" + ".." * 40_000])
 def test_a_long_text_is_refused_in_a_time_that_does_not_grow_with_its_square(text: str) -> None:
     """It took 83 s; a whole suite of tests would notice."""
-    for step in (f"- expect: {{Goto XY: {{x: '{text}'}}}}", f"- sdo: {{read: '{text}'}}", f"- expect: '{text}'"):
+    for step in (f"- expect: {{Move To: {{x: '{text}'}}}}", f"- sdo: {{read: '{text}'}}", f"- expect: '{text}'"):
         assert len(read(document(step))[1]) == 1
 
 
@@ -315,7 +314,7 @@ def known(text: str) -> set[str]:
 def keys_of_the_format() -> set[str]:
     """All keys of suites and steps, as the reader names them."""
     keys = known(HEAD + "steps: []\nzzz: 1\n")
-    return keys | known(document("- zzz: 1")) | known(document("- {expect: Goto Confirm, zzz: 1}"))
+    return keys | known(document("- zzz: 1")) | known(document("- {expect: Move Confirm, zzz: 1}"))
 
 
 def test_the_guide_explains_every_key() -> None:

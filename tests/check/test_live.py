@@ -13,32 +13,29 @@ from eurobot_od.bus import live as runtime
 from eurobot_od.check.on_bus import run_live, run_simulated
 from eurobot_od.check.report import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
-from eurobot_od.robot import dialects
-from eurobot_od.robot.nodes import Drive
-from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, results, suite
+from tests.kit import plant
 
 CHANNELS = count()
 TALK = """
-- send: Check Drive Request
-- expect: Check Drive Response
-- send: {Start Configuration Set: {team colour: red, enemies: 0, confederates: 0, enemy 1 diameter: 0,
-    enemy 2 diameter: 0}}
-- expect: Start Configuration Confirm
-- send: Kalman Position Request
-- expect: {Kalman Position Response: {x: 0..400, y: 1600..2000}}
+- send: Check Lift Request
+- expect: Check Lift Response
+- send: {Order Set: {colour: blue, boxes: 12, rows: 0}}
+- expect: Order Confirm
+- send: Place Request
+- expect: {Place Response: {x: 0..400, y: 1600..2000}}
 - sdo: {read: 0x1017, expect: 1000}
-- sdo: {read: Manufacturer device name, expect: Eurobot 2014 drive}
+- sdo: {read: Manufacturer device name, expect: Packaging line lift}
 - nmt: reset
 - heartbeat: boot-up
-- send: {raw: "008#D274"}
+- send: {raw: "202#D274"}
 - emcy: 0x8210
-- expect: {Goto Confirm: {}}
+- expect: {Move Confirm: {}}
   within: 20 ms
 """
 WAITING = document(
-    "- {name: begun, send: Stop Drive}\n- {name: long, wait: 10 min}\n- wait: 10 min",
-    HEAD + "teardown:\n  - {name: tidy, send: Stop Drive}\n",
+    "- {name: begun, send: Halt Lift}\n- {name: long, wait: 10 min}\n- wait: 10 min",
+    HEAD + "teardown:\n  - {name: tidy, send: Halt Lift}\n",
 )
 
 
@@ -50,8 +47,8 @@ def open_bus() -> Callable[[], can.BusABC]:
 
 
 @pytest.fixture
-def drive(open_bus: Callable[[], can.BusABC]) -> Iterator[runtime.Live]:
-    with runtime.Live.node(open_bus(), Drive(dialects.load("drive"))) as live:
+def lift(open_bus: Callable[[], can.BusABC]) -> Iterator[runtime.Live]:
+    with runtime.Live.node(open_bus(), plant.NODES["lift"](plant.load("lift"))) as live:
         yield live
 
 
@@ -59,7 +56,7 @@ def run(text: str, open_bus: Callable[[], can.BusABC], interrupt: Interrupt | No
     return run_live(suite(text), RunOptions(keep_going=True, interrupt=interrupt or Interrupt()), open_bus)
 
 
-@pytest.mark.usefixtures("drive")
+@pytest.mark.usefixtures("lift")
 def test_a_live_node_and_a_simulated_one_get_the_same_verdicts(open_bus: Callable[[], can.BusABC]) -> None:
     text = document(TALK)
     simulated = results(text)
@@ -70,7 +67,7 @@ def test_a_live_node_and_a_simulated_one_get_the_same_verdicts(open_bus: Callabl
 
 
 def test_nobody_there_is_red_and_no_failure_of_the_bus(open_bus: Callable[[], can.BusABC]) -> None:
-    result = run(document("- send: Check Drive Request\n- {expect: Check Drive Response, within: 50 ms}"), open_bus)
+    result = run(document("- send: Check Lift Request\n- {expect: Check Lift Response, within: 50 ms}"), open_bus)
     assert [step.status for step in result.steps] == [Status.PASSED, Status.FAILED]
     assert result.error == ""
 
@@ -105,14 +102,14 @@ BROKEN = {
     "sending fails": ({"receiving": True, "sending": OSError("gone")}, "the bus unplugged failed: gone"),
     "the driver takes nothing": (
         {"receiving": True, "sending": can.CanOperationError("buffer full")},
-        "the bus unplugged did not take 004#",
+        "the bus unplugged did not take 381#",
     ),
 }
 
 
 @pytest.mark.parametrize(("bus", "what"), BROKEN.values(), ids=BROKEN.keys())
 def test_a_failing_bus_ends_the_suite(bus: dict[str, object], what: str) -> None:
-    text = HEAD + "steps:\n  - wait: 20 ms\n  - send: Stop Drive\n  - wait: 1 s\n"
+    text = HEAD + "steps:\n  - wait: 20 ms\n  - send: Halt Lift\n  - wait: 1 s\n"
     result = run(text, lambda: Unplugged(**bus))  # type: ignore[arg-type]
     assert result.error == what
     broken = [step for step in result.steps if step.status is Status.BUS_FAILED]
@@ -123,13 +120,13 @@ def test_a_failing_bus_ends_the_suite(bus: dict[str, object], what: str) -> None
 def test_the_teardown_is_done_when_a_lost_bus_is_back(open_bus: Callable[[], can.BusABC]) -> None:
     class Lost(Unplugged):
         def send(self, msg: can.Message, timeout: float | None = None) -> None:
-            if msg.arbitration_id == 0x008:
+            if msg.arbitration_id == 0x202:
                 raise OSError("gone")
 
     buses = iter([Lost(receiving=True, sending=None), Unplugged(receiving=False, sending=None), open_bus()])
-    steps = '- send: Stop Drive\n- send: {raw: "008#"}\n- wait: 10 min'
+    steps = '- send: Halt Lift\n- send: {raw: "202#"}\n- wait: 10 min'
     with open_bus() as witness:
-        result = run(document(steps, HEAD + "teardown:\n  - send: Stop Drive\n"), lambda: next(buses))
+        result = run(document(steps, HEAD + "teardown:\n  - send: Halt Lift\n"), lambda: next(buses))
         assert witness.recv(2.0) is not None
     assert str(result.error) == "the bus unplugged failed: gone"
     assert [step.status for step in result.steps] == [
@@ -166,7 +163,7 @@ def test_an_interrupt_ends_a_simulated_suite_too() -> None:
         if len(seen) == 5:
             interrupt.request()
 
-    endless = HEAD + "steps:\n  - repeat: 100000\n    steps:\n      - wait: 1 ms\nteardown:\n  - send: Stop Drive\n"
-    result = run_simulated(suite(endless), RunOptions(interrupt=interrupt, show=show), ROBOT.under_test)
+    endless = HEAD + "steps:\n  - repeat: 100000\n    steps:\n      - wait: 1 ms\nteardown:\n  - send: Halt Lift\n"
+    result = run_simulated(suite(endless), RunOptions(interrupt=interrupt, show=show), plant.PLANT.under_test)
     assert [step.status for step in result.steps[-2:]] == [Status.INTERRUPTED, Status.PASSED]
     assert result.count(Status.PASSED) < 10

@@ -12,8 +12,8 @@ from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.shapes import Networks
 from eurobot_od.device.node import Node
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import document, results, suite
+from tests.kit import plant
 from tests.rows import rows
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
@@ -58,14 +58,14 @@ def test_a_program_begins_anew_with_each_boot_of_its_node() -> None:
 
 
 def test_the_same_seed_gives_the_same_frames() -> None:
-    one, other = (results(document("- send: Kalman Position Request\n- expect: Goto Confirm")) for _ in range(2))
+    one, other = (results(document("- send: Place Request\n- expect: Move Confirm")) for _ in range(2))
     assert one.steps == other.steps
     assert one.steps[1].reason is not None
     assert len(one.steps[1].reason.frames) > 1
 
 
 def test_how_long_a_node_takes_to_answer_comes_from_the_seed() -> None:
-    steps = document("- send: Check Drive Request\n- expect: Check Drive Response")
+    steps = document("- send: Check Lift Request\n- expect: Check Lift Response")
     seconds = {round(results(steps, seed=seed).steps[1].seconds, 6) for seed in range(1, 9)}
     assert len(seconds) > 2
 
@@ -73,7 +73,7 @@ def test_how_long_a_node_takes_to_answer_comes_from_the_seed() -> None:
 def test_an_interrupt_ends_what_is_repeated_without_waiting() -> None:
     """A loop in which nothing is waited for gave the interrupt no turn."""
     interrupt = Interrupt()
-    steps = "- wait: 1 ms\n- repeat: 1000\n  steps: [{answer: {Goto State Request: Goto Confirm}, repeat: 100}]"
+    steps = "- wait: 1 ms\n- repeat: 1000\n  steps: [{answer: {Move State Request: Move Confirm}, repeat: 100}]"
     options = RunOptions(interrupt=interrupt, show=lambda _: interrupt.request())
-    result = run_simulated(suite(document(steps)), options, ROBOT.under_test)
+    result = run_simulated(suite(document(steps)), options, plant.PLANT.under_test)
     assert [step.status for step in result.steps] == [Status.PASSED, Status.INTERRUPTED]

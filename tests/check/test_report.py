@@ -16,13 +16,13 @@ from eurobot_od.support.yaml_places import Place
 from tests.rows import rows
 
 REASON = StepReason(
-    "Goto State Response is not as expected",
-    "Goto State Response: time 0 ms",
-    "Goto State Response  time=5 ms",
+    "Move State Response is not as expected",
+    "Move State Response: time 0 ms",
+    "Move State Response  time=5 ms",
     (Mismatch("time", "0 ms", "5 ms"),),
     (
-        Line(0.5, True, Frame(0x010), "Goto State Request"),
-        Line(0.5002, False, Frame(0x014, b"\5\0\0"), "Goto State Response  time=5 ms"),
+        Line(0.5, True, Frame(0x302), "Move State Request"),
+        Line(0.5002, False, Frame(0x282, b"\5\0\0"), "Move State Response  time=5 ms"),
     ),
 )
 
@@ -34,8 +34,8 @@ def step(
 
 
 RED = SuiteResult(
-    Path("drive.yaml"),
-    "the drive",
+    Path("lift.yaml"),
+    "the lift",
     "simulated",
     (
         step("prepared", Status.PASSED, SuitePart.SETUP),
@@ -47,8 +47,8 @@ RED = SuiteResult(
 )
 LEFT_OUT = SuiteResult(Path("bytes.yaml"), "bytes", "simulated", skipped="it is for another dialect")
 BROKEN = SuiteResult(
-    Path("core.yaml"),
-    "the core",
+    Path("panel.yaml"),
+    "the panel",
     "on can0",
     (step("asked", Status.BUS_FAILED, reason=StepReason("the bus can0 failed: gone")),),
     error="the bus can0 failed: gone",
@@ -67,13 +67,13 @@ def test_a_step_has_its_colour_on_a_terminal() -> None:
 
 def test_a_reason_tells_everything() -> None:
     assert list(report.reason_lines(REASON)) == [
-        "    Goto State Response is not as expected",
-        "      expected  Goto State Response: time 0 ms",
-        "      came      Goto State Response  time=5 ms",
+        "    Move State Response is not as expected",
+        "      expected  Move State Response: time 0 ms",
+        "      came      Move State Response  time=5 ms",
         "      time      expected 0 ms, came 5 ms",
         "      last frames (> sent, < received)",
-        "           0.5000 s > 010#                  Goto State Request",
-        "           0.5002 s < 014#050000            Goto State Response  time=5 ms",
+        "           0.5000 s > 302#                  Move State Request",
+        "           0.5002 s < 282#050000            Move State Response  time=5 ms",
     ]
 
 
@@ -93,12 +93,12 @@ def test_another_program_reads_the_junit_report() -> None:
     suites = list(JUnitXml.fromstring(report.junit(ALL).encode()))
     assert all(isinstance(each, TestSuite) for each in suites)
     red, left_out, broken = suites
-    assert (red.name, red.tests, red.failures, red.errors, red.skipped) == ("the drive", 4, 1, 1, 1)
+    assert (red.name, red.tests, red.failures, red.errors, red.skipped) == ("the lift", 4, 1, 1, 1)
     assert red.time == pytest.approx(1.5)
     assert (left_out.tests, left_out.skipped, broken.errors) == (1, 1, 1)
     passed, failed, skipped, interrupted = red
     assert isinstance(failed, TestCase)
-    assert (passed.name, passed.classname, passed.is_passed) == ("setup: prepared", "drive", True)
+    assert (passed.name, passed.classname, passed.is_passed) == ("setup: prepared", "lift", True)
     assert (failed.name, failed.time) == ("<it> arrives & stays # here", pytest.approx(0.0012))
     assert [type(each) for case in (failed, skipped, interrupted) for each in case.result] == [Failure, Skipped, Error]
     assert failed.result[0].message == REASON.what
@@ -111,9 +111,9 @@ def test_green_and_skipped_steps_are_counted() -> None:
 
 def test_what_is_red_is_told_again_with_its_place() -> None:
     assert list(report.failures(ALL)) == [
-        "drive.yaml:7: <it> arrives & stays # here (simulated)",
+        "lift.yaml:7: <it> arrives & stays # here (simulated)",
         *report.reason_lines(REASON),
-        "core.yaml:7: asked (on can0)",
+        "panel.yaml:7: asked (on can0)",
         "    the bus can0 failed: gone",
     ]
 
@@ -126,7 +126,7 @@ def test_json_has_everything() -> None:
     assert red["steps"][1]["finding"]["frames"][1] == {
         "time": 0.5002,
         "direction": "received",
-        "frame": "014#050000",
-        "meaning": "Goto State Response  time=5 ms",
+        "frame": "282#050000",
+        "meaning": "Move State Response  time=5 ms",
     }
     assert (left_out["skipped"], broken["error"]) == ("it is for another dialect", "the bus can0 failed: gone")

@@ -1,4 +1,4 @@
-"""Steps turn green or red as the simulated drive deserves, and a red one says why."""
+"""Steps turn green or red as the simulated lift deserves, and a red one says why."""
 
 from __future__ import annotations
 
@@ -7,99 +7,95 @@ import pytest
 from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.report import Status, StepReason, SuitePart
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, results, run, suite, verdicts
+from tests.kit import plant
 from tests.rows import rows
 
 START = """
-- send: {Start Configuration Set: {team colour: red, enemies: 0, confederates: 0, enemy 1 diameter: 0,
-    enemy 2 diameter: 0}}
-- expect: Start Configuration Confirm
+- send: {Order Set: {colour: blue, boxes: 12, rows: 0}}
+- expect: Order Confirm
 """
-GOTO = "- send: {Goto XY: {x: 700, y: 1750, angle: 0, speed: 100}}\n"
-PERIODIC = "- sdo: {write: Goto State Response.Event timer, value: 50}\n- await: Goto State Response\n"
-ALL = HEAD.replace("node: drive\n", "node: [drive, navigation]\n")
+MOVE = "- send: {Move To: {x: 700, y: 1750, angle: 0, speed: 100}}\n"
+PERIODIC = "- sdo: {write: Move State Response.Event timer, value: 50}\n- await: Move State Response\n"
+ALL = HEAD.replace("node: lift\n", "node: [lift, scale]\n")
 
 # Each row: steps, and how they end: + green, - red.
 CASES = {
     # expect
-    "an answer comes": ("- send: Check Drive Request\n- expect: Check Drive Response", "++"),
+    "an answer comes": ("- send: Check Lift Request\n- expect: Check Lift Response", "++"),
     "an answer counts once": (
-        "- send: Check Drive Request\n- expect: Check Drive Response\n- expect: Check Drive Response",
+        "- send: Check Lift Request\n- expect: Check Lift Response\n- expect: Check Lift Response",
         "++-",
     ),
-    "no answer to another node's check": ("- send: Check Navi Request\n- expect: Check Navi Response", "+-"),
+    "no answer to another node's check": ("- send: Check Scale Request\n- expect: Check Scale Response", "+-"),
     "a question forgets what came before": (
-        "- send: Check Drive Request\n- wait: 10 ms\n- send: Check Navi Request\n- expect: Check Drive Response",
+        "- send: Check Lift Request\n- wait: 10 ms\n- send: Check Scale Request\n- expect: Check Lift Response",
         "+++-",
     ),
     "several sends are one question": (
-        "- send: Check Drive Request\n- send: Kalman Position Request\n- expect: Check Drive Response\n"
-        "- expect: Kalman Position Response",
+        "- send: Check Lift Request\n- send: Place Request\n- expect: Check Lift Response\n- expect: Place Response",
         "++++",
     ),
     "in any order": (
-        "- send: Check Drive Request\n- send: Kalman Position Request\n"
-        "- expect: {all: [Check Drive Response, Kalman Position Response]}",
+        "- send: Check Lift Request\n- send: Place Request\n- expect: {all: [Check Lift Response, Place Response]}",
         "+++",
     ),
     "in this order": (
-        "- send: Check Drive Request\n- send: Kalman Position Request\n"
-        "- expect: [Kalman Position Response, Check Drive Response]",
+        "- send: Check Lift Request\n- send: Place Request\n- expect: [Place Response, Check Lift Response]",
         "++-",
     ),
     "one of them": (
-        "- send: Check Drive Request\n- expect: {any: [Goto Confirm, Check Drive Response]}",
+        "- send: Check Lift Request\n- expect: {any: [Move Confirm, Check Lift Response]}",
         "++",
     ),
     "not all of them": (
-        "- send: Check Drive Request\n- expect: {all: [Goto Confirm, Check Drive Response]}",
+        "- send: Check Lift Request\n- expect: {all: [Move Confirm, Check Lift Response]}",
         "+-",
     ),
     "fields as expected": (
-        "- send: Kalman Position Request\n- expect: {Kalman Position Response: {x: unknown, source: internal}}",
+        "- send: Place Request\n- expect: {Place Response: {x: unknown, source: encoder}}",
         "++",
     ),
     "a field is not": (
-        "- send: Kalman Position Request\n- expect: {Kalman Position Response: {x: '> 0'}}",
+        "- send: Place Request\n- expect: {Place Response: {x: '> 0'}}",
         "+-",
     ),
-    "raw frames": ("- send: {raw: '3C0#'}\n- expect: {raw: '400#'}", "++"),
-    "raw data": ("- send: {raw: '0C0#'}\n- expect: {raw: '100#FF????????'}", "++"),
-    "raw data differs": ("- send: {raw: '0C0#'}\n- expect: {raw: '100#FFFFFFFFFF'}", "+-"),
+    "raw frames": ("- send: {raw: '502#'}\n- expect: {raw: '482#'}", "++"),
+    "raw data": ("- send: {raw: '402#'}\n- expect: {raw: '382#FF????????'}", "++"),
+    "raw data differs": ("- send: {raw: '402#'}\n- expect: {raw: '382#FFFFFFFFFF'}", "+-"),
     # never
-    "nothing came": ("- send: Check Navi Request\n- never: Check Drive Response\n  for: 50 ms", "++"),
-    "something came": ("- send: Check Drive Request\n- never: Check Drive Response\n  for: 50 ms", "+-"),
+    "nothing came": ("- send: Check Scale Request\n- never: Check Lift Response\n  for: 50 ms", "++"),
+    "something came": ("- send: Check Lift Request\n- never: Check Lift Response\n  for: 50 ms", "+-"),
     "never a second one": (
-        "- send: Check Drive Request\n- expect: Check Drive Response\n- never: Check Drive Response\n  for: 50 ms",
+        "- send: Check Lift Request\n- expect: Check Lift Response\n- never: Check Lift Response\n  for: 50 ms",
         "+++",
     ),
     "never with other fields": (
-        "- send: Kalman Position Request\n- never: {Kalman Position Response: {x: 5}}\n  for: 50 ms",
+        "- send: Place Request\n- never: {Place Response: {x: 5}}\n  for: 50 ms",
         "++",
     ),
     # await
     "what came before is not awaited": (
-        "- send: Check Drive Request\n- wait: 10 ms\n- await: Check Drive Response",
+        "- send: Check Lift Request\n- wait: 10 ms\n- await: Check Lift Response",
         "++-",
     ),
     "awaited among others that come by themselves": (
-        PERIODIC + START + GOTO + "- await: {Goto State Response: {time: 0}}\n  within: 10 s",
+        PERIODIC + START + MOVE + "- await: {Move State Response: {time: 0}}\n  within: 10 s",
         "++++++",
     ),
     "awaited in vain": (
-        PERIODIC + START + GOTO + "- await: {Goto State Response: {time: blocked}}\n  within: 1 s",
+        PERIODIC + START + MOVE + "- await: {Move State Response: {time: blocked}}\n  within: 1 s",
         "+++++-",
     ),
     # poll
     "polled until it is there": (
-        START + GOTO + "- poll: {send: Goto State Request, every: 100 ms}\n"
-        "  until: {Goto State Response: {time: 0}}\n  within: 10 s",
+        START + MOVE + "- poll: {send: Move State Request, every: 100 ms}\n"
+        "  until: {Move State Response: {time: 0}}\n  within: 10 s",
         "++++",
     ),
     "polled in vain": (
-        START + GOTO + "- poll: {send: Goto State Request, every: 100 ms}\n"
-        "  until: {Goto State Response: {time: 0}}\n  within: 300 ms",
+        START + MOVE + "- poll: {send: Move State Request, every: 100 ms}\n"
+        "  until: {Move State Response: {time: 0}}\n  within: 300 ms",
         "+++-",
     ),
     # period
@@ -118,14 +114,14 @@ CASES = {
     ),
     "a reset boots": ("- nmt: reset\n- heartbeat: boot-up", "++"),
     "another state than expected": ("- nmt: stop\n- heartbeat: operational\n  within: 2 s", "+-"),
-    "an emergency": ("- send: {raw: '008#D274'}\n- emcy: 0x8210", "++"),
-    "an emergency within a time": ("- send: {raw: '008#D274'}\n- emcy: 0x8210\n  within: 10 ms", "++"),
-    "another emergency": ("- send: {raw: '008#D274'}\n- emcy: 0x8220", "+-"),
-    "no emergency": ("- send: Stop Drive\n- never: {emcy: any}\n  for: 50 ms", "++"),
+    "an emergency": ("- send: {raw: '202#D274'}\n- emcy: 0x8210", "++"),
+    "an emergency within a time": ("- send: {raw: '202#D274'}\n- emcy: 0x8210\n  within: 10 ms", "++"),
+    "another emergency": ("- send: {raw: '202#D274'}\n- emcy: 0x8220", "+-"),
+    "no emergency": ("- send: Halt Lift\n- never: {emcy: any}\n  for: 50 ms", "++"),
     # SDO
     "an object": ("- sdo: {read: 0x1017, expect: 1000}\n- sdo: {read: Producer heartbeat time, expect: '> 0'}", "++"),
     "another value": ("- sdo: {read: 0x1017, expect: 999}", "-"),
-    "a text": ("- sdo: {read: Manufacturer device name, expect: Eurobot 2014 drive}", "+"),
+    "a text": ("- sdo: {read: Manufacturer device name, expect: Packaging line lift}", "+"),
     "written and read": ("- sdo: {write: 0x1017, value: 300}\n- sdo: {read: 0x1017, expect: 300}", "++"),
     "refused as it should": ("- sdo: {read: 0x5000, abort: 0x06020000}", "+"),
     "refused otherwise": ("- sdo: {read: 0x5000, abort: 0x06090011}", "-"),
@@ -133,32 +129,32 @@ CASES = {
     "not refused": ("- sdo: {read: 0x1017, abort: 0x06020000}", "-"),
     # variables
     "saved and compared": (
-        START + "- send: Kalman Position Request\n- expect: Kalman Position Response\n"
-        "- save: {x: Kalman Position Response.x}\n- send: Kalman Position Request\n"
-        "- expect: {Kalman Position Response: {x: '{x} +- 1'}}",
+        START + "- send: Place Request\n- expect: Place Response\n"
+        "- save: {x: Place Response.x}\n- send: Place Request\n"
+        "- expect: {Place Response: {x: '{x} +- 1'}}",
         "+++++++",
     ),
     "saved and sent": (
-        START + "- send: Kalman Position Request\n- expect: Kalman Position Response\n"
-        "- save: {x: Kalman Position Response.x}\n- send: {Goto XY: {x: '{x}', y: 1500, angle: 0, speed: 50}}\n"
-        "- expect: Goto Confirm",
+        START + "- send: Place Request\n- expect: Place Response\n"
+        "- save: {x: Place Response.x}\n- send: {Move To: {x: '{x}', y: 1500, angle: 0, speed: 50}}\n"
+        "- expect: Move Confirm",
         "+++++++",
     ),
     "saved by SDO": ("- sdo: {read: 0x1017, save: t}\n- sdo: {write: 0x1017, value: '{t}'}", "++"),
-    "never saved": ("- save: {t: Goto State Response.time}\n- expect: {Goto State Response: {time: '{t}'}}", "--"),
+    "never saved": ("- save: {t: Move State Response.time}\n- expect: {Move State Response: {time: '{t}'}}", "--"),
     "saved as unknown and sent": (
-        "- send: Kalman Position Request\n- expect: Kalman Position Response\n- save: {x: Kalman Position Response.x}\n"
-        "- send: {Goto XY: {x: '{x}', y: 1500, angle: 0, speed: 50}}",
+        "- send: Place Request\n- expect: Place Response\n- save: {x: Place Response.x}\n"
+        "- send: {Move To: {x: '{x}', y: 1500, angle: 0, speed: 50}}",
         "+++-",
     ),
     # repetition
-    "repeated": ("- {send: Check Drive Request, repeat: 3}\n- expect: Check Drive Response\n  repeat: 3", "++"),
+    "repeated": ("- {send: Check Lift Request, repeat: 3}\n- expect: Check Lift Response\n  repeat: 3", "++"),
     "repeated too often": (
-        "- {send: Check Drive Request, repeat: 3}\n- {expect: Check Drive Response, repeat: 4}",
+        "- {send: Check Lift Request, repeat: 3}\n- {expect: Check Lift Response, repeat: 4}",
         "+-",
     ),
     "a group, repeated": (
-        "- repeat: 2\n  steps:\n    - send: Check Drive Request\n    - expect: Check Drive Response",
+        "- repeat: 2\n  steps:\n    - send: Check Lift Request\n    - expect: Check Lift Response",
         "++++",
     ),
 }
@@ -170,7 +166,7 @@ def test_steps_end_as_the_node_deserves(steps: str, verdict: str) -> None:
 
 
 def test_one_confirm_may_stand_for_two_nodes() -> None:
-    assert verdicts(START + "- nmt: reset\n- heartbeat: {state: boot-up, node: navigation}", ALL) == "++++"
+    assert verdicts(START + "- nmt: reset\n- heartbeat: {state: boot-up, node: scale}", ALL) == "++++"
 
 
 def reason(steps: str) -> StepReason:
@@ -184,39 +180,37 @@ def reason(steps: str) -> StepReason:
 def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
     found = reason(
         START
-        + "- send: Kalman Position Request\n"
-        + "- expect: {Kalman Position Response: {x: 10 +- 5, y: any, angle: 90..100, source: enemy 1}}"
+        + "- send: Place Request\n"
+        + "- expect: {Place Response: {x: 10 +- 5, y: any, angle: 90..100, source: laser}}"
     )
-    assert found.what == "Kalman Position Response is not as expected"
-    assert found.expected == (
-        "Kalman Position Response: x 10 mm +- 5 mm, y anything, angle 90 deg .. 100 deg, source enemy 1"
-    )
+    assert found.what == "Place Response is not as expected"
+    assert found.expected == ("Place Response: x 10 mm +- 5 mm, y anything, angle 90 deg .. 100 deg, source laser")
     assert [(each.what, each.expected) for each in found.mismatches] == [
         ("x", "10 mm +- 5 mm"),
         ("angle", "90 deg .. 100 deg"),
-        ("source", "enemy 1"),
+        ("source", "laser"),
     ]
 
 
 @rows(
     "steps, what, came",
     [
-        ("- expect: Goto Confirm", "no Goto Confirm within 1 s", "nothing"),
-        ("- expect: Goto Confirm\n  within: 50 ms", "no Goto Confirm within 50 ms", "nothing"),
+        ("- expect: Move Confirm", "no Move Confirm within 1 s", "nothing"),
+        ("- expect: Move Confirm\n  within: 50 ms", "no Move Confirm within 50 ms", "nothing"),
         (
             "- nmt: stop\n- heartbeat: operational\n  within: 2 s",
-            "no heartbeat of drive within 2 s",
-            "Heartbeat  drive, stopped",
+            "no heartbeat of lift within 2 s",
+            "Heartbeat  lift, stopped",
         ),
         (
-            "- send: Check Drive Request\n- never: Check Drive Response\n  for: 50 ms",
-            "Check Drive Response came, though it should not",
-            "Check Drive Response",
+            "- send: Check Lift Request\n- never: Check Lift Response\n  for: 50 ms",
+            "Check Lift Response came, though it should not",
+            "Check Lift Response",
         ),
         (
-            "- poll: {send: Goto State Request, every: 100 ms}\n  until: {Goto State Response: {time: 0}}",
-            "Goto State Response not as wanted after 10 x Goto State Request",
-            "Goto State Response  time=unknown",
+            "- poll: {send: Move State Request, every: 100 ms}\n  until: {Move State Response: {time: 0}}",
+            "Move State Response not as wanted after 10 x Move State Request",
+            "Move State Response  time=unknown",
         ),
         (
             "- sdo: {read: 0x5000}",
@@ -231,10 +225,10 @@ def test_tells_what_came_instead(steps: str, what: str, came: str) -> None:
 
 
 def test_shows_the_last_frames_with_their_meaning() -> None:
-    found = reason("- send: Check Drive Request\n- expect: Goto Confirm\n  within: 10 ms")
+    found = reason("- send: Check Lift Request\n- expect: Move Confirm\n  within: 10 ms")
     assert [(str(line.frame), line.own, line.meaning) for line in found.frames[-2:]] == [
-        ("3C0#", True, "Check Drive Request"),
-        ("400#", False, "Check Drive Response"),
+        ("502#", True, "Check Lift Request"),
+        ("482#", False, "Check Lift Response"),
     ]
 
 
@@ -242,23 +236,23 @@ def test_reads_the_last_frames_by_the_ones_before_them() -> None:
     """The first byte of a segment is that of an abort; only the frames before tell them apart."""
     found = reason(
         "- send: {raw: 602#C617100002000000}\n- wait: 10 ms\n- send: {raw: 602#8102000000000000}\n"
-        "- expect: Goto Confirm\n  within: 10 ms"
+        "- expect: Move Confirm\n  within: 10 ms"
     )
-    assert "SDO  drive, block segment 1, the last" in [line.meaning for line in found.frames]
+    assert "SDO  lift, block segment 1, the last" in [line.meaning for line in found.frames]
 
 
 SECTIONS = """\
 spec: 1
 name: sections
-node: drive
+node: lift
 setup:
-  - {name: prepared, send: Check Drive Request}
+  - {name: prepared, send: Check Lift Request}
 steps:
-  - {name: red, expect: Goto Confirm, within: 10 ms}
-  - {name: green, send: Check Drive Request}
+  - {name: red, expect: Move Confirm, within: 10 ms}
+  - {name: green, send: Check Lift Request}
 teardown:
-  - {name: red too, expect: Goto Confirm, within: 10 ms}
-  - {name: tidy, send: Stop Drive}
+  - {name: red too, expect: Move Confirm, within: 10 ms}
+  - {name: tidy, send: Halt Lift}
 """
 
 
@@ -281,7 +275,7 @@ def test_goes_on_behind_a_red_step_if_told_to() -> None:
 
 
 def test_a_red_setup_skips_all_steps() -> None:
-    text = SECTIONS.replace("send: Check Drive Request}\nsteps", "expect: Goto Confirm}\nsteps")
+    text = SECTIONS.replace("send: Check Lift Request}\nsteps", "expect: Move Confirm}\nsteps")
     assert dict(outcome(text, keep_going=True)) == {
         "prepared": Status.FAILED,
         "red": Status.SKIPPED,
@@ -299,18 +293,18 @@ def test_tells_sections_and_times() -> None:
 
 
 def test_the_same_seed_gives_the_same_times() -> None:
-    text = document(START + GOTO + "- poll: {send: Goto State Request, every: 100 ms}\n"
-                    "  until: {Goto State Response: {time: 0}}\n  within: 10 s")  # fmt: skip
+    text = document(START + MOVE + "- poll: {send: Move State Request, every: 100 ms}\n"
+                    "  until: {Move State Response: {time: 0}}\n  within: 10 s")  # fmt: skip
     assert results(text, seed=5) == results(text, seed=5)
 
 
 def test_names_the_steps_of_a_group() -> None:
-    groups = "- name: {}\n  repeat: {}\n  steps: [send: Check Drive Request]\n"
+    groups = "- name: {}\n  repeat: {}\n  steps: [send: Check Lift Request]\n"
     steps = run(groups.format("twice", 2) + groups.format("once", 1) + "- wait: 1 ms")
     assert [step.name for step in steps] == [
-        "twice 1/2: send Check Drive Request",
-        "twice 2/2: send Check Drive Request",
-        "once: send Check Drive Request",
+        "twice 1/2: send Check Lift Request",
+        "twice 2/2: send Check Lift Request",
+        "once: send Check Lift Request",
         "wait 1 ms",
     ]
 
@@ -319,7 +313,7 @@ def test_names_the_steps_of_a_group() -> None:
 def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(names: str, done: list[str]) -> None:
     steps = "\n".join(f"- {{name: {name}, wait: 1 ms}}" for name in "abc")
     options = RunOptions(chosen=lambda name: name in names)
-    result = run_simulated(suite(document(steps)), options, ROBOT.under_test)
+    result = run_simulated(suite(document(steps)), options, plant.PLANT.under_test)
     assert [step.name for step in result.steps] == done
 
 
@@ -330,24 +324,24 @@ def test_a_node_without_an_error_reports_none() -> None:
     assert verdicts("- errors: none") == "+"
 
 
-TOO_SHORT = "- send: {raw: 008#D274}\n- emcy: 0x8210\n"
+TOO_SHORT = "- send: {raw: 202#D274}\n- emcy: 0x8210\n"
 
 
 def test_a_node_with_an_error_says_which() -> None:
     reason = run(f"{TOO_SHORT}- errors: none")[-1].reason
     assert reason is not None
-    assert reason.what == "drive reports an error itself"
+    assert reason.what == "lift reports an error itself"
     assert reason.came == "generic error; communication; 0x8210 pdo too short"
 
 
 def test_a_red_step_tells_what_the_node_has_reported() -> None:
-    reason = run(f"{TOO_SHORT}- expect: Goto Confirm")[-1].reason
+    reason = run(f"{TOO_SHORT}- expect: Move Confirm")[-1].reason
     assert reason is not None
-    assert reason.cause.startswith("EMCY  drive, 0x8210 pdo too short")
+    assert reason.cause.startswith("EMCY  lift, 0x8210 pdo too short")
 
 
 @rows("before", ["", f"{TOO_SHORT}- nmt: reset\n- heartbeat: boot-up\n"])
 def test_an_error_that_a_reset_has_ended_is_told_no_more(before: str) -> None:
-    reason = run(f"{before}- expect: Goto Confirm")[-1].reason
+    reason = run(f"{before}- expect: Move Confirm")[-1].reason
     assert reason is not None
     assert reason.cause == ""

@@ -1,4 +1,4 @@
-"""SDO steps against a drive whose answers are damaged on their way: each is reported as what it is."""
+"""SDO steps against a lift whose answers are damaged on their way: each is reported as what it is."""
 
 from __future__ import annotations
 
@@ -9,21 +9,20 @@ from eurobot_od.check.report import Status, StepReason
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.device.faults import leaving, sdo_answer
 from eurobot_od.frame import Frame
-from eurobot_od.robot.nodes import Drive
-from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import document, results, run, suite
+from tests.kit import plant
 from tests.rows import rows
 
 
 def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[StepReason, list[str]]:
-    """Return why a step is red when the drive's answers are changed or lost, and what the tester sent."""
+    """Return why a step is red when the lift's answers are changed or lost, and what the tester sent."""
 
     def changed(_: object, frame: Frame) -> Iterable[Frame]:
         data = change(frame.data)
         return [] if data is None else [Frame(frame.cob_id, data)]
 
-    broken = type("Broken", (leaving(sdo_answer, changed), Drive), {})
-    robot = ROBOT._replace(nodes={**ROBOT.nodes, "drive": lambda: broken})
+    broken = type("Broken", (leaving(sdo_answer, changed), plant.NODES["lift"]), {})
+    robot = plant.PLANT._replace(nodes={**plant.PLANT.nodes, "lift": lambda: broken})
     (result,) = run_simulated(suite(document(step)), RunOptions(), robot.under_test).steps
     assert result.reason is not None
     return result.reason, [str(line.frame) for line in result.reason.frames if line.own]
@@ -94,19 +93,19 @@ NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
         (
             PERIOD,
             lambda data: data[:1] + b"\x18" + data[2:],
-            "no answer from drive within 1000 ms after SDO request",  # what came is in the report's frames
+            "no answer from lift within 1000 ms after SDO request",  # what came is in the report's frames
             "602#8017100000000405",
         ),
         (
             NAME,
             lambda data: bytes([data[0] ^ 0x10]) + data[1:] if data[0] < 0x20 else data,
-            "the answer 104575726F626F74 is not with the toggle bit of the request",
+            "the answer 105061636B616769 is not with the toggle bit of the request",
             "602#8008100000000305",
         ),
         (
             PERIOD,
             lambda _: None,
-            "no answer from drive within 1000 ms after SDO request",
+            "no answer from lift within 1000 ms after SDO request",
             "602#8017100000000405",  # the tester gives up, and says so
         ),
     ],

@@ -10,8 +10,7 @@ from eurobot_od.check.values import LONGEST_NOTATION, FieldValues, NotSaved, Sca
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity
-from eurobot_od.robot.model.messages import Angle, BarrierFlags, Coordinate, Heading, Remaining
-from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source
+from tests.kit.plant import messages as m
 from tests.rows import rows
 
 
@@ -19,10 +18,10 @@ def scale(kind: Kind, high: int = 3000) -> Scale:
     return Scale(FieldValues(kind, Limits(0, high)), {"speed": "60"}, frozenset({"t"}))
 
 
-X, HEADING, TIME, SOURCE = Coordinate("mm"), Heading("deg"), Remaining("ms"), Choice(Source)
+X, HEADING, TIME, SOURCE = m.Coordinate("mm"), m.Heading("deg"), m.Remaining("ms"), Choice(m.Source)
 TENTHS = Quantity("mm", step=0.1, within=(-20, 150))
-PERCENT, FLAGS = Kind("%"), BarrierFlags()
-FIRE_2 = Barriers.of({2: Passage.FORCED})
+PERCENT, FLAGS = Kind("%"), m.Gates()
+GATE_2 = 2 << 2
 
 FITTING: list[tuple[Kind, str, Any]] = [
     # one value
@@ -31,12 +30,12 @@ FITTING: list[tuple[Kind, str, Any]] = [
     (X, "1200 mm", 1200),
     (TENTHS, "-1.5 mm", -1.5),
     (X, "unknown", None),
-    (SOURCE, "internal", Source.INTERNAL),
-    (SOURCE, "enemy 1", Source.ENEMY_1),
-    (SOURCE, "2", Source.ENEMY_1),
-    (TIME, "not possible", GotoFault.NOT_POSSIBLE),
-    (FLAGS, "fire 2:forced", FIRE_2),
-    (FLAGS, "none", Barriers(0)),
+    (SOURCE, "encoder", m.Source.ENCODER),
+    (SOURCE, "laser", m.Source.LASER),
+    (SOURCE, "2", m.Source.LASER),
+    (TIME, "not possible", m.Fault.NOT_POSSIBLE),
+    (FLAGS, "gate 2:locked", GATE_2),
+    (FLAGS, "none", 0),
     # near a value, ends included
     (X, "1200 +- 15", 1185),
     (X, "1200+-15", 1215),
@@ -48,7 +47,7 @@ FITTING: list[tuple[Kind, str, Any]] = [
     (HEADING, "0 +- 5", 357),
     (HEADING, "358 +- 5", 2),
     (HEADING, "350..10", 0),
-    (Angle("deg"), "-90", 270),
+    (m.Angle("deg"), "-90", 270),
     # order
     (PERCENT, "< 50", 49),
     (PERCENT, "<= 50", 50),
@@ -57,8 +56,8 @@ FITTING: list[tuple[Kind, str, Any]] = [
     # anything but
     (X, "not 1200", 1201),
     (X, "not unknown", 0),
-    (SOURCE, "not internal", OutOfRange(9)),
-    (TIME, "not possible", GotoFault.NOT_POSSIBLE),
+    (SOURCE, "not encoder", OutOfRange(9)),
+    (TIME, "not possible", m.Fault.NOT_POSSIBLE),
     (X, "any", None),
     (X, "any", OutOfRange(4000)),
     # variables
@@ -73,14 +72,14 @@ UNFIT: list[tuple[Kind, str, Any]] = [
     (X, "1200", 1201),
     (X, "1200", None),
     (X, "unknown", 0),
-    (SOURCE, "internal", OutOfRange(9)),
-    (FLAGS, "fire 2:forced", Barriers(0)),
+    (SOURCE, "encoder", OutOfRange(9)),
+    (FLAGS, "gate 2:locked", 0),
     (X, "1200 +- 15", 1216),
     (X, "1200 +- 15", None),  # unknown is near nothing
     (HEADING, "0 +- 5", 6),
     (HEADING, "350..10", 11),
     (X, "88..92", 93),
-    (TIME, "> 0", GotoFault.BLOCKED),  # a code is no time
+    (TIME, "> 0", m.Fault.BLOCKED),  # a code is no time
     (TIME, "< 500", None),
     (X, "> 0", OutOfRange(4000)),
     (X, "not 1200", 1200),
@@ -98,9 +97,9 @@ NO_VALUES = [
     (X, "1200 cm", "another unit"),
     (X, "1200 +- much", "no tolerance"),
     (X, "< ", "no bound"),
-    (SOURCE, "enemy 3", "no member"),
+    (SOURCE, "radar", "no member"),
     (SOURCE, "7", "a reserved number"),
-    (FLAGS, "fire 2:perhaps", "no passage"),
+    (FLAGS, "gate 2:perhaps", "no state"),
     (PERCENT, "unknown", "a field that is always known"),
     (X, "7" + f"{'+- 3':>{LONGEST_NOTATION}}", "too long for a notation"),
 ]
@@ -122,9 +121,9 @@ def test_refuses(kind: Kind, text: str) -> None:
         expectation(text, scale(kind))
 
 
-def test_refuses_a_barrier_that_is_not_there() -> None:
-    with pytest.raises(UnknownName, match="unknown barrier 'fire 9'"):
-        expectation("fire 9:forced", scale(FLAGS))
+def test_refuses_a_key_that_is_not_there() -> None:
+    with pytest.raises(UnknownName, match="unknown gate 'gate 9'"):
+        expectation("gate 9:locked", scale(FLAGS))
 
 
 def test_refuses_a_variable_that_nobody_saves() -> None:

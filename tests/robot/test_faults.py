@@ -32,7 +32,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.kit.robot_faults import (
+from tests.robot.faults import (
     JUMP,
     ROBOT,
     both,

@@ -20,7 +20,7 @@ from eurobot_od.robot.faults import message_faults
 from eurobot_od.robot.model.messages import CheckNaviResponse, GotoConfirm, GotoStateRequest, GotoStateResponse, GotoXY
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.kit.robot_faults import replaced_by
+from tests.robot.faults import replaced_by
 from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load()

@@ -24,8 +24,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
-from eurobot_od.robot import dialects
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.kit import plant
 from tests.kit.devices import (
     AXIS_DRIVE,
     IO_MODULE,
@@ -65,7 +65,7 @@ def test_nor_on_a_makers_device_with_everything_that_may_be_asked(file: Path) ->
 
 @pytest.mark.long
 def test_nor_on_a_node_that_acts_on_what_is_written() -> None:
-    assert red(steps(suites(dialects.load("drive").file))) == []
+    assert red(steps(suites(plant.load("lift").file))) == []
 
 
 @pytest.mark.long

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Annotated, Any, ClassVar, NamedTuple
 
+from eurobot_od.errors import UnknownName
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import REAL32, Limits, typed_number
 from eurobot_od.pdo.kinds import (
@@ -180,6 +181,9 @@ class Gates(Kind):
             return 0 if text == "none" else typed_number(text)
         parts = (part.partition(":") for part in text.split(","))
         named = {name.strip().replace("-", " "): state.strip() or "shut" for name, _, state in parts}
+        for name in named:
+            if name not in self.NAMES:
+                raise UnknownName("gate", name, self.NAMES)
         return sum(self.STATES.index(state) << 2 * self.NAMES.index(name) for name, state in named.items())
 
     def text(self, value: Any) -> str:

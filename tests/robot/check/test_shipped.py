@@ -14,7 +14,7 @@ from fault_matrix import Run
 
 from eurobot_od.check.suite import Suite
 from eurobot_od.robot import dialects
-from tests.kit.robot_faults import ROBOT
+from tests.robot.faults import ROBOT
 from tests.rows import rows
 
 SENTENCES = (
