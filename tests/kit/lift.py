@@ -7,6 +7,7 @@ messages can have: no field, an enum, a tail that may be left out, numbers with 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 from eurobot_od.device.bound import BoundObject, period, seconds, setting
 from eurobot_od.device.node import Node
 from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script
-from eurobot_od.errors import Cause, Refused, StateError
+from eurobot_od.errors import Cause, NoAnswer, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.make import Table, read_table
@@ -445,10 +446,16 @@ class Panel(LiftNode):
         def send(request: Message | Frame) -> None:
             self.put(request) if isinstance(request, Frame) else self.offer(request)
 
+        def settled(call: Future[Any]) -> None:
+            if call.cancelled():  # this is the caller's thread, and only the node's may close the script
+                with self.guard:
+                    self.soon(flow.go_on)
+
         flow = Flow(script, self._timers, send, self._flows.remove)
         with self.guard:
             self._flows.append(flow)
             self.soon(flow.go_on)
+        flow.call.add_done_callback(settled)
         return flow.call
 
     def ask(self, request: Message, answer: type[Message]) -> Call[Any]:
@@ -472,13 +479,17 @@ class Panel(LiftNode):
         return self.begin(script())
 
     def move(self, target: MoveTo) -> Call[None]:
-        """Have the cabin move; the call ends when it has arrived."""
+        """Have the cabin move; the call ends when it has arrived, and one that ends before halts it."""
 
         def script() -> Script[None]:
             yield START
-            yield Ask(target, MoveConfirm, 0.5, self.check_attempts)
-            while (yield Ask(StateRequest(), StateResponse, 0.1, self.check_attempts)).time != 0:
-                yield Pause(0.1)
+            try:
+                yield Ask(target, MoveConfirm, 0.5, self.check_attempts)
+                while (yield Ask(StateRequest(), StateResponse, 0.1, self.check_attempts)).time != 0:
+                    yield Pause(0.1)
+            except (GeneratorExit, NoAnswer, StateError):
+                self.offer(Halt())
+                raise
 
         return self.begin(script())
 

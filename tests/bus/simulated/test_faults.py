@@ -10,8 +10,9 @@ from eurobot_od.bus import INTERMISSION, frame_bits
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.robot.nodes import ROLES
-from tests.robot.nodes.harness import DICTIONARIES, Peer
+from tests.kit import lift
+from tests.kit.bench import Peer
+from tests.kit.lift import ROLES
 
 FRAME, OTHER = Frame(0x555, b"\x55\x0f"), Frame(0x6AB, b"\x02")
 EMERGENCY = 0x080
@@ -22,7 +23,7 @@ class Ear(Peer):
     """A node that says what it is told, and remembers what it has heard, and when."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(DICTIONARIES[name])
+        super().__init__(lift.dictionary(name))
         self.heard: list[tuple[float, Frame]] = []
         self._own = self.device.identifiers
         self.device.identifiers = [*range(0x800)]
@@ -66,11 +67,11 @@ class Wire:
 
 
 class Cut(NamedTuple):
-    """When the bus is cut, in bits since the drive's frame began, and how often navigation and core hear the frame."""
+    """When the bus is cut, in bits since the cabin's frame began, and how often door and panel hear the frame."""
 
     bit: float
-    core: int
-    navigation: int
+    panel: int
+    door: int
 
 
 CUTS = {
@@ -78,7 +79,7 @@ CUTS = {
     "within it, and it is sent again in its part": Cut(30.5, 0, 1),
     "after it": Cut(frame_bits(FRAME) + 1, 1, 1),
 }
-"""The drive, which sends, and navigation are cut off from the core."""
+"""The cabin, which sends, and door are cut off from the panel."""
 
 
 @pytest.mark.parametrize("cut", CUTS.values(), ids=CUTS)
@@ -86,24 +87,24 @@ def test_a_bus_that_is_cut_within_a_frame(cut: Cut) -> None:
     wire = Wire()
     begin = wire.network.now
     if cut.bit > 0:
-        wire.say("drive", FRAME)
+        wire.say("cabin", FRAME)
         wire.run(cut.bit * BIT)
-    wire.network.split([wire.stations["drive"], wire.stations["navigation"]], until=begin + 0.05)
+    wire.network.split([wire.stations["cabin"], wire.stations["door"]], until=begin + 0.05)
     if cut.bit < 0:
-        wire.say("drive", FRAME)
+        wire.say("cabin", FRAME)
     wire.run(0.04)
-    assert (wire.heard("core", FRAME), wire.heard("navigation", FRAME)) == (cut.core, cut.navigation)
+    assert (wire.heard("panel", FRAME), wire.heard("door", FRAME)) == (cut.panel, cut.door)
     wire.run(0.05)
-    wire.say("drive", OTHER)
+    wire.say("cabin", OTHER)
     wire.run(0.1)
-    assert wire.heard("core", OTHER) == wire.heard("navigation", OTHER) == 1
+    assert wire.heard("panel", OTHER) == wire.heard("door", OTHER) == 1
 
 
 def test_two_parts_have_two_frames_at_the_same_time() -> None:
     wire = Wire()
-    wire.network.split([wire.stations["drive"], wire.stations["navigation"]], until=1.0)
-    wire.say("core", FRAME)
-    wire.say("drive", FRAME._replace(data=b"\x55\x0e"))
+    wire.network.split([wire.stations["cabin"], wire.stations["door"]], until=1.0)
+    wire.say("panel", FRAME)
+    wire.say("cabin", FRAME._replace(data=b"\x55\x0e"))
     wire.run(0.1)
     (first, _), (second, _) = wire.frames
     assert first == second
@@ -112,55 +113,55 @@ def test_two_parts_have_two_frames_at_the_same_time() -> None:
 def test_parts_that_are_joined_within_frames_send_both_again() -> None:
     wire = Wire()
     joined = wire.network.now + 30.5 * BIT
-    wire.network.split([wire.stations["drive"], wire.stations["navigation"]], until=joined)
-    wire.say("core", FRAME)
-    wire.say("drive", OTHER)
+    wire.network.split([wire.stations["cabin"], wire.stations["door"]], until=joined)
+    wire.say("panel", FRAME)
+    wire.say("cabin", OTHER)
     wire.run(0.1)
     assert [frame for _, frame in wire.frames] == [FRAME, OTHER]
     assert wire.frames[0][0] == pytest.approx(joined + (frame_bits(FRAME) - INTERMISSION) * BIT)
-    assert all(wire.heard(name, FRAME) == 1 for name in ("drive", "navigation"))
-    assert all(wire.heard(name, OTHER) == 1 for name in ("core", "navigation"))
+    assert all(wire.heard(name, FRAME) == 1 for name in ("cabin", "door"))
+    assert all(wire.heard(name, OTHER) == 1 for name in ("panel", "door"))
 
 
 @pytest.mark.parametrize("bit", range(1, frame_bits(FRAME) + 4, 8))
 def test_a_sender_that_is_pulled_off_in_any_bit_is_heard_by_all_when_it_is_plugged_in(bit: int) -> None:
     wire = Wire(monitored=False)
-    wire.say("drive", FRAME)
+    wire.say("cabin", FRAME)
     wire.run((bit + 0.5) * BIT)
-    wire.network.split([wire.stations["drive"]], until=wire.network.now + 0.01)
+    wire.network.split([wire.stations["cabin"]], until=wire.network.now + 0.01)
     wire.run(0.1)
-    assert wire.heard("core", FRAME) == wire.heard("navigation", FRAME) == 1
-    assert not wire.stations["drive"].gatekeeper.mailboxes.holds(FRAME)
+    assert wire.heard("panel", FRAME) == wire.heard("door", FRAME) == 1
+    assert not wire.stations["cabin"].gatekeeper.mailboxes.holds(FRAME)
 
 
 def test_a_bus_may_be_cut_within_a_frame_again_and_again() -> None:
     wire = Wire(monitored=False)
-    wire.say("drive", FRAME)
-    for name in ("core", "navigation", "core"):
+    wire.say("cabin", FRAME)
+    for name in ("panel", "door", "panel"):
         wire.run(7 * BIT)
         wire.network.split([wire.stations[name]], until=wire.network.now + 100 * BIT)
     wire.run(0.5)
-    assert wire.heard("core", FRAME) + wire.heard("navigation", FRAME) >= 1
-    wire.say("drive", OTHER)
+    assert wire.heard("panel", FRAME) + wire.heard("door", FRAME) >= 1
+    wire.say("cabin", OTHER)
     wire.run(0.1)
-    assert wire.heard("core", OTHER) == wire.heard("navigation", OTHER) == 1
+    assert wire.heard("panel", OTHER) == wire.heard("door", OTHER) == 1
 
 
 def test_a_node_may_be_detached_from_a_part() -> None:
     wire = Wire()
-    wire.network.split([wire.stations["drive"]], until=1.0)
-    wire.network.detach(wire.stations["drive"])
+    wire.network.split([wire.stations["cabin"]], until=1.0)
+    wire.network.detach(wire.stations["cabin"])
     wire.run(2.0)
-    assert wire.heard("core", FRAME) == 0
+    assert wire.heard("panel", FRAME) == 0
 
 
 @pytest.mark.long
 def test_a_node_that_is_off_too_long_is_missed() -> None:
     wire = Wire()
     wire.run(1.0)  # it is watched from its first heartbeat on
-    wire.network.split([wire.stations["drive"]], until=wire.network.now + 2.0)
+    wire.network.split([wire.stations["cabin"]], until=wire.network.now + 2.0)
     wire.run(2.0)
-    assert ErrorCode.HEARTBEAT_LOST in wire.emergencies("core")
+    assert ErrorCode.HEARTBEAT_LOST in wire.emergencies("panel")
 
 
 # Nobody is there
@@ -171,8 +172,8 @@ def test_a_first_node_is_heard_by_the_monitor_only() -> None:
     for monitored in (True, False):
         network, times = Simulation(monitored=monitored), list[float]()
         network.observers.append(lambda time, _, times=times: times.append(time))  # type: ignore[misc]
-        network.attach(Ear("core"))
-        network.attach(Ear("drive"), start=0.05)
+        network.attach(Ear("panel"))
+        network.attach(Ear("cabin"), start=0.05)
         network.run(0.2)
         seen[monitored] = times
     assert seen[True][0] < 0.001
@@ -185,16 +186,16 @@ def test_a_first_node_is_heard_by_the_monitor_only() -> None:
 def test_a_babbling_node_takes_the_bus_from_all_with_higher_identifiers() -> None:
     wire = Wire()
     wire.network.babble(Frame(0x000), until=wire.network.now + 0.2)
-    wire.say("drive", FRAME)
+    wire.say("cabin", FRAME)
     wire.run(0.19)
-    assert wire.heard("core", FRAME) == 0
+    assert wire.heard("panel", FRAME) == 0
     wire.run(0.1)
-    assert wire.heard("core", FRAME) == 1
+    assert wire.heard("panel", FRAME) == 1
 
 
 def test_a_babbling_node_with_a_high_identifier_harms_nobody() -> None:
     wire = Wire()
     wire.network.babble(Frame(0x7FF, bytes(8)), until=wire.network.now + 0.2)
-    wire.say("drive", FRAME)
+    wire.say("cabin", FRAME)
     wire.run(0.01)
-    assert wire.heard("core", FRAME) == 1
+    assert wire.heard("panel", FRAME) == 1

@@ -15,11 +15,24 @@ from eurobot_od.bus.simulated.loop import NothingHappens, Several, run
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest, StopDrive
-from eurobot_od.robot.model.values import Outcome, TeamColour
-from eurobot_od.robot.nodes import Core, Drive, Navigation
-from tests.robot.nodes.harness import RED, Bench, as_if_started
+from tests.kit import lift
+from tests.kit.bench import Lift
+from tests.kit.lift import (
+    OFFICE,
+    Cabin,
+    CheckCabinRequest,
+    Configure,
+    ConfigureConfirm,
+    Door,
+    Halt,
+    MoveTo,
+    Panel,
+    PlaceRequest,
+    PlaceResponse,
+    Ride,
+)
+
+UP = MoveTo(300, Ride.NORMAL, 50)
 
 
 def test_sleeping_takes_simulated_time_only() -> None:
@@ -56,34 +69,33 @@ def test_a_second_run_goes_on_where_the_first_ended() -> None:
 
 
 def test_the_bus_lives_while_tasks_sleep() -> None:
-    bench = Bench()
+    bench = Lift()
     bench.play(asyncio.sleep(10.1))
-    # each boots up; the core's heartbeat comes every 250 ms, those of drive and navigation every second
+    # each boots up; the panel's heartbeat comes every 250 ms, those of the others every second
     assert Counter(frame.cob_id for _, frame in bench.others) == {0x701: 1 + 40, 0x702: 1 + 10, 0x703: 1 + 10}
 
 
 def test_waiting_for_gives_up_in_simulated_time_and_cancels_the_call() -> None:
-    bench = Bench("drive", "navigation")
+    bench = Lift("cabin", "door")
 
-    async def main(core: Core) -> None:
+    async def main(panel: Panel) -> None:
         with pytest.raises(asyncio.TimeoutError):
-            await asyncio.wait_for(core.position(), 0.7)
+            await asyncio.wait_for(panel.ask(PlaceRequest(), PlaceResponse), 1.5)
 
-    bench.play(main(bench.core))
-    assert bench.now == pytest.approx(0.71, abs=0.001)
+    bench.play(main(bench.panel))
+    assert bench.now == pytest.approx(1.51, abs=0.001)
     bench.run(5.0)
-    assert len(bench.times(KalmanPositionRequest)) == 2  # at 0 and 0.5 s, none after the cancelling
+    assert len(bench.times(PlaceRequest)) == 2  # at 0 and 1 s, none after the cancelling
 
 
 def test_an_answer_in_time_is_the_result() -> None:
-    bench = Bench()
-    bench.configure()
+    bench = Lift()
 
-    async def main(core: Core) -> Outcome:
-        report = await asyncio.wait_for(core.goto(300, 1800, 0, 50), 10.0)
-        return report.outcome
+    async def main(panel: Panel) -> None:
+        await asyncio.wait_for(panel.move(UP), 10.0)
 
-    assert bench.play(main(bench.core)) is Outcome.ARRIVED
+    bench.play(main(bench.panel))
+    assert bench.cabin.height == UP.height
 
 
 def test_a_future_that_an_event_settles_wakes_who_awaits_it_before_the_next_event() -> None:
@@ -100,46 +112,44 @@ def test_a_future_that_an_event_settles_wakes_who_awaits_it_before_the_next_even
 
 
 def test_calls_run_side_by_side() -> None:
-    bench = Bench()
-    bench.configure()
+    bench = Lift()
 
-    async def main(core: Core) -> tuple[Any, ...]:
-        return await asyncio.gather(core.goto(300, 1800, 0, 50), core.position(), core.check_nodes())
+    async def main(panel: Panel) -> tuple[Any, ...]:
+        return await asyncio.gather(panel.move(UP), panel.ask(PlaceRequest(), PlaceResponse), panel.check())
 
-    report, position, checks = bench.play(main(bench.core))
-    assert report.outcome is Outcome.ARRIVED
-    assert position.x == 200
-    assert set(checks) == {"drive", "navigation"}
+    _, place, there = bench.play(main(bench.panel))
+    assert bench.cabin.height == UP.height
+    assert place.height == 0
+    assert there == ["cabin", "door"]
 
 
 def test_a_cancelled_task_cancels_its_call() -> None:
-    bench = Bench("drive", "navigation")
-    as_if_started(bench.core)
+    bench = Lift("cabin", "door")
 
-    async def main(core: Core) -> None:
-        task = asyncio.ensure_future(_wait(core))
+    async def main(panel: Panel) -> None:
+        task = asyncio.ensure_future(_wait(panel))
         await asyncio.sleep(0.2)
         task.cancel()
         await asyncio.sleep(5.0)
         assert task.cancelled()
 
-    async def _wait(core: Core) -> None:
-        await core.goto(1500, 1000, 90, 80)
+    async def _wait(panel: Panel) -> None:
+        await panel.move(UP)
 
-    bench.play(main(bench.core))
-    assert bench.messages()[:2] == [GotoXY(1500, 1000, 90, 80), StopDrive()]
-    assert len(bench.sent(GotoXY)) == 1
+    bench.play(main(bench.panel))
+    assert bench.messages()[:2] == [UP, Halt()]
+    assert len(bench.sent(MoveTo)) == 1
 
 
 def test_an_error_of_the_main_coroutine_comes_out() -> None:
-    bench = Bench("drive")
+    bench = Lift("cabin")
 
-    async def main(core: Core) -> None:
-        await core.check_nodes()
+    async def main(panel: Panel) -> None:
+        await panel.check()
 
     with pytest.raises(NoAnswer):
-        bench.play(main(bench.core))
-    assert len(bench.times(CheckDriveRequest)) == 10
+        bench.play(main(bench.panel))
+    assert len(bench.times(CheckCabinRequest)) == 10
 
 
 def test_waiting_for_what_never_happens_is_an_error() -> None:
@@ -190,33 +200,34 @@ def test_tasks_left_over_are_cancelled_at_the_end(fails: bool) -> None:
 
 
 def test_what_nobody_waits_for_any_more_leaves_nothing_behind() -> None:
-    bench = Bench("drive", "navigation")
+    bench = Lift("cabin", "door")
 
-    async def main(core: Core) -> None:
-        core.configure_start(*RED)
+    async def main(panel: Panel) -> None:
+        call = panel.ask(OFFICE, ConfigureConfirm)
         await asyncio.sleep(0.1)
+        assert not call.done()
 
-    bench.play(main(bench.core))
+    bench.play(main(bench.panel))
     bench.run(10.0)  # the call ends with nobody there to hear it
-    assert bench.core.configuration is None
+    assert len(bench.sent(Configure)) == 10
 
 
 # Several buses on one clock
 
 
-def robot(network: Simulation) -> Core:
-    """Put a whole robot on a bus; return its core."""
-    core = Core(dialects.load("core"))
-    network.attach(core)
-    network.attach(Drive(dialects.load("drive")), 0.03)
-    network.attach(Navigation(dialects.load("navigation")), 0.05)
-    return core
+def attached(network: Simulation) -> Panel:
+    """Put the whole lift on a bus; return its panel."""
+    panel = Panel(lift.dictionary("panel"))
+    network.attach(panel)
+    network.attach(Cabin(lift.dictionary("cabin")), 0.03)
+    network.attach(Door(lift.dictionary("door")), 0.05)
+    return panel
 
 
-def test_two_robots_start_up_on_buses_of_their_own() -> None:
+def test_two_lifts_have_buses_of_their_own() -> None:
     networks = Simulation(), Simulation()
     clock = Several(*networks)
-    cores = [robot(network) for network in networks]
+    panels = [attached(network) for network in networks]
     seen: list[tuple[int, float, Frame]] = []
 
     def observe(number: int, now: float, frame: Frame) -> None:
@@ -225,21 +236,21 @@ def test_two_robots_start_up_on_buses_of_their_own() -> None:
     for number, network in enumerate(networks):
         network.observers.append(partial(observe, number))
 
-    async def play() -> list[float]:
+    async def play() -> list[list[str]]:
         await asyncio.sleep(0.1)
-        await asyncio.gather(*(core.check_nodes() for core in cores))
-        return await asyncio.gather(*(core.configure_start(TeamColour.RED) for core in cores))
+        return await asyncio.gather(*(panel.check() for panel in panels))
 
-    assert all(0 < seconds < 0.01 for seconds in run(clock, play()))
+    assert run(clock, play()) == [["cabin", "door"]] * 2
+    assert 0.1 < clock.now < 0.11
     times = [now for _, now, _ in seen]
     assert times == sorted(times)
-    assert {number for number, _, frame in seen if frame.cob_id == 0x2C0} == {0, 1}
+    assert {number for number, _, frame in seen if frame.cob_id == 0x3C5} == {0, 1}
 
 
 def test_their_clocks_are_one() -> None:
     networks = Simulation(), Simulation()
     clock = Several(*networks)
-    robot(networks[0])
+    attached(networks[0])
     while clock.advance(0.5):
         assert networks[0].now == networks[1].now == clock.now
     assert clock.now == networks[0].now == networks[1].now == 0.5

@@ -15,20 +15,24 @@ from eurobot_od.bus.simulated.network import ON_TIME, PROCESSING_TIMES, Bus, Con
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event
-from eurobot_od.robot.model.messages import (
-    CheckDriveRequest,
-    CheckDriveResponse,
-    EmergencyShutdown,
-    GotoConfirm,
-    GotoXY,
-    StopDrive,
+from tests.kit import lift
+from tests.kit.bench import Peer
+from tests.kit.lift import (
+    ROLES,
+    Cabin,
+    CheckCabinRequest,
+    CheckCabinResponse,
+    EmergencyOff,
+    Halt,
+    MoveConfirm,
+    MoveTo,
+    Ride,
 )
-from eurobot_od.robot.nodes import ROLES, Drive
-from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Peer
 
-GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
+PROTOCOL = lift.protocol()
+MOVE = PROTOCOL.encode(MoveTo(1500, Ride.NORMAL, 80))
 
-GOTO_TIME = (frame_bits(GOTO) - INTERMISSION) / 500_000
+MOVE_TIME = (frame_bits(MOVE) - INTERMISSION) / 500_000
 """Seconds that it takes on the bus, to the end of frame."""
 
 
@@ -36,7 +40,7 @@ class Ear(Peer):
     """A stand-in that remembers what it has looked at, and when."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(DICTIONARIES[name])
+        super().__init__(lift.dictionary(name))
         self.heard: list[tuple[float, Frame]] = []
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
@@ -52,12 +56,12 @@ HEARTBEAT = Frame(0x701, b"\x05")
 
 
 class Wire:
-    """Stand-ins for the three nodes on a bus that is idle at 0.1 s, and the frames since but the core's heartbeats."""
+    """Stand-ins for the three nodes on a bus that is idle at 0.1 s, and the frames since but the panel's heartbeats."""
 
     def __init__(self, processing: float = 0.0) -> None:
         self.network = Simulation()
-        self.core, self.drive, self.navigation = (Ear(name) for name in ROLES)
-        nodes = (self.core, self.drive, self.navigation)
+        self.panel, self.cabin, self.door = (Ear(name) for name in ROLES)
+        nodes = (self.panel, self.cabin, self.door)
         self.stations = [self.network.attach(node, processing=processing) for node in nodes]
         self.network.run(0.1)
         for node in nodes:
@@ -84,7 +88,7 @@ class Wire:
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
 def test_the_lowest_cob_id_of_all_mailboxes_wins(order: tuple[int, int, int]) -> None:
     wire = Wire()
-    nodes = [wire.core, wire.drive, wire.navigation]
+    nodes = [wire.panel, wire.cabin, wire.door]
     frames = [Frame(0x001), Frame(0x00C), Frame(0x380)]
     for node, frame in zip((nodes[index] for index in order), frames):
         node.say(frame)
@@ -93,24 +97,24 @@ def test_the_lowest_cob_id_of_all_mailboxes_wins(order: tuple[int, int, int]) ->
 
 def test_a_frame_on_the_wire_is_not_interrupted() -> None:
     wire = Wire()
-    wire.core.say(GOTO)
+    wire.panel.say(MOVE)
     wire.network.advance(0.1)
     wire.network.run(0.1001)  # in the midst of it
-    wire.drive.say(Frame(0x001))
-    assert wire.run(0.2) == [GOTO, Frame(0x001)]
+    wire.cabin.say(Frame(0x001))
+    assert wire.run(0.2) == [MOVE, Frame(0x001)]
 
 
 def test_a_nodes_own_frames_leave_by_their_priority() -> None:
     wire = Wire()
-    wire.core.say(CheckDriveRequest(), GOTO, EmergencyShutdown())
-    assert wire.run(0.2) == [PROTOCOL.encode(EmergencyShutdown()), GOTO, PROTOCOL.encode(CheckDriveRequest())]
+    wire.panel.say(CheckCabinRequest(), MOVE, EmergencyOff())
+    assert wire.run(0.2) == [PROTOCOL.encode(EmergencyOff()), MOVE, PROTOCOL.encode(CheckCabinRequest())]
 
 
 def test_equal_frames_merge_into_one_and_count_as_sent_by_both() -> None:
     wire = Wire()
     frame = Frame(0x300)
-    wire.drive.say(frame)
-    wire.navigation.say(frame)
+    wire.cabin.say(frame)
+    wire.door.say(frame)
     before = [station.gatekeeper.mailboxes.statistics().completed for station in wire.stations]
     assert wire.run(0.2) == [frame]
     after = [station.gatekeeper.mailboxes.statistics().completed for station in wire.stations]
@@ -119,15 +123,15 @@ def test_equal_frames_merge_into_one_and_count_as_sent_by_both() -> None:
 
 def test_equal_frames_of_one_node_both_go_out() -> None:
     wire = Wire()
-    wire.core.say(StopDrive(), StopDrive())
+    wire.panel.say(Halt(), Halt())
     assert len(wire.run(0.2)) == 2
 
 
 def test_a_frame_left_to_a_gatekeeper_from_outside_leaves_at_once() -> None:
     wire = Wire()
-    wire.stations[0].gatekeeper.mailboxes.submit(GOTO, wire.network.now)
+    wire.stations[0].gatekeeper.mailboxes.submit(MOVE, wire.network.now)
     assert wire.network.next_event == wire.network.now
-    assert wire.run(0.101) == [GOTO]
+    assert wire.run(0.101) == [MOVE]
 
 
 # Time
@@ -136,13 +140,13 @@ def test_a_frame_left_to_a_gatekeeper_from_outside_leaves_at_once() -> None:
 @pytest.mark.parametrize("bitrate", [125_000, 500_000, 1_000_000])
 def test_a_frame_takes_its_bits_at_the_bitrate(bitrate: int) -> None:
     network, times = Simulation(bitrate), list[float]()
-    peer = Peer(DICTIONARIES["core"])
+    peer = Peer(lift.dictionary("panel"))
     network.attach(peer)
     network.run(0.1)
     network.observers.append(lambda time, _: times.append(time))
-    peer.say(GOTO, GOTO)
+    peer.say(MOVE, MOVE)
     network.run(0.2)
-    ends = [frame_bits(GOTO) - INTERMISSION, 2 * frame_bits(GOTO) - INTERMISSION]
+    ends = [frame_bits(MOVE) - INTERMISSION, 2 * frame_bits(MOVE) - INTERMISSION]
     assert times == pytest.approx([0.1 + end / bitrate for end in ends], abs=1e-9)
 
 
@@ -163,15 +167,15 @@ def test_time_never_goes_back() -> None:
 def test_nodes_boot_when_they_are_switched_on_and_hear_nothing_before() -> None:
     network, frames = Simulation(), list[tuple[float, Frame]]()
     network.observers.append(lambda time, frame: frames.append((round(time, 3), frame)))
-    core, drive = Peer(DICTIONARIES["core"]), Drive(DICTIONARIES["drive"])
-    network.attach(core)
-    network.attach(drive, start=0.5)
+    panel, cabin = Peer(lift.dictionary("panel")), Cabin(lift.dictionary("cabin"))
+    network.attach(panel)
+    network.attach(cabin, start=0.5)
     network.run(0.1)
-    core.say(CheckDriveRequest())
+    panel.say(CheckCabinRequest())
     network.run(0.6)
-    core.say(CheckDriveRequest())
+    panel.say(CheckCabinRequest())
     network.run(0.7)
-    check, answer = PROTOCOL.encode(CheckDriveRequest()), PROTOCOL.encode(CheckDriveResponse())
+    check, answer = PROTOCOL.encode(CheckCabinRequest()), PROTOCOL.encode(CheckCabinResponse())
     assert frames == [
         (0.0, Frame(0x701, b"\0")),
         (0.1, check),
@@ -185,14 +189,14 @@ def test_nodes_boot_when_they_are_switched_on_and_hear_nothing_before() -> None:
 
 def test_a_sender_does_not_hear_its_own_frame() -> None:
     wire, stop = Wire(), Frame(0x000, b"\x02\0")  # all nodes listen to NMT
-    wire.core.say(stop)
+    wire.panel.say(stop)
     wire.run(0.2)
-    assert [len(node.looks(stop)) for node in (wire.core, wire.drive, wire.navigation)] == [0, 1, 1]
+    assert [len(node.looks(stop)) for node in (wire.panel, wire.cabin, wire.door)] == [0, 1, 1]
 
 
 def test_a_frame_that_nobody_listens_to_is_on_the_bus_and_reaches_nobody() -> None:
     wire = Wire()
-    wire.core.say(Frame(0x6FF))
+    wire.panel.say(Frame(0x6FF))
     assert wire.run(0.2) == [Frame(0x6FF)]
     assert all(station.gatekeeper.statistics().unheard == 0 for station in wire.stations)  # filters stop it
 
@@ -203,7 +207,7 @@ def test_a_frame_that_nobody_listens_to_is_on_the_bus_and_reaches_nobody() -> No
 def test_a_frame_that_finds_no_mailbox_for_50_ms_is_dropped_and_reported() -> None:
     wire = Wire()
     urgent = [Frame(0x680, bytes(8))] * 300
-    wire.core.say(*urgent, Frame(0x6FF))
+    wire.panel.say(*urgent, Frame(0x6FF))
     wire.run(0.2)
     drops = [report for report in wire.network.reports if report.event is Event.FRAME_DROPPED]
     assert "0x6FF" in {report.name for report in drops}
@@ -214,7 +218,7 @@ def test_a_frame_that_finds_no_mailbox_for_50_ms_is_dropped_and_reported() -> No
 @pytest.mark.parametrize("count", [1, 3, 100])
 def test_what_can_leave_in_50_ms_is_not_lost(count: int) -> None:
     wire = Wire()
-    wire.core.say(*(Frame(0x680 + number, bytes(8)) for number in range(count)))
+    wire.panel.say(*(Frame(0x680 + number, bytes(8)) for number in range(count)))
     assert len(wire.run(0.2)) == count
     assert wire.network.reports == []
 
@@ -235,15 +239,15 @@ LOOKS = {
 @pytest.mark.parametrize(("processing", "delays", "looks"), LOOKS.values(), ids=LOOKS)
 def test_when_a_frame_is_looked_at(processing: float, delays: tuple[float, ...], looks: list[float]) -> None:
     wire = Wire(processing)
-    wire.network.disturb = lambda _now, frame: delays if frame == GOTO else ON_TIME
-    wire.core.say(GOTO)
+    wire.network.disturb = lambda _now, frame: delays if frame == MOVE else ON_TIME
+    wire.panel.say(MOVE)
     wire.run(0.9)
-    assert wire.sent(GOTO) == pytest.approx([0.1 + GOTO_TIME])  # whatever becomes of it
-    assert not wire.stations[0].gatekeeper.mailboxes.holds(GOTO)
+    assert wire.sent(MOVE) == pytest.approx([0.1 + MOVE_TIME])  # whatever becomes of it
+    assert not wire.stations[0].gatekeeper.mailboxes.holds(MOVE)
     wire.run(3.0)
-    (end,) = wire.sent(GOTO)
-    assert wire.drive.looks(GOTO) == pytest.approx([end + each for each in looks])
-    assert wire.core.looks(GOTO) == []
+    (end,) = wire.sent(MOVE)
+    assert wire.cabin.looks(MOVE) == pytest.approx([end + each for each in looks])
+    assert wire.panel.looks(MOVE) == []
 
 
 def test_disturb_is_asked_with_the_end_of_each_frame() -> None:
@@ -254,7 +258,7 @@ def test_disturb_is_asked_with_the_end_of_each_frame() -> None:
         return ()
 
     wire.network.disturb = lose
-    wire.core.say(GOTO, EmergencyShutdown())
+    wire.panel.say(MOVE, EmergencyOff())
     wire.run(0.2)
     assert asked == wire.frames
     assert len(asked) == 2
@@ -262,12 +266,12 @@ def test_disturb_is_asked_with_the_end_of_each_frame() -> None:
 
 def test_frames_that_are_on_time_are_looked_at_in_their_order() -> None:
     wire = Wire(max(PROCESSING_TIMES))
-    gotos = [PROTOCOL.encode(GotoXY(x, 1000, 90, 80)) for x in range(1000, 1010)]
-    wire.core.say(*gotos)
+    moves = [PROTOCOL.encode(MoveTo(x, Ride.NORMAL, 80)) for x in range(1000, 1010)]
+    wire.panel.say(*moves)
     wire.run(0.2)
-    assert [frame for _, frame in wire.drive.heard] == gotos
+    assert [frame for _, frame in wire.cabin.heard] == moves
     times = [time + max(PROCESSING_TIMES) for time, _ in wire.frames]
-    assert [time for time, _ in wire.drive.heard] == pytest.approx(times)  # the bus does not wait for those who look
+    assert [time for time, _ in wire.cabin.heard] == pytest.approx(times)  # the bus does not wait for those who look
 
 
 def test_processing_times_come_from_the_seed_and_differ_from_node_to_node() -> None:
@@ -279,7 +283,7 @@ def test_processing_times_come_from_the_seed_and_differ_from_node_to_node() -> N
 
 # How stations live
 
-CONFIRM = PROTOCOL.encode(GotoConfirm())
+CONFIRM = PROTOCOL.encode(MoveConfirm())
 DRIVE_HEARTBEAT = Frame(0x702, b"\x05")
 
 
@@ -311,10 +315,10 @@ silences = pytest.mark.parametrize("silence", SILENCES.values(), ids=SILENCES)
 @silences
 def test_a_silent_station_sends_neither_heartbeats_nor_what_is_in_its_mailboxes(silence: Silence) -> None:
     wire = Wire()
-    drive = wire.stations[1]
-    silence.begin(wire.network, drive)
+    cabin = wire.stations[1]
+    silence.begin(wire.network, cabin)
     for _ in range(5):  # more than it has mailboxes
-        drive.gatekeeper.mailboxes.submit(CONFIRM, wire.network.now)
+        cabin.gatekeeper.mailboxes.submit(CONFIRM, wire.network.now)
     wire.run(4.0)
     for frame in (CONFIRM, DRIVE_HEARTBEAT):
         assert silence.fits(wire.sent(frame))
@@ -325,46 +329,46 @@ def test_a_silent_station_hears_nothing(silence: Silence) -> None:
     wire = Wire()
     silence.begin(wire.network, wire.stations[1])
     for time in (2.4, 2.6, 2.7):
-        wire.core.say(GOTO)
+        wire.panel.say(MOVE)
         wire.run(time)
-    assert silence.fits(wire.drive.looks(GOTO))
+    assert silence.fits(wire.cabin.looks(MOVE))
 
 
 @silences
 def test_a_frame_on_the_wire_ends_when_its_sender_falls_silent(silence: Silence) -> None:
     wire = Wire()
-    wire.drive.say(CONFIRM)
+    wire.cabin.say(CONFIRM)
     wire.network.advance(0.1)
     silence.begin(wire.network, wire.stations[1])
     assert wire.run(0.2) == [CONFIRM]
-    assert len(wire.core.looks(CONFIRM)) == 1
+    assert len(wire.panel.looks(CONFIRM)) == 1
     assert not wire.stations[1].gatekeeper.mailboxes.holds(CONFIRM)
 
 
 @silences
 def test_what_has_come_and_was_not_looked_at_yet_is_lost(silence: Silence) -> None:
     wire = Wire(processing=200e-6)
-    wire.core.say(GOTO)
-    assert wire.run(0.1 + GOTO_TIME + 1e-6) == [GOTO]
+    wire.panel.say(MOVE)
+    assert wire.run(0.1 + MOVE_TIME + 1e-6) == [MOVE]
     silence.begin(wire.network, wire.stations[1])
     wire.run(4.0)
-    assert wire.drive.looks(GOTO) == []
+    assert wire.cabin.looks(MOVE) == []
 
 
 def test_a_new_node_takes_the_place_of_a_detached_one() -> None:
-    wire, drive = Wire(), Ear("drive")
+    wire, cabin = Wire(), Ear("cabin")
     wire.network.detach(wire.stations[1])
-    wire.network.attach(drive, start=0.5)
+    wire.network.attach(cabin, start=0.5)
     wire.run(0.6)
-    wire.core.say(GOTO)
-    assert wire.run(0.7) == [Frame(0x702, b"\0"), GOTO]
-    assert len(drive.looks(GOTO)) == 1
-    assert wire.drive.heard == []
+    wire.panel.say(MOVE)
+    assert wire.run(0.7) == [Frame(0x702, b"\0"), MOVE]
+    assert len(cabin.looks(MOVE)) == 1
+    assert wire.cabin.heard == []
 
 
 def test_a_node_that_is_detached_before_its_start_never_starts() -> None:
     wire = Wire()
-    station = wire.network.attach(Drive(DICTIONARIES["drive"]), start=0.5)
+    station = wire.network.attach(Cabin(lift.dictionary("cabin")), start=0.5)
     wire.network.detach(station)
     assert wire.run(0.9) == []
 
@@ -374,14 +378,14 @@ def test_a_node_that_is_detached_before_its_start_never_starts() -> None:
 
 def test_a_frame_on_the_wire_when_the_bus_is_cut_begins_anew_afterwards() -> None:
     wire = Wire()
-    wire.core.say(GOTO)
+    wire.panel.say(MOVE)
     wire.network.run(0.1001)  # in the midst of it
     wire.network.cut(0.5)
     assert wire.run(0.4) == []
-    assert wire.stations[0].gatekeeper.mailboxes.holds(GOTO)
+    assert wire.stations[0].gatekeeper.mailboxes.holds(MOVE)
     wire.run(0.6)
-    assert wire.sent(GOTO) == pytest.approx([0.5 + GOTO_TIME])
-    assert wire.drive.looks(GOTO) == wire.sent(GOTO)
+    assert wire.sent(MOVE) == pytest.approx([0.5 + MOVE_TIME])
+    assert wire.cabin.looks(MOVE) == wire.sent(MOVE)
 
 
 def test_what_is_said_while_the_bus_is_off_leaves_by_its_priority_or_is_dropped_for_want_of_a_mailbox() -> None:
@@ -389,8 +393,8 @@ def test_what_is_said_while_the_bus_is_off_leaves_by_its_priority_or_is_dropped_
     wire.network.cut(0.5)
     wire.network.cut(0.3)  # does not end the longer one
     frames = [Frame(0x680 + number) for number in range(5)]
-    wire.core.say(*frames)
-    wire.drive.say(Frame(0x001))
+    wire.panel.say(*frames)
+    wire.cabin.say(Frame(0x001))
     assert wire.run(0.6) == [Frame(0x001), *frames[:3]]
     assert wire.frames[0][0] > 0.5
     assert [report.name for report in wire.network.reports] == ["0x683", "0x684"]  # a heartbeat waits
