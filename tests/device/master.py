@@ -19,10 +19,10 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.objects import Store
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import NMT_COB_ID, Address, Value
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CATALOGUE
+from eurobot_od.od.values import NMT_COB_ID, SYNC_COB_ID, Address, Value
 from eurobot_od.sdo.wire import AbortCode
+from tests.kit import lift
+from tests.kit.lift import CATALOGUE
 
 
 class Memory:
@@ -138,22 +138,17 @@ class NodeWire(Wire):
 
 
 def wired(
-    node: str = "drive",
-    dialect: str = "canopen",
+    node: str = "cabin",
+    dialect: str = lift.DIALECT,
     store: Store | None = None,
     application: Application = NO_APPLICATION,
 ) -> Wire:
     """Return a master and a device that has just booted."""
-    return Wire(Device(dialects.load(node, dialect), store, CATALOGUE, application))
+    return Wire(Device(lift.dictionary(node, dialect), store, CATALOGUE, application))
 
 
-SYNC_COB_ID = 0x0F0
-"""An identifier that no message of the robot has; CANopen's own, 0x080, is that of Navi Position Response."""
-
-
-def dictionary_with_sync(node: str = "drive", dialect: str = "canopen", cob_id: int = SYNC_COB_ID) -> Dictionary:
-    """Return a node's dictionary with an object 0x1005."""
-    plain = dialects.load(node, dialect)
+def with_sync(plain: Dictionary, cob_id: int = SYNC_COB_ID) -> Dictionary:
+    """Return a dictionary with an object 0x1005."""
     entries = ("ParameterName=COB-ID SYNC", "DataType=0x0007", "AccessType=rw", f"DefaultValue={cob_id}")
     text = "\n".join((plain.content.decode(), "[1005]", *entries, ""))
     return Dictionary.read(text.encode(), plain.file, plain.node_id)

@@ -10,8 +10,8 @@ from eurobot_od.device.broadcasts import HISTORY, PASSING, WAITING, Emergencies
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.robot.model.messages import GotoXY
 from tests.device.master import wired
+from tests.kit.lift import MoveTo, Ride
 
 COB_ID = 0x082
 
@@ -103,8 +103,8 @@ def test_a_device_without_an_identifier_for_it_reports_nothing() -> None:
 
 # The device
 
-TOO_SHORT = Frame(0x008, bytes(3))
-TOO_LONG = Frame(0x010, bytes(1))
+TOO_SHORT = Frame(0x108, bytes(2))
+TOO_LONG = Frame(0x110, bytes(1))
 
 
 def test_errors_are_read_and_cleared_over_sdo() -> None:
@@ -120,11 +120,11 @@ def test_errors_are_read_and_cleared_over_sdo() -> None:
 
 def test_stock_canopen_understands_the_emergencies() -> None:
     wire = wired()
-    remote = wire.add_node(2, str(wire.device.dictionary.file))
+    remote = wire.add_node(2, wire.device.dictionary.objects)
     wire.send(TOO_SHORT)
     (entry,) = remote.emcy.active
-    assert (entry.code, entry.register, entry.data) == (0x8210, 0x11, b"\x08\x00\x03\x00\x00")
-    wire.send(wired("core").device.transmit(GotoXY(0, 0, 0, 0)))
+    assert (entry.code, entry.register, entry.data) == (0x8210, 0x11, b"\x08\x01\x02\x00\x00")
+    wire.send(wired("panel").device.transmit(MoveTo(0, Ride.NORMAL, 0)))
     assert remote.emcy.active == []
 
 
@@ -134,16 +134,16 @@ def test_the_inhibit_time_is_the_object_s() -> None:
     assert len(wire.send(TOO_SHORT).frames) == 1
     assert wire.send(TOO_LONG).frames == []
     assert wire.wait(0.0999).frames == []
-    assert wire.wait(0.0001).frames == [report(0x8220, 0x11, "100001")]
+    assert wire.wait(0.0001).frames == [report(0x8220, 0x11, "100101")]
 
 
 def test_a_stopped_device_keeps_its_reports_until_it_may_talk() -> None:
     wire = wired()
     wire.command(NmtCommand.STOP)
-    wire.send(Frame(0x004, bytes(1)))
+    wire.send(Frame(0x104, bytes(1)))
     assert [*wire.device.emergencies.errors.values()] == [ErrorCode.PDO_TOO_LONG]
     wire.sent()
-    assert wire.command(NmtCommand.START).frames == [report(0x8220, 0x11, "040001")]
+    assert wire.command(NmtCommand.START).frames == [report(0x8220, 0x11, "040101")]
 
 
 def test_what_the_controller_reports_becomes_an_emergency() -> None:

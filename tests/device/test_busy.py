@@ -11,13 +11,14 @@ from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot.nodes import Drive
 from eurobot_od.sdo.client import block_upload
 from eurobot_od.sdo.wire import BLOCK_SEGMENTS
-from tests.robot.nodes.harness import DICTIONARIES, Peer
+from tests.kit import lift
+from tests.kit.bench import Peer
+from tests.kit.lift import Cabin
 
 PERIODS = {0x702: 1.0, 0x701: 0.2}
-"""Of the drive's heartbeat, which sends the blocks, and of the master's, s."""
+"""Of the cabin's heartbeat, which sends the blocks, and of the master's, s."""
 
 PROCESSING = 100e-6
 """Seconds until a node looks at a frame."""
@@ -56,7 +57,7 @@ class Chatter(Peer):
         return frames
 
     def chat(self, now: float) -> None:
-        self.say(Frame(0x100, bytes(8)))
+        self.say(Frame(0x205, bytes(8)))
         self.at(now + self._pause, self.chat)
 
 
@@ -66,10 +67,10 @@ class Chatter(Peer):
 def test_a_block_upload_delays_no_heartbeat_by_more_than_its_block(bitrate: int, load: float) -> None:
     network, heard = Simulation(bitrate), defaultdict[int, list[float]](list)
     network.observers.append(lambda time, frame: heard[frame.cob_id].append(time))
-    master, drive = Reader(DICTIONARIES["core"]), Drive(DICTIONARIES["drive"])
-    nodes: list[Node] = [drive, master]
+    master, cabin = Reader(lift.dictionary("panel")), Cabin(lift.dictionary("cabin"))
+    nodes: list[Node] = [cabin, master]
     if load:
-        nodes.append(Chatter(DICTIONARIES["navigation"], SEGMENT_BITS / bitrate / load))
+        nodes.append(Chatter(lift.dictionary("door"), SEGMENT_BITS / bitrate / load))
     for node in nodes:
         network.attach(node, processing=PROCESSING)
     network.run(0.1)

@@ -11,15 +11,15 @@ from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID, Address, Value
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CATALOGUE, CheckDriveResponse, EmergencyShutdown, GotoXY, StopDrive
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import Memory, Wire, wired
+from tests.kit import lift
+from tests.kit.lift import CATALOGUE, CheckCabinResponse, EmergencyOff, Halt, MoveTo, Ride
 
 SAVE, LOAD = (int.from_bytes(each, "little") for each in (b"save", b"load"))
 BOOT_UP = Frame(0x702, b"\x00")
-GOTO = Frame(0x008, bytes(8))
-STOP = Frame(0x004)
+MOVE = Frame(0x108, bytes(5))
+STOP = Frame(0x104)
 READ_DEVICE_TYPE = Frame(0x602, bytes.fromhex("4000100000000000"))
 
 # NMT
@@ -38,7 +38,7 @@ def test_a_device_boots_into_the_state_that_nmt_startup_says(startup: int, state
 
 
 def test_before_its_start_a_device_hears_nothing() -> None:
-    device = Device(dialects.load("drive"), catalogue=CATALOGUE)
+    device = Device(lift.dictionary("cabin"), catalogue=CATALOGUE)
     assert device.receive(STOP, 0.0).message is None
     assert device.state is NmtState.INITIALISING
 
@@ -77,21 +77,21 @@ SERVICES = [
 def test_each_state_has_its_services_and_every_state_the_stops(command: NmtCommand, pdos: bool, sdo: bool) -> None:
     wire = wired()
     wire.command(command)
-    assert (wire.send(GOTO).message is not None) == pdos
+    assert (wire.send(MOVE).message is not None) == pdos
     assert bool(wire.send(READ_DEVICE_TYPE).frames) == sdo
-    assert wire.send(STOP).message == StopDrive()
-    assert wire.send(Frame(0x001)).message == EmergencyShutdown()
+    assert wire.send(STOP).message == Halt()
+    assert wire.send(Frame(0x101)).message == EmergencyOff()
 
 
 def test_a_device_that_is_not_operational_sends_stops_only() -> None:
-    drive, core = wired("drive"), wired("core")
-    for wire in (drive, core):
+    cabin, panel = wired("cabin"), wired("panel")
+    for wire in (cabin, panel):
         wire.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-    with pytest.raises(StateError, match="drive is PRE_OPERATIONAL"):
-        drive.device.transmit(CheckDriveResponse())
-    with pytest.raises(StateError, match="core is PRE_OPERATIONAL"):
-        core.device.transmit(GotoXY(0, 0, 0, 0))
-    assert core.device.transmit(StopDrive()) == STOP
+    with pytest.raises(StateError, match="cabin is PRE_OPERATIONAL"):
+        cabin.device.transmit(CheckCabinResponse())
+    with pytest.raises(StateError, match="panel is PRE_OPERATIONAL"):
+        panel.device.transmit(MoveTo(0, Ride.NORMAL, 0))
+    assert panel.device.transmit(Halt()) == STOP
 
 
 def test_a_stopped_device_forgets_the_transfer_under_way() -> None:
@@ -109,7 +109,7 @@ def test_heartbeats_tell_the_state() -> None:
 
 
 def test_a_watched_node_may_get_another_time_but_not_a_second_one() -> None:
-    wire = wired("core")
+    wire = wired("panel")
     entry = wire.read(0x1016, 1)
     wire.write(0x1016, 1, entry + 1)
     assert wire.refused((0x1016, 2), entry, size=4) == AbortCode.INCOMPATIBLE
@@ -158,7 +158,7 @@ def test_a_new_node_id_takes_effect_with_a_reset(command: NmtCommand) -> None:
     assert wire.send(READ_DEVICE_TYPE).frames == []
     (answer,) = wire.send(READ_DEVICE_TYPE._replace(cob_id=0x62A)).frames
     assert answer.cob_id == 0x5AA
-    assert wire.send(Frame(0x008)).frames[0].cob_id == 0x0AA
+    assert wire.send(Frame(0x108)).frames[0].cob_id == 0x0AA
 
 
 # Stored settings
@@ -185,7 +185,7 @@ def test_stored_values_survive_a_reset_and_a_restart() -> None:
 
 def test_stored_pdos_are_live_after_a_restart() -> None:
     wire = wired(store=(store := Memory()))
-    wire.map_pdo(0x1403, 0x123, 0x20000110, 0x2000020C, 0x2000030A, 0x20000408, 0x20000510)
+    wire.map_pdo(0x1403, 0x123, 0x20000110, 0x20000208, 0x20000308, 0x20000410)
     wire.write(0x1010, 1, SAVE)
     assert wired(store=store).device.identifiers == wire.device.identifiers
 
@@ -198,7 +198,7 @@ def test_the_verified_configuration_is_stored_with_it() -> None:
 
 def test_what_was_measured_is_not_stored() -> None:
     wire, store = stored()
-    wire.send(Frame(0x008, b"\xff\xff\xff\xff\xff\xff\xff\xff"))
+    wire.send(Frame(0x108, b"\xff\xff\xff\xff\xff\xff\xff\xff"))
     wire.write(0x1010, 1, SAVE)
     assert wired(store=store).read(0x2000, 1) == 0
 
@@ -236,7 +236,7 @@ def test_a_store_that_fails_is_told_to_the_master() -> None:
 def test_a_device_serves_its_own_eds(block: bool) -> None:
     wire = wired()
     with wire.sdo.sdo.open(0x1021, 0, "rb", block_transfer=block) as served:
-        assert served.read() == wire.device.dictionary.file.read_bytes()
+        assert served.read() == wire.device.dictionary.content
     assert wire.read(0x1022) == 0
 
 

@@ -10,25 +10,26 @@ from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import SYNC_PRODUCER
+from eurobot_od.od.values import SYNC_COB_ID
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.robot.model.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
-from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.sdo.wire import Abort, AbortCode
 from tests.device.io_module import module
-from tests.device.master import SYNC_COB_ID, NodeWire, Wire, dictionary_with_sync, wired
+from tests.device.master import NodeWire, Wire, wired, with_sync
+from tests.kit import lift
+from tests.kit.lift import CATALOGUE, Brake, MoveTo, Ride, StateResponse, Trouble
 from tests.rows import rows
 
-STATE_TPDO, GOTO_RPDO, STOP_RPDO = 0x1801, 0x1403, 0x1401
-"""Communication records of the drive's Goto State Response, Goto XY and Emergency Stop."""
+STATE_TPDO, MOVE_RPDO, STOP_RPDO = 0x1801, 0x1403, 0x1401
+"""Communication records of the cabin's State Response, Move To and Brake."""
 
-STATE = 0x014
-GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
+STATE = 0x114
+MOVE = MoveTo(1234, Ride.NORMAL, 75)
 SYNC = Frame(SYNC_COB_ID, b"")
 
 
 def synchronous(*pdos: tuple[int, int]) -> Wire:
-    """Return a drive with SYNC and with these transmission types."""
-    wire = Wire(Device(dictionary_with_sync(), None, CATALOGUE))
+    """Return a cabin with SYNC and with these transmission types."""
+    wire = Wire(Device(with_sync(lift.dictionary("cabin")), None, CATALOGUE))
     for index, transmission_type in pdos:
         wire.write(index, 2, transmission_type, size=1)
     wire.sent()
@@ -40,8 +41,8 @@ def states(wire: Wire, syncs: int) -> list[int]:
     return [sum(frame.cob_id == STATE for frame in wire.send(SYNC).frames) for _ in range(syncs)]
 
 
-def goto(message: Message = GOTO) -> Frame:
-    return wired("core").device.transmit(message)
+def move(message: Message = MOVE) -> Frame:
+    return wired("panel").device.transmit(message)
 
 
 # TPDOs
@@ -63,9 +64,9 @@ def test_a_tpdo_goes_with_every_nth_sync(transmission_type: int, sent: list[int]
 
 def test_type_0_goes_with_the_next_sync_after_the_application_has_sent_it() -> None:
     wire = synchronous((STATE_TPDO, 0))
-    assert wire.device.send(GotoStateResponse(1), wire.now) == []
-    assert wire.device.send(GotoStateResponse(1500), wire.now) == []
-    assert wire.send(SYNC).frames == [wire.device.protocol.encode(GotoStateResponse(1500))]
+    assert wire.device.send(StateResponse(1), wire.now) == []
+    assert wire.device.send(StateResponse(1500), wire.now) == []
+    assert wire.send(SYNC).frames == [wire.device.protocol.encode(StateResponse(1500))]
     assert states(wire, 2) == [0, 0]
 
 
@@ -73,15 +74,15 @@ def test_a_tpdo_that_follows_sync_goes_at_no_other_time() -> None:
     wire = synchronous((STATE_TPDO, 1))
     wire.write(0x1017, 0, 0, size=2)
     wire.write(STATE_TPDO, 5, 100, size=2)
-    assert wire.device.send(GotoStateResponse(1500), wire.now) == []
+    assert wire.device.send(StateResponse(1500), wire.now) == []
     assert wire.wait(1.0).frames == []
     assert states(wire, 1) == [1]
 
 
 @pytest.mark.parametrize("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
 def test_sync_does_nothing_unless_operational_and_counts_anew_then(command: NmtCommand) -> None:
-    wire = synchronous((STATE_TPDO, 2), (GOTO_RPDO, 1))
-    wire.send(goto())
+    wire = synchronous((STATE_TPDO, 2), (MOVE_RPDO, 1))
+    wire.send(move())
     wire.command(command)
     assert wire.send(SYNC) == Reaction([])
     wire.command(NmtCommand.START)
@@ -94,23 +95,23 @@ def test_sync_does_nothing_unless_operational_and_counts_anew_then(command: NmtC
 
 @pytest.mark.parametrize("transmission_type", [0, 1, 240])
 def test_what_is_received_takes_effect_with_the_next_sync(transmission_type: int) -> None:
-    wire = synchronous((GOTO_RPDO, transmission_type))
-    assert wire.send(goto(GOTO._replace(x=1))).message is None
-    assert wire.send(goto()).message is None
+    wire = synchronous((MOVE_RPDO, transmission_type))
+    assert wire.send(move(MOVE._replace(height=1))).message is None
+    assert wire.send(move()).message is None
     assert wire.read(0x2000, 1) == 0
-    assert wire.send(SYNC).synchronous == (GOTO,)
+    assert wire.send(SYNC).synchronous == (MOVE,)
     assert wire.read(0x2000, 1) == 1234
     assert wire.send(SYNC).synchronous == ()
 
 
 def test_a_stop_never_waits() -> None:
     wire = synchronous((STOP_RPDO, 1))
-    assert wire.send(goto(EmergencyStop(Obstacle.ENEMY))).message == EmergencyStop(Obstacle.ENEMY)
+    assert wire.send(move(Brake(Trouble.OBSTACLE))).message == Brake(Trouble.OBSTACLE)
 
 
 def test_a_frame_too_short_is_reported_at_once_and_never_takes_effect() -> None:
-    wire = synchronous((GOTO_RPDO, 1))
-    assert [frame.data[:2] for frame in wire.send(Frame(0x008, bytes(3))).frames] == [b"\x10\x82"]
+    wire = synchronous((MOVE_RPDO, 1))
+    assert [frame.data[:2] for frame in wire.send(Frame(0x108, bytes(2))).frames] == [b"\x10\x82"]
     assert wire.send(SYNC).synchronous == ()
 
 
@@ -126,7 +127,7 @@ REFUSED_TYPES = [
 ]
 
 
-@rows("index", [STATE_TPDO, GOTO_RPDO])
+@rows("index", [STATE_TPDO, MOVE_RPDO])
 @rows("why, made, transmission_type", REFUSED_TYPES)
 def test_other_transmission_types_are_refused(
     why: str, made: Callable[[], Wire], transmission_type: int, index: int

@@ -15,10 +15,9 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.bus.live import Live
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.gatekeeper import Report
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CheckDriveRequest
-from eurobot_od.robot.nodes import ROLES
 from tests.device import io_module
+from tests.kit import lift
+from tests.kit.lift import CheckCabinRequest
 
 PATIENCE = 5.0
 """Seconds after which an answer that has not come does not come."""
@@ -53,9 +52,9 @@ def connected(network: canopen.Network) -> canopen.Network:
 
 
 @pytest.fixture
-def drive(channel: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Live]:
+def cabin(channel: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Live]:
     monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", (__name__, FilteringBus.__name__))
-    with Live.node(FilteringBus(channel), ROLES["drive"](dialects.load("drive"))) as live:
+    with Live.node(FilteringBus(channel), lift.node("cabin")) as live:
         yield live
 
 
@@ -83,7 +82,7 @@ class Expected:
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("drive")
+@pytest.mark.usefixtures("cabin")
 def test_a_master_reads_the_eds_rewrites_all_pdos_and_hears_the_boot_up(network: canopen.Network) -> None:
     remote: Any = network.add_node(2, upload_eds=True)
     for pdos in (remote.tpdo, remote.rpdo):
@@ -95,55 +94,55 @@ def test_a_master_reads_the_eds_rewrites_all_pdos_and_hears_the_boot_up(network:
 
 
 @pytest.mark.long
-def test_a_changed_identifier_is_live_on_the_bus(network: canopen.Network, drive: Live) -> None:
+def test_a_changed_identifier_is_live_on_the_bus(network: canopen.Network, cabin: Live) -> None:
     remote: Any = network.add_node(2, upload_eds=True)
     remote.rpdo.read()
-    request = next(pdo for pdo in remote.rpdo.values() if pdo.cob_id == 0x3C0)
-    request.cob_id = 0x3C5
+    request = next(pdo for pdo in remote.rpdo.values() if pdo.cob_id == 0x3C5)
+    request.cob_id = 0x123
     request.save()
-    answer = Expected(network, 0x400)
-    network.send_message(0x3C5, b"")
+    answer = Expected(network, 0x405)
+    network.send_message(0x123, b"")
     assert answer.data() == b""
-    assert 0x3C5 in {each["can_id"] for each in drive.bus.filters or ()}
-    assert 0x3C0 not in {each["can_id"] for each in drive.bus.filters or ()}
+    assert 0x123 in {each["can_id"] for each in cabin.bus.filters or ()}
+    assert 0x3C5 not in {each["can_id"] for each in cabin.bus.filters or ()}
 
 
 def test_a_listener_of_the_program_follows_a_changed_identifier(channel: str) -> None:
-    live = Live.node(bus(channel), ROLES["drive"](dialects.load("drive")))
-    queue = live.gatekeeper.add_queue(CheckDriveRequest)
+    live = Live.node(bus(channel), lift.node("cabin"))
+    queue = live.gatekeeper.add_queue(CheckCabinRequest)
     with live, canopen.Network(bus(channel)) as network:
         connected(network)
-        remote: Any = network.add_node(2, str(dialects.load("drive").file))
+        remote: Any = network.add_node(2, lift.dictionary("cabin").objects)
         remote.rpdo.read()
-        request = next(pdo for pdo in remote.rpdo.values() if pdo.cob_id == 0x3C0)
-        request.cob_id = 0x3C5
+        request = next(pdo for pdo in remote.rpdo.values() if pdo.cob_id == 0x3C5)
+        request.cob_id = 0x123
         request.save()
-        network.send_message(0x3C5, b"")
+        network.send_message(0x123, b"")
         received = queue.get(PATIENCE)
     assert received is not None
-    assert received.message == CheckDriveRequest()
+    assert received.message == CheckCabinRequest()
 
 
 CONTROLLER = [
     (0x004, "0001000000000000", "1081", "a receive buffer has overflown"),
     (0x004, "0010000000000000", "2081", "error passive"),
-    (0x3C0, "0000000000000000", "4081", "restarted after bus-off"),
+    (0x100, "0000000000000000", "4081", "restarted after bus-off"),
 ]
-"""Error frames as Linux has them; the in-process bus filters them like others, so they have an identifier of ours."""
+"""Error frames as Linux has them."""
 
 
-@pytest.mark.usefixtures("drive")
 @pytest.mark.parametrize(("identifier", "data", "code", "why"), CONTROLLER)
 def test_what_the_controller_reports_becomes_an_emergency(
-    network: canopen.Network, identifier: int, data: str, code: str, why: str
+    channel: str, network: canopen.Network, identifier: int, data: str, code: str, why: str
 ) -> None:
     emergency = Expected(network, 0x082)
     message = can.Message(
         arbitration_id=identifier, data=bytes.fromhex(data), is_error_frame=True, is_extended_id=False
     )
     assert network.bus is not None
-    network.bus.send(message)
-    assert emergency.data()[:2] == bytes.fromhex(code), why
+    with Live.node(bus(channel), lift.node("cabin")):
+        network.bus.send(message)
+        assert emergency.data()[:2] == bytes.fromhex(code), why
 
 
 # Anybody's device

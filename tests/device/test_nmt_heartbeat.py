@@ -85,8 +85,8 @@ def test_nobody_else_is_watched() -> None:
 # The device
 
 
-def core_that_heard_the_drive() -> Wire:
-    wire = wired("core")
+def panel_that_heard_the_cabin() -> Wire:
+    wire = wired("panel")
     wire.write(0x1017, 0, 0, size=2)
     wire.send(error_control(DRIVE, NmtState.OPERATIONAL))
     wire.sent()
@@ -94,7 +94,7 @@ def core_that_heard_the_drive() -> Wire:
 
 
 def test_a_lost_heartbeat_is_reported_within_its_time_and_when_it_is_back() -> None:
-    wire = core_that_heard_the_drive()
+    wire = panel_that_heard_the_cabin()
     assert wire.device.next_wakeup == 2.0
     assert wire.wait(1.999).lost == ()
     reaction = wire.wait(0.001)
@@ -110,14 +110,14 @@ def test_a_lost_heartbeat_is_reported_within_its_time_and_when_it_is_back() -> N
     [(0, NmtState.PRE_OPERATIONAL), (1, NmtState.OPERATIONAL), (2, NmtState.STOPPED)],
 )
 def test_the_error_behaviour_says_what_becomes_of_the_device(behaviour: int, state: NmtState) -> None:
-    wire = core_that_heard_the_drive()
+    wire = panel_that_heard_the_cabin()
     wire.write(0x1029, 1, behaviour, size=1)
     wire.wait(2.0)
     assert wire.device.state is state
 
 
 def test_a_changed_consumer_time_is_live() -> None:
-    wire = core_that_heard_the_drive()
+    wire = panel_that_heard_the_cabin()
     wire.write(0x1016, 1, 0x000A0064)
     assert ERROR_CONTROL_BASE + DRIVE not in wire.device.identifiers
     wire.send(error_control(10, NmtState.OPERATIONAL))

@@ -2,43 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.robot.model.messages import (
-    CheckDriveRequest,
-    CheckDriveResponse,
-    CheckNaviRequest,
-    EmergencyShutdown,
-    EmergencyStop,
-    Enemy1PositionRequest,
-    GotoStateRequest,
-    GotoStateResponse,
-    GotoXY,
-    KalmanPositionRequest,
-    KalmanPositionResponse,
-    NaviPositionRequest,
-    NaviPositionResponse,
-    StartConfigurationConfirm,
-    StopDrive,
+from tests.kit import lift
+from tests.kit.bench import Lift, put
+from tests.kit.lift import (
+    OFFICE,
+    Brake,
+    Cabin,
+    CheckCabinRequest,
+    CheckCabinResponse,
+    CheckDoorRequest,
+    ConfigureConfirm,
+    EmergencyOff,
+    FloorRequest,
+    FloorResponse,
+    Halt,
+    MoveConfirm,
+    MoveTo,
+    PlaceRequest,
+    PlaceResponse,
+    Ride,
+    Sensor,
+    StateRequest,
+    StateResponse,
+    Trouble,
 )
-from eurobot_od.robot.model.values import Obstacle, Source
-from eurobot_od.robot.nodes import ROLES, Core, Drive
-from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
 from tests.rows import rows
 
-CHECK = PROTOCOL.encode(CheckDriveRequest())
-ANSWER = PROTOCOL.encode(CheckDriveResponse())
+PROTOCOL = lift.protocol()
+CHECK = PROTOCOL.encode(CheckCabinRequest())
+ANSWER = PROTOCOL.encode(CheckCabinResponse())
 
 
-def drive() -> Drive:
-    """Return a drive that has just been switched on."""
-    node = Drive(DICTIONARIES["drive"])
+def cabin() -> Cabin:
+    """Return a cabin that has just been switched on."""
+    node = Cabin(lift.dictionary("cabin"))
     node.start(0.0)
     return node
 
@@ -46,20 +49,20 @@ def drive() -> Drive:
 # Switching on
 
 
-@pytest.mark.parametrize(("role", "node_id"), [("core", 1), ("drive", 2), ("navigation", 3)])
+@pytest.mark.parametrize(("role", "node_id"), [("panel", 1), ("cabin", 2), ("door", 3)])
 def test_a_node_boots_and_is_operational_by_itself(role: str, node_id: int) -> None:
-    node = ROLES[role](DICTIONARIES[role])
+    node = lift.node(role)
     assert node.start(0.0) == [Frame(0x700 + node_id, b"\0")]
     assert node.device.state is NmtState.OPERATIONAL
 
 
 def test_before_it_is_switched_on_a_node_hears_nothing() -> None:
-    assert Drive(DICTIONARIES["drive"]).receive(CHECK, 0.0) == []
+    assert Cabin(lift.dictionary("cabin")).receive(CHECK, 0.0) == []
 
 
-@pytest.mark.parametrize(("role", "period"), [("core", 0.25), ("drive", 1.0), ("navigation", 1.0)])
+@pytest.mark.parametrize(("role", "period"), [("panel", 0.25), ("cabin", 1.0), ("door", 1.0)])
 def test_heartbeats_come_at_their_times_however_late_the_node_is_called(role: str, period: float) -> None:
-    node = ROLES[role](DICTIONARIES[role])
+    node = lift.node(role)
     node.start(0.0)
     assert node.next_wakeup == period
     assert node.tick(period - 0.001) == []
@@ -71,17 +74,17 @@ def test_heartbeats_come_at_their_times_however_late_the_node_is_called(role: st
 
 
 def test_an_answer_is_among_the_frames_returned() -> None:
-    assert drive().receive(CHECK, 0.5) == [ANSWER]
+    assert cabin().receive(CHECK, 0.5) == [ANSWER]
 
 
 def test_a_frame_for_another_node_is_nothing() -> None:
-    assert drive().receive(PROTOCOL.encode(CheckNaviRequest()), 0.5) == []
+    assert cabin().receive(PROTOCOL.encode(CheckDoorRequest()), 0.5) == []
 
 
 def test_what_is_sent_from_outside_wakes_whoever_runs_the_node() -> None:
-    node, woken = drive(), list[float]()
+    node, woken = cabin(), list[float]()
     node.wake = lambda: woken.append(node.now)
-    node.send(CheckDriveResponse())
+    node.send(CheckCabinResponse())
     assert woken
     assert node.next_wakeup == 0.0
     assert node.tick(0.1) == [ANSWER]
@@ -89,7 +92,7 @@ def test_what_is_sent_from_outside_wakes_whoever_runs_the_node() -> None:
 
 
 def test_what_is_to_be_done_soon_gets_the_time_of_the_next_tick() -> None:
-    node, called = drive(), list[float]()
+    node, called = cabin(), list[float]()
     node.soon(called.append)
     assert node.next_wakeup == 0.0
     node.tick(0.25)
@@ -97,7 +100,7 @@ def test_what_is_to_be_done_soon_gets_the_time_of_the_next_tick() -> None:
 
 
 def test_a_reset_forgets_what_was_planned() -> None:
-    node, called = drive(), list[float]()
+    node, called = cabin(), list[float]()
     node.at(0.5, called.append)
     node.soon(called.append)
     node.reset()
@@ -114,93 +117,83 @@ STATES = {
 }
 
 
-def in_state(peer: str, command: NmtCommand) -> Bench:
-    """Return a bench with a stand-in, configured, where all nodes have been commanded into an NMT state."""
-    bench = Bench(peer)
-    if peer == "core":
-        bench.say("core", RED)
-    else:
-        bench.configure()
+def in_state(peer: str, command: NmtCommand) -> Lift:
+    """Return a lift with a stand-in, configured, where all nodes have been commanded into an NMT state."""
+    bench = Lift(peer)
+    if peer == "panel":
+        bench.say("panel", OFFICE)
     bench.command(peer, command)
     return bench
 
 
 @rows("command", STATES)
-@rows("stop", [EmergencyShutdown(), EmergencyStop(Obstacle.ENEMY), StopDrive()])
+@rows("stop", [EmergencyOff(), Brake(Trouble.OBSTACLE), Halt()])
 def test_stops_act_in_every_nmt_state(command: NmtCommand, stop: Message) -> None:
-    bench = Bench("core")
-    bench.say("core", RED, GotoXY(1500, 1000, 0, 100), within=0.5)
-    bench.command("core", command)
-    assert bench.drive.device.state is STATES[command]
-    assert bench.drive.moving
-    bench.say("core", stop, within=1.0)
-    assert bench.drive.stopped_by == stop
-    assert not bench.drive.moving
-    shut_down = isinstance(stop, EmergencyShutdown)
-    assert (bench.drive.safe, bench.navigation.safe) == (shut_down, shut_down)
+    bench = in_state("panel", command)
+    bench.say("panel", stop)
+    assert bench.cabin.device.state is STATES[command]
+    assert bench.cabin.stopped_by == stop
+    off = isinstance(stop, EmergencyOff)
+    assert (bench.cabin.is_off, bench.door.is_off) == (off, off)
 
 
 @rows("command", STATES)
-@rows(
-    "call, stop",
-    [
-        (Core.emergency_shutdown, EmergencyShutdown()),
-        (lambda core: core.emergency_stop(Obstacle.OBJECT), EmergencyStop(Obstacle.OBJECT)),
-        (Core.stop, StopDrive()),
-    ],
-)
-def test_the_core_sends_stops_in_every_nmt_state(
-    command: NmtCommand, call: Callable[[Core], None], stop: Message
-) -> None:
-    bench = in_state("drive", command)
-    call(bench.core)
+@rows("stop", [EmergencyOff(), Brake(Trouble.OVERLOAD), Halt()])
+def test_stops_are_sent_in_every_nmt_state(command: NmtCommand, stop: Message) -> None:
+    bench = in_state("cabin", command)
+    bench.panel.send(stop)
     bench.run(0.01)
-    assert bench.core.device.state is STATES[command]
+    assert bench.panel.device.state is STATES[command]
     assert bench.messages()[-1] == stop
 
 
 OTHERS = [
-    GotoXY(1500, 1000, 0, 100),
-    GotoStateRequest(),
-    NaviPositionRequest(),
-    NaviPositionResponse(1000, 1000, 0, Source.INTERNAL),
-    KalmanPositionRequest(),
-    Enemy1PositionRequest(),
-    RED,
-    CheckNaviRequest(),
-    CheckDriveRequest(),
+    MoveTo(1500, Ride.NORMAL, 100),
+    StateRequest(),
+    FloorRequest(),
+    FloorResponse(1000, 1000, 0, Sensor.MAGNET),
+    PlaceRequest(),
+    OFFICE,
+    CheckDoorRequest(),
+    CheckCabinRequest(),
 ]
 
 
 @rows("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
 @rows("message", OTHERS)
 def test_other_messages_act_in_operational_only(command: NmtCommand, message: Message) -> None:
-    bench = in_state("core", command)
-    before = bench.pose()
-    bench.say("core", message, within=0.2)
-    assert bench.messages() == [RED, StartConfigurationConfirm(), message]
-    assert (bench.pose(), bench.drive.goto) == (before, None)
+    bench = in_state("panel", command)
+    bench.say("panel", message, within=0.2)
+    assert bench.messages() == [OFFICE, ConfigureConfirm(), message]
+    assert (bench.cabin.height, bench.cabin.target, bench.cabin.seen) == (0.0, None, None)
+
+
+def polling(command: NmtCommand) -> Lift:
+    """Return a lift whose panel polls the cabin, a stand-in, each 0.6 s, and has got a command."""
+    bench = Lift("cabin")
+    put(bench.panel, "Polling.Polling period", 600)
+    bench.panel.reset()
+    bench.command("cabin", command)
+    return bench
 
 
 @pytest.mark.parametrize("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
-def test_a_core_that_is_not_operational_polls_no_positions_and_takes_no_calls(command: NmtCommand) -> None:
-    bench = in_state("drive", command)
-    sent = len(bench.log)
+def test_a_node_that_is_not_operational_sends_nothing_else_and_counts_it(command: NmtCommand) -> None:
+    bench = polling(command)
     bench.run(3.0)
-    assert len(bench.log) == sent
-    with pytest.raises(StateError):
-        bench.core.goto(1500, 1000, 0, 100)
+    assert bench.messages() == []
+    assert bench.panel.withheld == 5
+    with pytest.raises(StateError, match=f"panel is {STATES[command].name}"):
+        bench.panel.send(MoveTo(1500, Ride.NORMAL, 100))
 
 
-def test_a_core_started_again_goes_on_polling_at_its_times() -> None:
-    bench = in_state("drive", NmtCommand.ENTER_PRE_OPERATIONAL)
+def test_a_node_started_again_goes_on_at_its_times() -> None:
+    bench = polling(NmtCommand.ENTER_PRE_OPERATIONAL)
     bench.run(5.0)
-    bench.command("drive", NmtCommand.START)
+    bench.command("cabin", NmtCommand.START)
     bench.run(2.0)
-    confirmed = bench.times(StartConfigurationConfirm)[0]
-    offsets = [(time - confirmed - 2.1) % 0.6 for time in bench.times(NaviPositionRequest)]
-    assert len(offsets) >= 3
-    assert offsets == pytest.approx([0.0] * len(offsets), abs=0.001)
+    offsets = [time / 0.6 for time in bench.times(PlaceRequest)]
+    assert offsets == pytest.approx([9, 10, 11], abs=0.01)
 
 
 # Frames that are wrong
@@ -210,54 +203,51 @@ def test_a_core_started_again_goes_on_polling_at_its_times() -> None:
     ("data", "why"),
     [
         (b"", "nothing"),
-        (bytes(5), "cut in the middle"),
-        (bytes(7), "half of the barriers"),
+        (bytes(2), "cut in the middle"),
+        (bytes(4), "half of the pause"),
     ],
 )
 def test_a_frame_that_is_too_short_is_refused_whole_and_reported(data: bytes, why: str) -> None:
-    bench = Bench("core")
-    bench.say("core", RED, Frame(PROTOCOL.cob_id(GotoXY), data))
-    assert bench.drive.goto is None, why
-    emergency = next(frame for _, frame in bench.others if frame.cob_id == 0x082)
-    assert emergency.data[:2] == (0x8210).to_bytes(2, "little")
+    bench = Lift("panel")
+    bench.say("panel", OFFICE, Frame(PROTOCOL.cob_id(MoveTo), data))
+    assert bench.sent(MoveConfirm) == [], why
+    assert bench.cabin.target is None
+    assert bench.emergencies("cabin") == [0x8210]
 
 
 def test_a_frame_that_is_too_long_is_read_and_reported() -> None:
-    bench = Bench("core")
-    bench.say("core", Frame(PROTOCOL.cob_id(GotoStateRequest), b"\x55"))
-    assert bench.messages() == [GotoStateRequest(), GotoStateResponse(None)]
-    emergency = next(frame for _, frame in bench.others if frame.cob_id == 0x082)
-    assert emergency.data[:2] == (0x8220).to_bytes(2, "little")
+    bench = Lift("panel")
+    bench.say("panel", Frame(PROTOCOL.cob_id(StateRequest), b"\x55"))
+    assert bench.messages() == [StateRequest(), StateResponse(0)]
+    assert bench.emergencies("cabin") == [0x8220]
 
 
 @pytest.mark.parametrize(
     ("node", "frame", "why"),
     [
-        ("drive", "008#FFFFFFFFFFFFFFFF", "every field of a goto outside its range"),
-        ("drive", "008#B91B4E163A320000", "only x: 3001 mm"),
-        ("drive", "2C0#0600", "three enemies"),
-        ("navigation", "2C0#0600", "three enemies"),
-        ("drive", "080#FFFFFF3F00", "a place outside the field"),
+        ("cabin", "108#FFFFFFFFFF", "every field of a move outside its range"),
+        ("cabin", "108#B90B00", "only the height: 3001 mm"),
+        ("cabin", "108#003000", "only the ride: there are three kinds"),
+        ("cabin", "2C5#0600", "three doors"),
+        ("door", "2C5#0600", "three doors"),
+        ("cabin", "195#FFFFFF3F00", "a place outside the building"),
     ],
 )
 def test_a_message_out_of_range_is_counted_and_not_acted_on(node: str, frame: str, why: str) -> None:
-    bench = Bench("core")
+    bench = Lift("panel")
     cob_id, _, data = frame.partition("#")
-    bench.say("core", Frame(int(cob_id, 16), bytes.fromhex(data)), within=0.5)
+    bench.say("panel", Frame(int(cob_id, 16), bytes.fromhex(data)), within=0.5)
     assert bench.nodes[node].ignored == 1, why
     assert len(bench.log) == 1
-    assert (bench.drive.goto, bench.drive.configuration, bench.drive.estimate.pose) == (None, None, None)
+    assert (bench.cabin.target, bench.cabin.configuration, bench.cabin.seen) == (None, None, None)
 
 
-@pytest.mark.parametrize("field", [3001, 4095])
-def test_a_position_out_of_range_is_no_answer_to_the_core(field: int) -> None:
-    bench = Bench("drive", "navigation")
-    call = bench.core.position()
+@pytest.mark.parametrize("height", [3001, 4095])
+def test_a_value_out_of_range_is_no_answer(height: int) -> None:
+    bench = Lift("cabin", "door")
+    call = bench.panel.ask(PlaceRequest(), PlaceResponse)
     bench.run(0.01)
-    data = PROTOCOL.pack("Kalman Position Response", x=field, y=0, angle=0, source=0)
-    bench.say("drive", Frame(PROTOCOL.cob_id(KalmanPositionResponse), data))
+    data = PROTOCOL.pack("Place Response", height=height, sway=0, turn=0, sensor=0)
+    bench.say("cabin", Frame(PROTOCOL.cob_id(PlaceResponse), data))
     assert not call.done()
-    assert bench.core.positions == {}
-    answer = KalmanPositionResponse(1, 2, 3, Source.INTERNAL)
-    bench.say("drive", answer)
-    assert call.result(0) == answer
+    assert bench.panel.places == []

@@ -18,11 +18,11 @@ from eurobot_od.errors import DamagedFile, DictionaryError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
-from eurobot_od.robot import dialects
 from eurobot_od.sdo.wire import Abort, AbortCode, Reason
 from tests.device import io_module
 from tests.device.master import wired
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.kit import lift
 from tests.rows import rows
 
 UNREADABLE: list[tuple[Address, AbortCode, str]] = [
@@ -45,11 +45,11 @@ UNWRITABLE: list[tuple[Address, int, int, AbortCode, str]] = [
     ((0x2999, 0), 0, 4, AbortCode.NO_OBJECT, "no such object"),
     ((0x2101, 9), 0, 1, AbortCode.NO_SUBINDEX, "no such sub-index"),
     ((0x1000, 0), 0, 4, AbortCode.READ_ONLY, "ro"),
-    ((0x2101, 0), 6, 1, AbortCode.READ_ONLY, "const"),
+    ((0x2101, 0), 2, 1, AbortCode.READ_ONLY, "const"),
     ((0x2101, 1), 500, 4, AbortCode.TOO_LONG, "UNSIGNED16 with 4 bytes"),
     ((0x2101, 1), 5, 1, AbortCode.TOO_SHORT, "UNSIGNED16 with 1 byte"),
     ((0x2101, 1), 5, 9, AbortCode.TOO_LONG, "UNSIGNED16 with 9 bytes, segmented"),
-    ((0x2102, 2), 181, 1, AbortCode.TOO_HIGH, "above HighLimit"),
+    ((0x2102, 2), 501, 2, AbortCode.TOO_HIGH, "above HighLimit"),
     ((0x2101, 1), 0, 2, AbortCode.TOO_LOW, "below LowLimit"),
     ((0x2100, 1), 0, 1, AbortCode.TOO_LOW, "node-ID 0"),
     ((0x2100, 1), 128, 1, AbortCode.TOO_HIGH, "node-ID 128"),
@@ -76,8 +76,8 @@ def test_a_setting_takes_effect_at_once() -> None:
     assert wire.device.number((0x2101, 1)) == 321
 
 
-@pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])
-@pytest.mark.parametrize("node", ["core", "drive", "navigation"])
+@pytest.mark.parametrize("dialect", [lift.DIALECT, lift.REVERSED])
+@pytest.mark.parametrize("node", ["panel", "cabin", "door"])
 def test_every_readable_object_is_read_with_the_length_of_its_type(node: str, dialect: str) -> None:
     wire = wired(node, dialect)
     for entry in wire.device.dictionary.objects.values():
@@ -87,11 +87,11 @@ def test_every_readable_object_is_read_with_the_length_of_its_type(node: str, di
 
 
 def test_names_are_read_as_text() -> None:
-    assert wired().sdo.sdo.upload(0x1008, 0) == b"Eurobot 2014 drive"
+    assert wired().sdo.sdo.upload(0x1008, 0) == b"Lift cabin"
 
 
 def test_a_part_and_its_whole_are_one_value() -> None:
-    wire = wired("drive", "firmware2014")
+    wire = wired("cabin", lift.REVERSED)
     wire.write(0x2000, 1, 0xABC, size=2)
     assert wire.read(0x3000, 1) == 0xAB
     assert wire.read(0x3000, 3) == 0xC
@@ -185,13 +185,13 @@ def described(folder: Path, more: bytes = b"") -> Objects:
     return Device(Dictionary.load(file, 5)).objects
 
 
-DRIVE = dialects.load("drive")
+CABIN = lift.dictionary("cabin")
 SETTINGS: dict[Address, Value] = {(0x2101, 1): 333, (0x1017, 0): 250, (0x1403, 1): 0x8000_0123, (0x2100, 1): 9}
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> FileStore:
-    return FileStore(tmp_path / "drive.dcf", DRIVE)
+    return FileStore(tmp_path / "cabin.dcf", CABIN)
 
 
 def test_without_a_file_there_are_no_settings(store: FileStore) -> None:
@@ -207,17 +207,17 @@ def test_what_was_saved_is_loaded(store: FileStore) -> None:
 
 @pytest.mark.parametrize(("rates", "said"), [((), "500"), ((250,), "250")])
 def test_the_file_says_the_bit_rate(tmp_path: Path, rates: tuple[int, ...], said: str) -> None:
-    store = FileStore(tmp_path / "drive.dcf", DRIVE, *rates)
+    store = FileStore(tmp_path / "cabin.dcf", CABIN, *rates)
     store.save(SETTINGS, 9)
     assert f"Baudrate={said}" in store.file.read_text().splitlines()
 
 
 def test_a_device_starts_with_what_it_stored(store: FileStore) -> None:
-    device = Device(DRIVE, store)
+    device = Device(CABIN, store)
     device.objects.write((0x2101, 1), (333).to_bytes(2, "little"))
     device.objects.write((0x2100, 1), b"\x09")
     device.objects.write((0x1010, 1), b"save")
-    restarted = Device(DRIVE, store)
+    restarted = Device(CABIN, store)
     assert restarted.number((0x2101, 1)) == 333
     assert restarted.node_id == 9
 
@@ -233,20 +233,20 @@ def test_other_programs_read_the_file(store: FileStore) -> None:
 
 def test_nothing_is_left_beside_the_file(store: FileStore) -> None:
     store.save(SETTINGS, 9)
-    assert [each.name for each in store.file.parent.iterdir()] == ["drive.dcf"]
+    assert [each.name for each in store.file.parent.iterdir()] == ["cabin.dcf"]
 
 
 def test_a_file_half_written_beside_is_no_matter(store: FileStore) -> None:
     store.save(SETTINGS, 9)
-    store.file.with_name("drive.dcf.0123abcd.new").write_text("[FileInfo]\nFileNa")
+    store.file.with_name("cabin.dcf.0123abcd.new").write_text("[FileInfo]\nFileNa")
     assert store.load() == SETTINGS
     store.save({}, 2)
     assert store.load() == {}
 
 
 def test_the_settings_of_another_device_are_refused(store: FileStore) -> None:
-    FileStore(store.file, dialects.load("core")).save({}, 1)
-    with pytest.raises(DictionaryError, match=r"drive\.dcf: 0x1018: sub 2 is 1, not 2: the configuration of another"):
+    FileStore(store.file, lift.dictionary("panel")).save({}, 1)
+    with pytest.raises(DictionaryError, match=r"cabin\.dcf: 0x1018: sub 2 is 1, not 2: the configuration of another"):
         store.load()
 
 
@@ -260,7 +260,7 @@ def test_a_file_that_was_cut_off_is_refused(store: FileStore, part: float) -> No
     store.save(SETTINGS, 9)
     for content in (store.file.read_bytes(), without_checksum(store)):
         store.file.write_bytes(content[: int(len(content) * part)])
-        with pytest.raises(DictionaryError, match=r"drive\.dcf"):
+        with pytest.raises(DictionaryError, match=r"cabin\.dcf"):
             store.load()
 
 
@@ -282,17 +282,17 @@ def test_a_stored_file_with_a_flipped_bit_is_refused_by_name_and_the_defaults_ar
     store.file.write_bytes(content)
     with pytest.raises(DamagedFile):
         store.load()
-    device = Device(DRIVE, store)
+    device = Device(CABIN, store)
     (said,) = device.refused
     assert said.startswith(f"{store.file}: damaged: ")
     assert device.number((0x2101, 1)) == 800
 
 
 OUT_OF_LIMITS = [
-    ("drive", (0x2101, 6), 0, "0x2101:6 Control period = 0, allowed: 1..255"),
-    ("drive", (0x2103, 4), 1001, "0x2103:4 Gate = 1001, allowed: 0..1000"),
-    ("core", (0x2103, 1), 0, "0x2103:1 Polling period = 0, allowed: 1..65535"),
-    ("core", (0x1017, 0), 70_000, "0x1017:0 Producer heartbeat time = 70000, allowed: 0..65535"),
+    ("cabin", (0x2101, 2), 0, "0x2101:2 Control period = 0, allowed: 1..255"),
+    ("cabin", (0x2102, 2), 501, "0x2102:2 Offset = 501, allowed: -500..500"),
+    ("panel", (0x2101, 1), 0, "0x2101:1 Check wait = 0, allowed: 1..65535"),
+    ("panel", (0x1017, 0), 70_000, "0x1017:0 Producer heartbeat time = 70000, allowed: 0..65535"),
 ]
 
 
@@ -300,7 +300,7 @@ OUT_OF_LIMITS = [
 def test_a_stored_value_outside_the_limits_of_the_eds_is_refused_by_name_and_the_default_taken(
     tmp_path: Path, role: str, address: Address, value: int, what: str
 ) -> None:
-    dictionary = dialects.load(role)
+    dictionary = lift.dictionary(role)
     store = FileStore(tmp_path / "stored.dcf", dictionary)
     store.save({address: value, (0x1400, 5): 7}, dictionary.node_id)
     device = Device(dictionary, store)
@@ -310,8 +310,8 @@ def test_a_stored_value_outside_the_limits_of_the_eds_is_refused_by_name_and_the
 
 
 def test_refused_values_are_told_by_emcy_at_each_start_until_the_device_stores_again(store: FileStore) -> None:
-    store.save({(0x2101, 6): 0}, 2)
-    node = Node(DRIVE, store=store)
+    store.save({(0x2101, 2): 0}, 2)
+    node = Node(CABIN, store=store)
     alarms: list[str] = []
     node.alarm = alarms.append
     refused = Frame(0x082, bytes.fromhex("0063010000000000"))
@@ -321,7 +321,7 @@ def test_refused_values_are_told_by_emcy_at_each_start_until_the_device_stores_a
     node.device.objects.write((0x1010, 1), b"save")
     assert node.device.refused == ()
     assert refused not in node.receive(Frame(0x000, b"\x81\x02"), 2.0)
-    assert Node(DRIVE, store=store).device.refused == ()
+    assert Node(CABIN, store=store).device.refused == ()
 
 
 def test_a_file_that_is_no_dcf_is_refused(store: FileStore) -> None:

@@ -1,118 +1,80 @@
-"""Devices among others: a node that falls silent during a match, and a message that a master moves and widens."""
+"""Devices among others: a node that falls silent, and a message that a master moves and widens."""
 
 from __future__ import annotations
 
 import pytest
 
-from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import StopDrive
-from eurobot_od.robot.model.values import Outcome, TeamColour
-from eurobot_od.robot.nodes.motion import IdealChassis, Odometry, WheelCommand
-from tests.robot.nodes.harness import Bench, Peer
+from tests.kit import lift
+from tests.kit.bench import Lift, Peer
+from tests.kit.lift import OFFICE, MoveTo, Ride
 
 SILENT = bytes.fromhex("3081")
 MASTER = 100
 """Node-ID of the master, which is nobody's."""
 
-WIDE_X = (0x20000110, 0x2000020C, 0x2000030A, 0x20000408, 0x20000510)
-"""Goto XY with 16 bits for x: 62 bits."""
+WIDE = (0x20000110, 0x20000208, 0x20000308, 0x20000410)
+"""Move To in whole bytes: 48 bits."""
 
 
-class Match(Bench):
-    """The three nodes after the start configuration, and a master that configures them over the bus."""
+class Building(Lift):
+    """The lift, and a master that configures its nodes over the bus."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.nodes["master"] = Peer(dialects.load("navigation", node_id=MASTER))
-        self.network.attach(self.nodes["master"])
-        self.core.configure_start(TeamColour.RED)
+        self.attach("master", Peer(lift.dictionary("door").renumbered(MASTER)))
         self.run(0.1)
 
-    def write(self, name: str, index: int, subindex: int, value: int, size: int = 4) -> None:
-        """Write a number to a node: an expedited download (CiA 301, 7.2.4.3.3)."""
-        node_id = self.nodes[name].device.node_id
-        address = index.to_bytes(2, "little") + bytes([subindex])
-        request = bytes([0x23 | 4 - size << 2]) + address + value.to_bytes(4, "little")
-        before = len(self.others)
-        self.say("master", Frame(0x600 + node_id, request))
-        answers = [frame.data for _, frame in self.others[before:] if frame.cob_id == 0x580 + node_id]
-        assert answers == [b"\x60" + address + bytes(4)]
 
-    def frames(self, cob_id: int) -> list[bytes]:
-        """Return the data of all frames so far that are no message and have this COB-ID."""
-        return [frame.data for _, frame in self.others if frame.cob_id == cob_id]
+@pytest.mark.parametrize("silent", ["cabin", "door"])
+def test_a_node_that_falls_silent_is_missed_once(silent: str) -> None:
+    building = Building()
+    building.run(2.0)
+    building.download("master", silent, 0x1017, 0, 0, size=2)
+    building.run(3.0)
+    assert building.panel.lost == [building.nodes[silent].device.node_id]
+    assert [data[:2] for data in building.frames(0x081)] == [SILENT]
 
 
-@pytest.mark.parametrize("silent", ["drive", "navigation"])
-def test_a_node_that_falls_silent_during_a_goto_stops_the_drive(silent: str) -> None:
-    match = Match()
-    match.run(2.0)
-    call = match.core.goto(2500, 1000, 0, 5)
-    match.run(0.5)
-    assert match.drive.moving
-    match.write(silent, 0x1017, 0, 0, size=2)
-    match.log.clear()
-    match.run(3.0)
-    assert StopDrive() in [sent.message for sent in match.log]
-    assert call.result(0).outcome is Outcome.LOST
-    assert not match.drive.moving
-    assert [data[:2] for data in match.frames(0x081)] == [SILENT]
+def test_who_is_commanded_by_a_node_that_falls_silent_stands() -> None:
+    building = Building()
+    building.run(2.0)
+    building.panel.send(MoveTo(3000, Ride.NORMAL, 5))
+    building.run(0.5)
+    assert building.cabin.moving
+    building.download("master", "panel", 0x1017, 0, 0, size=2)
+    building.run(3.0)
+    assert not building.cabin.moving
+    assert [data[:2] for data in building.frames(0x082)] == [SILENT]
 
 
 def test_nobody_is_missed_while_all_are_there() -> None:
-    match = Match()
-    match.run(10.0)
-    assert match.frames(0x081) == []
+    building = Building()
+    building.run(10.0)
+    assert building.frames(0x081) == building.frames(0x082) == []
 
 
-def test_goto_xy_moved_and_widened_by_a_master_still_drives_the_robot() -> None:
-    match = Match()
-    for name, index in (("core", 0x1803), ("drive", 0x1403)):
-        match.write(name, index, 1, 0x80000000 | match.nodes[name].device.number((index, 1)))
-        match.write(name, index + 0x200, 0, 0, size=1)
-        for subindex, entry in enumerate(WIDE_X, 1):
-            match.write(name, index + 0x200, subindex, entry)
-        match.write(name, index + 0x200, 0, len(WIDE_X), size=1)
-        match.write(name, index, 1, 0x80000123)
-        match.write(name, index, 1, 0x123)
-    call = match.core.goto(700, 1500, 0, 100)
-    match.run(10.0)
-    assert call.result(0).outcome is Outcome.ARRIVED
-    word = 700 | 1500 << 16 | 100 << 38
-    assert match.frames(0x123) == [word.to_bytes(8, "little")]
+def test_a_message_that_a_master_moves_and_widens_is_still_acted_on() -> None:
+    building = Building()
+    for name, index in (("panel", 0x1803), ("cabin", 0x1403)):
+        building.download("master", name, index, 1, 0x80000000 | building.nodes[name].device.number((index, 1)))
+        building.download("master", name, index + 0x200, 0, 0, size=1)
+        for subindex, entry in enumerate(WIDE, 1):
+            building.download("master", name, index + 0x200, subindex, entry)
+        building.download("master", name, index + 0x200, 0, len(WIDE), size=1)
+        building.download("master", name, index, 1, 0x80000123)
+        building.download("master", name, index, 1, 0x123)
+    call = building.panel.move(MoveTo(700, Ride.SERVICE, 100))
+    building.run(10.0)
+    assert call.result(0) is None
+    assert building.cabin.height == 700
+    assert building.frames(0x123) == [(700 | Ride.SERVICE << 16 | 100 << 24).to_bytes(6, "little")]
 
 
-def test_polling_goes_on_after_a_time_in_which_nothing_may_be_sent() -> None:
-    match = Match()
-    match.command("master", NmtCommand.ENTER_PRE_OPERATIONAL, match.core.device.node_id)
-    match.run(5.0)
-    assert match.core.withheld > 0
-    match.command("master", NmtCommand.START, match.core.device.node_id)
-    match.log.clear()
-    match.run(1.0)
-    assert match.log
-
-
-class Stuck:
-    """Wheels that do not turn, whatever they are told."""
-
-    def advance(self, command: WheelCommand, dt: float) -> Odometry:
-        return Odometry(0.0, 0.0)
-
-
-def test_a_blocked_drive_gives_up_says_so_and_is_well_again_with_the_next_goto() -> None:
-    match = Match()
-    match.write("drive", 0x2101, 7, 300, size=2)
-    match.drive.chassis = Stuck()
-    call = match.core.goto(700, 1500, 0, 100)
-    match.run(1.0)
-    assert call.result(0).outcome is Outcome.BLOCKED
-    assert match.frames(0x082) == [bytes.fromhex("02ff810000000000")]
-    assert not match.drive.moving
-    match.drive.chassis = IdealChassis()
-    again = match.core.goto(700, 1500, 0, 100)
-    match.run(10.0)
-    assert again.result(0).outcome is Outcome.ARRIVED
-    assert match.frames(0x082)[-1] == bytes(8)
+def test_an_error_of_a_devices_own_is_told_and_is_gone_again() -> None:
+    building = Building()
+    building.panel.send(OFFICE._replace(doors=0))
+    building.run(0.1)
+    assert building.frames(0x082) == [bytes.fromhex("02ff810000000000")]
+    building.panel.send(OFFICE)
+    building.run(0.1)
+    assert building.frames(0x082)[-1] == bytes(8)

@@ -8,8 +8,8 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.timers import LATE
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.robot import dialects
-from eurobot_od.robot.nodes import Core, Drive
+from tests.kit import lift
+from tests.kit.lift import Cabin, Panel
 
 SYNC_PERIOD, SYNC = 0x1006, 0x1005
 
@@ -25,7 +25,7 @@ def run(node: Node, now: float) -> list[Frame]:
 @pytest.mark.parametrize("stopped", [600.0, 3600.0], ids=str)
 def test_after_a_sigstop_what_was_missed_is_skipped_once_and_said(stopped: float) -> None:
     """600 s used to end with 5600 frames at once, and control steps for 28 s."""
-    node = Core(dialects.load("core"))
+    node = Panel(lift.dictionary("panel"))
     alarms: list[str] = []
     node.alarm = alarms.append
     node.start(0.0)
@@ -48,7 +48,7 @@ def test_after_a_sigstop_what_was_missed_is_skipped_once_and_said(stopped: float
 
 
 def test_a_node_that_is_late_by_a_moment_makes_up_for_it() -> None:
-    node = Drive(dialects.load("drive"))
+    node = Cabin(lift.dictionary("cabin"))
     alarms: list[str] = []
     node.alarm = alarms.append
     node.start(0.0)
@@ -60,7 +60,7 @@ def test_a_node_that_is_late_by_a_moment_makes_up_for_it() -> None:
 @pytest.mark.parametrize("errors", [[5.0], [5.0, 500.0]], ids=["the first", "one long after another"])
 def test_an_error_on_the_bus_is_told_and_is_no_standstill(errors: list[float]) -> None:
     """After each lost bus the node claimed that it had stood still for an infinite time."""
-    node = Drive(dialects.load("drive"))
+    node = Cabin(lift.dictionary("cabin"))
     alarms: list[str] = []
     node.alarm = alarms.append
     node.start(0.0)

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from pathlib import Path
 from typing import ClassVar
 
 import pytest
 
 from eurobot_od.device.station import OnError, Station
-from eurobot_od.errors import ListenerError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.od.values import NOT_VALID
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, GotoConfirm, GotoXY, StopDrive
-from eurobot_od.robot.nodes import Drive
-from eurobot_od.robot.nodes.node import Handlers
-from eurobot_od.robot.protocol import EurobotProtocol
+from tests.kit import lift
+from tests.kit.lift import Cabin, CheckCabinRequest, CheckCabinResponse, Halt, Handlers, MoveConfirm, MoveTo, Ride
 
-PROTOCOL = EurobotProtocol.load()
+PROTOCOL = lift.protocol()
 BOOT_UP = Frame(0x702, b"\x00")
 
 
@@ -30,7 +24,7 @@ def ignore(*_: object) -> None:
 
 @pytest.fixture
 def station() -> Station:
-    station = Station(Drive(dialects.load("drive")))
+    station = Station(Cabin(lift.dictionary("cabin")))
     station.gatekeeper.start()
     return station
 
@@ -58,9 +52,9 @@ def test_what_finds_a_mailbox_is_in_it_at_once_and_does_not_expire(station: Stat
 
 def test_what_comes_for_the_node_goes_to_it_and_its_answer_to_the_mailboxes(station: Station) -> None:
     station.start(0.0)
-    station.gatekeeper.receive(PROTOCOL.encode(CheckDriveRequest()), 0.5)
-    station.gatekeeper.receive(PROTOCOL.encode(GotoXY(500, 500, 0, 50)), 0.5)
-    answers = [PROTOCOL.encode(GotoConfirm()), PROTOCOL.encode(CheckDriveResponse())]
+    station.gatekeeper.receive(PROTOCOL.encode(CheckCabinRequest()), 0.5)
+    station.gatekeeper.receive(PROTOCOL.encode(MoveTo(500, Ride.NORMAL, 50)), 0.5)
+    answers = [PROTOCOL.encode(MoveConfirm()), PROTOCOL.encode(CheckCabinResponse())]
     assert sent(station) == [*answers, BOOT_UP]  # the most urgent first
 
 
@@ -69,8 +63,8 @@ def test_a_message_that_a_master_moves_comes_to_the_node_at_its_new_place(statio
     for entry in (NOT_VALID | 0x123, 0x123):  # a valid PDO cannot be changed
         station.gatekeeper.receive(Frame(0x602, bytes.fromhex("23031401") + entry.to_bytes(4, "little")), 0.5)
     sent(station)
-    station.gatekeeper.receive(PROTOCOL.encode(GotoXY(500, 500, 0, 50))._replace(cob_id=0x123), 0.5)
-    assert sent(station) == [PROTOCOL.encode(GotoConfirm())]
+    station.gatekeeper.receive(PROTOCOL.encode(MoveTo(500, Ride.NORMAL, 50))._replace(cob_id=0x123), 0.5)
+    assert sent(station) == [PROTOCOL.encode(MoveConfirm())]
 
 
 def test_the_station_wakes_when_its_node_wants_to(station: Station) -> None:
@@ -83,61 +77,36 @@ def test_the_station_wakes_when_its_node_wants_to(station: Station) -> None:
 
 
 def test_filters_let_through_what_the_node_listens_to() -> None:
-    node = Drive(dialects.load("drive"))
+    node = Cabin(lift.dictionary("cabin"))
     station = Station(node)
     filters = [each["can_id"] for each in station.gatekeeper.start()]
     assert filters == sorted(node.device.identifiers)
-    assert {0x000, PROTOCOL.cob_id(StopDrive), PROTOCOL.cob_id(GotoXY)} <= set(filters)
-    assert PROTOCOL.cob_id(GotoConfirm) not in filters
-
-
-def test_settings_size_mailboxes_and_wait(spoil_eds: Callable[..., Path]) -> None:
-    folder = spoil_eds(("drive", "2110sub1", "DefaultValue", "1"), ("drive", "2110sub2", "DefaultValue", "20"))
-    reports: list[Report] = []
-    station = Station(Drive(dialects.load("drive", folder)), report=reports.append)
-    station.gatekeeper.start()
-    for number in range(3):
-        station.gatekeeper.mailboxes.submit(Frame(number), 0.0)
-    assert station.gatekeeper.mailboxes.load(0.0) == [Frame(0)]
-    station.gatekeeper.mailboxes.load(0.019)
-    assert reports == []
-    station.gatekeeper.mailboxes.load(0.020)
-    assert [(report.event, report.name) for report in reports] == [
-        (Event.FRAME_DROPPED, "0x001"),
-        (Event.FRAME_DROPPED, "0x002"),
-    ]
-
-
-def test_settings_size_the_listener_table_in_which_the_node_has_a_place(spoil_eds: Callable[..., Path]) -> None:
-    station = Station(Drive(dialects.load("drive", spoil_eds(("drive", "2110sub3", "DefaultValue", "20")))))
-    for number in range(19):
-        station.gatekeeper.add_function(StopDrive, ignore, f"listener {number}")
-    with pytest.raises(ListenerError, match=r"^lamp: the listener table is full, it has 20 places"):
-        station.gatekeeper.add_function(StopDrive, ignore, "lamp")
+    assert {0x000, PROTOCOL.cob_id(Halt), PROTOCOL.cob_id(MoveTo)} <= set(filters)
+    assert PROTOCOL.cob_id(MoveConfirm) not in filters
 
 
 def test_a_node_wakes_nobody_for_an_answer_that_goes_out_at_once(station: Station) -> None:
     woken: list[float] = []
     station.node.wake = lambda: woken.append(station.node.now)
     station.start(0.0)
-    station.gatekeeper.receive(PROTOCOL.encode(CheckDriveRequest()), 0.5)
+    station.gatekeeper.receive(PROTOCOL.encode(CheckCabinRequest()), 0.5)
     station.tick(1.0)
     assert woken == []
-    station.node.offer(GotoConfirm())  # from outside: nobody else would see to it
+    station.node.offer(MoveConfirm())  # from outside: nobody else would see to it
     assert woken == [1.0]
 
 
-class FailingDrive(Drive):
+class FailingCabin(Cabin):
     """Fails whenever it is checked."""
 
-    HANDLERS: ClassVar[Handlers] = {**Drive.HANDLERS, CheckDriveRequest: lambda *_: 1 / 0}  # type: ignore[dict-item]
+    HANDLERS: ClassVar[Handlers] = {**Cabin.HANDLERS, CheckCabinRequest: lambda *_: 1 / 0}  # type: ignore[dict-item]
 
 
 def failing(on_error: OnError | None) -> tuple[Station, list[Report]]:
     reports: list[Report] = []
-    # A clock that stands still: on a busy machine the drive would be reported as slow, too.
-    drive, clock = FailingDrive(dialects.load("drive")), lambda: 0.0
-    station = Station(drive, report=reports.append, clock=clock, on_error=on_error)
+    # A clock that stands still: on a busy machine the cabin would be reported as slow, too.
+    cabin, clock = FailingCabin(lift.dictionary("cabin")), lambda: 0.0
+    station = Station(cabin, report=reports.append, clock=clock, on_error=on_error)
     station.gatekeeper.start()
     station.start(0.0)
     return station, reports
@@ -146,7 +115,7 @@ def failing(on_error: OnError | None) -> tuple[Station, list[Report]]:
 def check(station: Station, now: float) -> list[Frame]:
     """Have the node fail; give what leaves then."""
     sent(station, now)
-    station.gatekeeper.receive(PROTOCOL.encode(CheckDriveRequest()), now)
+    station.gatekeeper.receive(PROTOCOL.encode(CheckCabinRequest()), now)
     return sent(station, now)
 
 
@@ -162,7 +131,7 @@ def test_a_node_that_fails_is_restarted_after_pauses_that_grow_until_it_is_stead
         station.tick(now + pause)
         assert sent(station, now + pause) == [BOOT_UP]
         assert str(reports.pop()) == (
-            f"node failed: drive: ZeroDivisionError: division by zero; it is restarted in {pause} s"
+            f"node failed: cabin: ZeroDivisionError: division by zero; it is restarted in {pause} s"
         )
     assert station.failure is None
     assert station.gatekeeper.statistics().listeners[0].failed == 4
@@ -174,7 +143,7 @@ def test_a_node_that_fails_is_ended() -> None:
     assert station.next_wakeup == math.inf
     station.tick(100.0)
     assert sent(station, 100.0) == []
-    assert str(station.failure) == "drive has failed and ended: ZeroDivisionError: division by zero"
+    assert str(station.failure) == "cabin has failed and ended: ZeroDivisionError: division by zero"
     assert str(reports[-1]).endswith("division by zero; it has ended")
 
 
@@ -184,8 +153,8 @@ def test_in_a_simulation_a_frame_that_makes_a_node_fail_is_reported_and_nothing_
     assert [report.event for report in reports] == [Event.LISTENER_FAILED]
 
 
-def test_a_flood_of_sdo_blocks_leaves_one_transfer_and_a_drive_that_answers(station: Station) -> None:
-    """The queue grew without a bound, and the drive did not answer for half a minute."""
+def test_a_flood_of_sdo_blocks_leaves_one_transfer_and_a_cabin_that_answers(station: Station) -> None:
+    """The queue grew without a bound, and the cabin did not answer for half a minute."""
     station.start(0.0)
     blocks = [Frame(0x602, bytes.fromhex(data)) for data in ("a4211000 7f000000", "a300000000000000")]
     for _ in range(500):

@@ -14,13 +14,7 @@ from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script, Time
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.robot.model.messages import (
-    CheckDriveRequest,
-    CheckDriveResponse,
-    CheckNaviResponse,
-    GotoStateRequest,
-    GotoStateResponse,
-)
+from tests.kit.lift import CheckCabinRequest, CheckCabinResponse, CheckDoorResponse, StateRequest, StateResponse
 from tests.rows import rows
 
 
@@ -103,7 +97,7 @@ def test_each_new_timer_is_told() -> None:
     assert told == [2.0, 3.0, 1.0]
 
 
-CHECK = Ask(CheckDriveRequest(), CheckDriveResponse, wait=0.5, attempts=3)
+CHECK = Ask(CheckCabinRequest(), CheckCabinResponse, wait=0.5, attempts=3)
 
 
 class Run:
@@ -149,7 +143,7 @@ def pausing(seconds: float) -> Script[Any]:
 
 def test_nothing_is_sent_before_the_start() -> None:
     flow = Flow(asking(), Timers(), lambda _: pytest.fail("sent"), lambda _: pytest.fail("ended"))
-    assert not flow.heard(CheckDriveResponse(), 0.0)
+    assert not flow.heard(CheckCabinResponse(), 0.0)
     assert not flow.call.done()
 
 
@@ -163,10 +157,10 @@ def test_nothing_is_sent_before_the_start() -> None:
 )
 def test_a_question_is_repeated_until_it_is_answered(answered: float, times: list[float]) -> None:
     run = Run(asking()).until(answered)
-    assert run.hear(CheckDriveResponse())
+    assert run.hear(CheckCabinResponse())
     run.until(10.0)
     assert [time for time, _ in run.sent] == times
-    assert run.call.result(0) == CheckDriveResponse()
+    assert run.call.result(0) == CheckCabinResponse()
     assert run.ended == 1
     assert run.timers.next == inf
 
@@ -176,27 +170,27 @@ def test_a_question_that_nobody_answers_names_request_answer_attempts_and_wait()
     assert [time for time, _ in run.sent] == [0.0, 0.5, 1.0]
     error = run.call.exception(0)
     assert isinstance(error, NoAnswer)
-    assert str(error) == "no CheckDriveResponse after 3 x CheckDriveRequest (500 ms each)"
+    assert str(error) == "no CheckCabinResponse after 3 x CheckCabinRequest (500 ms each)"
     assert run.ended == 1
 
 
 def test_an_answer_is_of_the_type_that_was_asked_for_and_counts_once() -> None:
     run = Run(asking())
-    assert not run.hear(CheckNaviResponse())
+    assert not run.hear(CheckDoorResponse())
     assert not run.call.done()
-    assert run.hear(CheckDriveResponse())
-    assert not run.hear(CheckDriveResponse())
+    assert run.hear(CheckCabinResponse())
+    assert not run.hear(CheckCabinResponse())
 
 
 def test_an_answer_carries_its_values() -> None:
-    run = Run(asking(Ask(GotoStateRequest(), GotoStateResponse, 1.0, 1)))
-    run.hear(GotoStateResponse(1234))
-    assert run.call.result(0) == GotoStateResponse(1234)
+    run = Run(asking(Ask(StateRequest(), StateResponse, 1.0, 1)))
+    run.hear(StateResponse(1234))
+    assert run.call.result(0) == StateResponse(1234)
 
 
 def test_a_pause_hears_nothing_and_tells_the_time_it_ended() -> None:
     run = Run(pausing(2.0))
-    assert not run.hear(CheckDriveResponse())
+    assert not run.hear(CheckCabinResponse())
     run.until(1.999)
     assert not run.call.done()
     run.until(2.5)
@@ -239,7 +233,7 @@ def test_a_script_may_turn_a_failure_into_a_result() -> None:
             return error.request
         return "answered"
 
-    assert Run(tolerant()).until(10.0).call.result(0) == "CheckDriveRequest"
+    assert Run(tolerant()).until(10.0).call.result(0) == "CheckCabinRequest"
 
 
 # Cancelled calls
@@ -264,7 +258,7 @@ def test_a_cancelled_pause_ends_its_flow() -> None:
 def test_an_answer_to_a_cancelled_call_ends_its_flow_quietly() -> None:
     run = Run(asking())
     run.call.cancel()
-    run.hear(CheckDriveResponse())
+    run.hear(CheckCabinResponse())
     assert run.ended == 1
     assert run.call.cancelled()
 
@@ -277,7 +271,7 @@ def test_a_call_cancelled_while_its_script_ends_stays_cancelled() -> None:
         return "too late"
 
     run = Run(cancelling())
-    run.hear(CheckDriveResponse())
+    run.hear(CheckCabinResponse())
     assert run.call.cancelled()
     assert run.ended == 1
 

@@ -11,13 +11,13 @@ from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.timers import Plan
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NOT_VALID
-from eurobot_od.robot.model.messages import GotoStateRequest, GotoStateResponse
 from tests.device.master import Wire, wired
+from tests.kit.lift import StateRequest, StateResponse
 
 STATE = 0x1801
-"""Communication parameters of Goto State Response."""
+"""Communication parameters of State Response."""
 
-CORE = 1
+PANEL = 1
 
 
 def test_the_soonest_time_counts() -> None:
@@ -31,23 +31,23 @@ def test_the_soonest_time_counts() -> None:
 # What makes a device plan something: what is done before, and the frame, or the message it sends.
 
 CLIENT_IS_AWAITED = Frame(0x602, bytes.fromhex("4008100000000000"))  # upload of the name, which has two segments
-SHORT_GOTO, LONG_REQUEST = Frame(0x008, bytes(3)), Frame(0x010, bytes(1))
+SHORT_MOVE, LONG_REQUEST = Frame(0x108, bytes(2)), Frame(0x110, bytes(1))
 
 
-def watch_core(wire: Wire) -> None:
-    wire.write(0x1016, 1, CORE << 16 | 2000)
+def watch_panel(wire: Wire) -> None:
+    wire.write(0x1016, 1, PANEL << 16 | 2000)
 
 
 def inhibit_state(wire: Wire) -> None:
-    wire.write(STATE, 1, NOT_VALID | 0x014)
+    wire.write(STATE, 1, NOT_VALID | 0x114)
     wire.write(STATE, 3, 1000, size=2)
-    wire.write(STATE, 1, 0x014)
-    wire.device.send(GotoStateResponse(3), wire.now)
+    wire.write(STATE, 1, 0x114)
+    wire.device.send(StateResponse(3), wire.now)
 
 
 def inhibit_emcy(wire: Wire) -> None:
     wire.write(0x1015, 0, 1000, size=2)
-    wire.send(SHORT_GOTO)
+    wire.send(SHORT_MOVE)
 
 
 def stop_with_event_timer(wire: Wire) -> None:
@@ -59,10 +59,10 @@ Step = Callable[[Wire], object]
 PLANS: dict[str, tuple[Step, Step, float]] = {
     "a client is awaited": (lambda _: None, lambda wire: wire.send(CLIENT_IS_AWAITED), 1.0),
     "heartbeats, by a master": (lambda _: None, lambda wire: wire.write(0x1017, 0, 50, size=2), 0.05),
-    "another's heartbeat": (watch_core, lambda wire: wire.send(error_control(CORE, NmtState.OPERATIONAL)), 2.0),
+    "another's heartbeat": (watch_panel, lambda wire: wire.send(error_control(PANEL, NmtState.OPERATIONAL)), 2.0),
     "an event timer, by a master": (lambda _: None, lambda wire: wire.write(STATE, 5, 200, size=2), 0.2),
     "an event timer, by a start": (stop_with_event_timer, lambda wire: wire.command(NmtCommand.START), 0.2),
-    "a TPDO held back": (inhibit_state, lambda wire: wire.device.send(GotoStateResponse(2), wire.now), 0.1),
+    "a TPDO held back": (inhibit_state, lambda wire: wire.device.send(StateResponse(2), wire.now), 0.1),
     "an EMCY held back": (inhibit_emcy, lambda wire: wire.send(LONG_REQUEST), 0.1),
 }
 
@@ -81,5 +81,5 @@ def test_what_is_planned_is_noted(before: Step, step: Step, due: float) -> None:
 def test_a_message_plans_nothing() -> None:
     wire = wired()
     wire.device.plan.soonest = inf
-    assert wire.send(wired("core").device.transmit(GotoStateRequest())).message == GotoStateRequest()
+    assert wire.send(wired("panel").device.transmit(StateRequest())).message == StateRequest()
     assert wire.device.plan.soonest == inf

@@ -68,20 +68,27 @@ class LiftError(IntEnum):
 
 
 class Part(Kind):
-    """A part of a place: unknown only together with the other parts."""
+    """A part of a place: unknown only together with the other parts, as its code is a plain value, too."""
 
-    def __init__(self, unit: str, unknown: int, highest: int | None = None) -> None:
-        super().__init__(unit)
-        self.unknown_as_a_whole, self._highest = unknown, highest
+    unknown_as_a_whole = 0x0FF
+
+
+class TurnPart(Kind):
+    """The turn of a place, in degrees: its code is no plain value, so that it may also be unknown alone."""
+
+    unknown_as_a_whole = 0x3FF
 
     def measured(self, limits: Limits) -> Limits:
-        return limits if self._highest is None else Limits(limits.low, self._highest)
+        return Limits(0, 359)
 
     def read(self, raw: int, limits: Limits) -> Any:
-        return super().read(raw, self.measured(limits))
+        return None if raw == self.unknown_as_a_whole else super().read(raw, self.measured(limits))
 
     def write(self, value: Any, limits: Limits) -> int:
-        return super().write(value, self.measured(limits))
+        return self.unknown_as_a_whole if value is None else super().write(value, self.measured(limits))
+
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(0, self.unknown_as_a_whole)
 
 
 # Messages
@@ -90,8 +97,8 @@ CATALOGUE = Catalogue({code.value: words_of(code) for code in (ErrorCode.VALUE_O
 MOTION, PLACES, GENERAL = "MOTION", "PLACES", "GENERAL"
 """Groups of messages."""
 
-Height: TypeAlias = Annotated["int | None", Part("mm", 0x0FF)]
-Turn: TypeAlias = Annotated["int | None", Part("deg", 0x3FF, 359)]
+Height: TypeAlias = Annotated["int | None", Part("mm")]
+Turn: TypeAlias = Annotated["int | None", TurnPart("deg")]
 
 
 class AnyPlace(NamedTuple):
@@ -318,21 +325,23 @@ class Cabin(LiftNode):
     def reset(self) -> None:
         super().reset()
         self.target = self.stopped_by = self.seen = None
-        self.at(self.now + self.control_period, self._control)
 
     def _control(self, now: float) -> None:
-        if self.target is not None:
-            step = self.maximum_speed * self.target.speed / 100 * self.control_period
-            way = self.target.height - self.height
-            self.height += max(-step, min(step, way))
-            if self.height == self.target.height:
-                self.target = None
-        self.at(now + self.control_period, self._control)
+        if self.target is None:
+            return
+        step = self.maximum_speed * self.target.speed / 100 * self.control_period
+        self.height += max(-step, min(step, self.target.height - self.height))
+        if self.height == self.target.height:
+            self.target = None
+        else:
+            self.at(now + self.control_period, self._control)
 
     def move(self, target: MoveTo) -> Message:
         """Begin to move; raises Refused while it is switched off."""
         if self.is_off:
             raise Refused(Cause.STATE, "it is switched off")
+        if self.target is None:
+            self.at(self.now + self.control_period, self._control)
         self.target, self.stopped_by = target, None
         return MoveConfirm()
 

@@ -44,7 +44,7 @@ from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.sdo.wire import AbortCode
-from tests.device.master import SYNC_COB_ID, NodeWire, dictionary_with_sync
+from tests.device.master import NodeWire, with_sync
 from tests.robot.nodes.harness import DICTIONARIES, RED, Peer, as_if_started
 from tests.rows import rows
 
@@ -340,11 +340,15 @@ def test_a_core_sends_no_contradictory_configuration(numbers: tuple[int, int, in
 # While it drives, in simulated time
 
 
+SYNC_COB_ID = 0x0F0
+"""An identifier that no message of the robot has; CANopen's own, 0x080, is that of Navi Position Response."""
+
+
 class Witness(Drive):
     """A drive that notes with each frame that leaves it where it was then."""
 
     def __init__(self, dialect: str) -> None:
-        super().__init__(dictionary_with_sync("drive", dialect))
+        super().__init__(with_sync(dialects.load("drive", dialect), SYNC_COB_ID))
         self.left: list[tuple[Frame, list[int]]] = []
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:
