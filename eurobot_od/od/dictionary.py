@@ -32,7 +32,7 @@ from eurobot_od.od.words import profile_of
 from eurobot_od.support.texts import encodable
 
 if TYPE_CHECKING:
-    from canopen.objectdictionary import ObjectDictionary, ODVariable
+    from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable
 
 IDENTITY_KEYS = ("vendornumber", "productnumber", "revisionnumber", "")
 """Keys of [DeviceInfo] for the sub-indices of 0x1018 from 1 on; there is no key for the serial number."""
@@ -255,6 +255,17 @@ class Dictionary:
             other.__dict__.pop(made_of_values, None)
         return other
 
+    def completed(self, other: Dictionary) -> Self:
+        """Return the same device with the variables of another description besides its own, or in their place."""
+        made = copy(self)
+        made.objects = copy(self.objects)
+        made.objects.indices = dict(self.objects.indices)
+        for index, subs in other.members.items():
+            made.objects.indices[index] = _joined(self.objects.indices.get(index), index, subs)
+        for made_of_objects in ("members", "_by_name", "pdos", "process_data"):
+            made.__dict__.pop(made_of_objects, None)
+        return made
+
     @cached_property
     def _by_name(self) -> dict[str, Address]:
         names = {self.objects.indices[index].name: (index, 0) for index in self.members}
@@ -363,6 +374,23 @@ def _add(objects: ObjectDictionary, each: DescribedObject, node_id: int, left_ou
         objects.add_object(whole)
     elif each.section and each.code in SIMPLE:
         objects.add_object(read(section=each.section))
+
+
+def _joined(
+    entry: ODVariable | ODArray | ODRecord | None, index: int, more: Mapping[int, ODVariable]
+) -> ODVariable | ODArray | ODRecord:
+    """Return an object with more variables, which keep their names if the object has them already."""
+    from canopen.objectdictionary import ODRecord
+
+    subs = {} if entry is None else od.members_of(entry)
+    joined = subs | {sub: od.changed(each, name=subs[sub].name) if sub in subs else each for sub, each in more.items()}
+    if list(joined) == [0]:
+        return joined[0]
+    whole = next(iter(more.values())).parent if entry is None else entry
+    record = ODRecord("" if whole is None else str(getattr(whole, "name", "")), index)
+    for sub in sorted(joined):
+        record.add_member(od.changed(joined[sub]))
+    return record
 
 
 def _imported(file: Path, normal: Normal, device: DescribedDevice, node_id: int) -> ObjectDictionary:

@@ -15,7 +15,17 @@ from eurobot_od.errors import MappingError
 from eurobot_od.od import objects as od
 from eurobot_od.od import values
 from eurobot_od.od.meanings import NO_MEANING, ObjectMeaning
-from eurobot_od.od.values import Address, DataType, Limits, MappingEntry, Multiplex, PdoDirection, PdoRecords, Value
+from eurobot_od.od.values import (
+    Address,
+    DataType,
+    Limits,
+    MappingEntry,
+    Multiplex,
+    PdoDirection,
+    PdoRecords,
+    UnknownEntry,
+    Value,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,7 +49,8 @@ class Mapped(NamedTuple):
     """One entry of a mapping: canopen's variable, and how many of its bits the PDO carries.
 
     `type` and `limits` are the variable's; a slice has those of the value that it is a part of. What is not an integer
-    has the limits of its bits. `is_padding` tells that these bits carry nothing, `meaning` what their numbers mean.
+    has the limits of its bits. `is_padding` tells that these bits carry nothing, `meaning` what their numbers mean,
+    `is_unknown` that nobody knows the object; nor how many bits it has, if these are 0.
     """
 
     variable: ODVariable
@@ -48,6 +59,14 @@ class Mapped(NamedTuple):
     limits: Limits
     is_padding: bool
     meaning: ObjectMeaning = NO_MEANING
+    is_unknown: bool = False
+
+    @classmethod
+    def unknown(cls, entry: MappingEntry) -> Mapped:
+        """Return an entry of which only the place in the mapping is known, and perhaps its length."""
+        variable = od.changed(od.undescribed(entry.address), name=f"Mapped object {entry.sub}")
+        limits = Limits(values.UNSIGNED64.low, values.UNSIGNED64.high)
+        return cls(variable, entry.bits, values.UNSIGNED64, limits, is_padding=False, is_unknown=True)
 
     @classmethod
     def of(cls, variable: ODVariable, bits: int, whole: ODVariable, meaning: ObjectMeaning = NO_MEANING) -> Mapped:
@@ -245,6 +264,8 @@ class PdoReader:
     def mapped(self, mapping_index: int, number: int) -> Mapped:
         """Return what a mapping entry stands for; raises MappingError for an object that is missing, or too short."""
         entry = MappingEntry.of(number)
+        if isinstance(number, UnknownEntry):
+            return Mapped.unknown(entry)
         if entry.index in values.DUMMIES:  # need not be in the file; without its bits all later fields would shift
             dummy = self._objects.indices.get(entry.index) or od.undescribed(entry.address)
             return Mapped.of(dummy, entry.bits, dummy)

@@ -380,6 +380,18 @@ class MappingEntry(NamedTuple):
         return f"0x{self.index:04X} sub {self.sub}"
 
 
+class UnknownEntry(int):
+    """A mapping entry that a device has taken, and nobody knows what it is: a MappingEntry's number without an index.
+
+    Its length is that of the entry before; 0 if there was none.
+    """
+
+    @classmethod
+    def of(cls, sub: int, bits: int) -> UnknownEntry:
+        """Return the entry at a sub-index of a mapping record, with a length in bits."""
+        return cls(MappingEntry(0, sub, bits).number)
+
+
 def pdo_of(index: int) -> int | None:
     """Return the index of the communication record of the PDO that a record is of; None for any other object."""
     # a mapping record's index is the other's with one bit set

@@ -45,7 +45,8 @@ class MappedObject(NamedTuple):
 class Binding:
     """One message as a dictionary maps it: `name`, message `type`, `cob_id`, `layout`, and who has it.
 
-    `group` and `always` are what the catalogue says about it. `senders` and `receivers` are the names of the
+    `group` and `always` are what the catalogue says about it. Of a longer frame it `reads_longer` than its mapping, if
+    who listens can trust in that. `senders` and `receivers` are the names of the
     dictionaries that have it as a TPDO and as an RPDO. Raises MappingError if the mapping and the message type's fields
     do not fit.
     """
@@ -59,9 +60,11 @@ class Binding:
         except LayoutError as error:
             raise MappingError(file, pdo.mapping_index, f"{name}: {error}") from None
         mapped = [(field, each) for (field, *_), each in zip(self.layout.slots, pdo.mapping) if field is not None]
+        # A message of a protocol begins as that says, however long a frame is; another PDO is what its mapping is.
+        self.reads_longer = entry is not None
         if entry is None:  # nothing is known of the fields but the types of the mapped objects
             widths = self.layout.widths
-            made = {field: kinds.kind_of(each.type, widths[field], each.variable) for field, each in mapped}
+            made = {field: _kind(each, widths[field]) for field, each in mapped}
             entry = CatalogueEntry(kinds.made_type(name, made))
         self.type, self.group, self.always = entry
         self.kinds = kinds.kinds(self.type)
@@ -73,6 +76,27 @@ class Binding:
         # An object's limits may be wider than the bits that it is mapped with.
         ends = {field: (each.limits, self.layout.raws[field]) for field, each in mapped}
         self.limits = {f: Limits(max(said.low, raws[0]), min(said.high, raws[-1])) for f, (said, raws) in ends.items()}
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Whether it is known of all entries of the mapping what they are."""
+        return not any(each.is_unknown for each in self.pdo.mapping)
+
+    def known_fields(self, length: int) -> frozenset[str]:
+        """Return the fields of which a frame of so many bytes has a value for certain.
+
+        Behind an entry of an unknown object a field has a known place only if the frame has the length of the whole
+        mapping.
+        """
+        is_placed, offset = True, 0
+        has_lengths = all(each.bits for each in self.pdo.mapping) and length == self.layout.length
+        unknown: set[str | None] = set()
+        for (field, _, bits, _), each in zip(self.layout.slots, self.pdo.mapping):
+            offset += bits
+            is_placed = is_placed and (not each.is_unknown or has_lengths)
+            if each.is_unknown or not is_placed or offset > 8 * length:
+                unknown.add(field)
+        return frozenset(set(self.layout.fields) - unknown)
 
     def again(self) -> Self:
         """Return the same message without senders and receivers: they may be others by now."""
@@ -195,12 +219,16 @@ class Binding:
         if len(data) >= self.layout.length:
             return bytes(data[: self.layout.length])
         if len(data) not in self.lengths:
-            raise FrameLengthError(self.name, self.cob_id, len(data), " or ".join(map(str, self.lengths)))
+            raise self.wrong_length(data)
         word = int.from_bytes(bytes(data) + bytes(self.layout.length - len(data)), self.layout.byte_order)
         for field in self.optional:  # none of them came, whatever their bits hold
             word &= ~self.layout.place(field, -1)
             word |= self.layout.place(field, self.raw(field, self.defaults[field]))
         return self._to_bytes(word)
+
+    def wrong_length(self, data: Data) -> FrameLengthError:
+        """Return the error for data of another length than the mapping's."""
+        return FrameLengthError(self.name, self.cob_id, len(data), " or ".join(map(str, self.lengths)))
 
     # Meanings
 
@@ -263,13 +291,19 @@ class Binding:
         return Frame(self.cob_id, self._to_bytes(word))
 
 
+def _kind(entry: Mapped, width: int) -> Kind:
+    """Return the kind of a field of which nothing is known but the type of the mapped object."""
+    return kinds.UnknownKind() if entry.is_unknown else kinds.kind_of(entry.type, width, entry.variable)
+
+
 def _slots(mapping: Iterable[Mapped]) -> list[Slot]:
     """Return the mapping's slots; objects of one name are told apart, while the slices of one value keep theirs."""
     slots: list[Slot] = []
     taken: set[str | None] = {None}
     for entry in mapping:
         signed = entry.type.is_signed
-        each = Slot(None, 0, entry.bits) if entry.is_padding else slot(entry.name, entry.bits, kinds.field_name, signed)
+        bits = entry.bits or 1  # of an unknown length: the fields behind it have no known place either way
+        each = Slot(None, 0, bits) if entry.is_padding else slot(entry.name, bits, kinds.field_name, signed)
         # 86 of 200 real files have several objects of one name. A slice's field is shorter than its entry's name.
         if each.field == kinds.field_name(entry.name):
             each = each._replace(field=kinds.first_free(each.field, taken))

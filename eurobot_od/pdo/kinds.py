@@ -34,6 +34,10 @@ class OutOfRange(int):
         return f"OutOfRange({int(self)})"
 
 
+UNKNOWN = "unknown"
+"""The word for a value that its sender does not know, and for one of which nobody knows what it is."""
+
+
 class ColumnForm(Enum):
     """The form of a field's values in a column of a table; anything else is null there, with a flag beside it."""
 
@@ -45,6 +49,7 @@ class ColumnForm(Enum):
     REAL = "real"
     TEXT = "text"
     OCTETS = "octets"
+    NOTHING = "nothing"
 
 
 class KeyedForm(NamedTuple):
@@ -126,14 +131,14 @@ class Kind:
 
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
-        return None if text == "unknown" and self.unknown_as_a_whole is not None else typed_number(text)
+        return None if text == UNKNOWN and self.unknown_as_a_whole is not None else typed_number(text)
 
     def text(self, value: Any) -> str:
         """Write the value for a person: the name of an enum's member, or a number with its unit."""
         if isinstance(value, IntEnum):
             return words_of(value)
         if value is None:
-            return "unknown"
+            return UNKNOWN
         return f"{int(value)}{' ' * bool(self.unit)}{self.unit}" + " (out of range)" * isinstance(value, OutOfRange)
 
     def plain(self, value: Any) -> Any:
@@ -300,6 +305,25 @@ class Boolean(Kind):
 
     def named_values(self) -> Mapping[int, str]:
         return {0: "false", 1: "true"}
+
+
+class UnknownKind(Kind):
+    """Bits of an object that nobody knows: whatever they are, the value is unknown."""
+
+    column_form = ColumnForm.NOTHING
+
+    def read(self, raw: int, limits: Limits) -> Any:
+        return None
+
+    def write(self, value: Any, limits: Limits) -> int:
+        raise ValueError(value)
+
+    def parse(self, text: str) -> Any:
+        if text != UNKNOWN:
+            raise ValueError(text)
+
+    def allowed(self, limits: Limits) -> str:
+        return "nothing, as it is not known which object is mapped"
 
 
 class Real(Kind):
@@ -484,7 +508,8 @@ def flagged_fields(message: Message) -> list[str]:
 
 def plain(message: Message) -> dict[str, Any]:
     """Return a message's fields as numbers, None (unknown), or the words that a person writes."""
-    return {name: kind.plain(value) for (name, kind), value in zip(kinds(type(message)).items(), message)}
+    fields = zip(kinds(type(message)).items(), message)
+    return {name: None if value is None else kind.plain(value) for (name, kind), value in fields}
 
 
 def describe(message: Message) -> str:

@@ -16,7 +16,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -31,14 +31,14 @@ from eurobot_od.pdo.kinds import Catalogue
 from eurobot_od.season import campaign, columns
 from eurobot_od.season import season as tables
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
-from eurobot_od.season.columns import ENTRY, FOREIGN, FRAMES, FROM_DATA, LENGTH, ColumnBatch, batches
+from eurobot_od.season.columns import ENTRY, FOREIGN, FROM_DATA, LENGTH, ColumnBatch, batches
 from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import Following, is_followed
+from eurobot_od.traffic.decoding import HEARTBEATS, Following, Stretch
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.meaning import Decoder, SdoTransfer, Unmapped
-from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, LSS, NMT, SDO, CanopenService, Fields
+from eurobot_od.traffic.meaning import Decoder, SdoTransfer
+from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
 
 VERSION = b"5"
 """To be raised when the same log would give other tables, so that it is archived again."""
@@ -78,7 +78,6 @@ class NetworkDecoding:
         # An identifier of the predefined set that a message has is the message's.
         found = self.decoder.services
         self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
-        self.others = Unmapped(self.decoder.dictionaries)
 
     def as_shown(self, decoder: Decoder) -> NetworkDecoding:
         """Return the same network as a bus has shown it to be."""
@@ -87,15 +86,6 @@ class NetworkDecoding:
         # All runs of one hash have the same columns.
         made.eds = hashlib.blake2b(f"{self.eds} {columns}".encode(), digest_size=16).hexdigest()
         return made
-
-    @cached_property
-    def followed(self) -> pl.Expr:
-        """Whether a frame may show what is in force: of SDO or LSS, a command of NMT, or a boot-up."""
-
-        def is_of(*names: str) -> pl.Expr:
-            return pl.col("cob_id").is_in([cob_id for cob_id, each in self.services.items() if each.name in names])
-
-        return is_of(SDO, LSS, NMT) | (is_of(HEARTBEAT) & (pl.col("data") == bytes(1)))
 
 
 EMPTY = pl.DataFrame(schema={columns.WORD: pl.UInt64, LENGTH: pl.UInt32})
@@ -188,6 +178,24 @@ def said_by(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
     return right.join(said, on="data", maintain_order="left").select(wanted.names())
 
 
+def _by_channel(frames: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame]]:
+    """Yield the frames of each channel."""
+    if frames["channel"].n_unique() < 2:
+        yield frames["channel"][0] if len(frames) else "", frames
+        return
+    for (channel,), some in frames.partition_by("channel", as_dict=True, maintain_order=True).items():
+        yield str(channel), some
+
+
+def _followed(frames: pl.DataFrame, decoder: Decoder, after: int) -> Iterator[tuple[int, float, int, Frame]]:
+    """Yield what a decoder follows behind a line; of heartbeats only boot-ups."""
+    is_state = pl.col("cob_id").is_in([cob_id for cob_id in HEARTBEATS if cob_id in decoder.followed])
+    wanted = pl.col("cob_id").is_in(list(decoder.followed)) & (~is_state | (pl.col("data") == bytes(1)))
+    some = frames.filter((pl.col("line") > after) & ~pl.col("remote") & wanted)
+    for line, time, cob_id, data in some.select("line", "t", "cob_id", "data").iter_rows():
+        yield line, time, line, Frame(cob_id, data)
+
+
 class RunTables:
     """All tables of a run, each a file in a folder; they are whole at the end of the `with` block.
 
@@ -265,33 +273,33 @@ class RunTables:
 
     def _by_what_is_in_force(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Write the messages as their devices are set, which other frames may change; yield what is wrong with all."""
-        channel_is, line = pl.col("channel").cast(pl.String), pl.col("line")
-        done: dict[str, int] = {}
-        wrong: list[Fields] = []
-        followed = frames.filter(self._decoding.followed & ~pl.col("remote"))
-        for number, time, channel, cob_id, data, *_ in followed.select(FRAMES.names()).iter_rows():
-            decoding = self._now.get(channel, self._decoding)
-            meaning = self._following.decode(channel)(Frame(cob_id, data))
-            if is_followed(meaning):
-                place = {"line": number, "t": time, "channel": channel}
-                said = self._following.follow(time, channel, meaning)
-                if said.name == SDO:
-                    self._heard[channel, cob_id] = place
-                if said.transfer:
-                    self._transfers.append(place | of_transfer(said.transfer))
-                if said.defects:
-                    wrong += [place | {"kind": each.damage.value, "text": each.text} for each in said.defects]
-            if (decoder := self._following.decoder(channel)) is not decoding.decoder:
-                part = (channel_is == channel) & line.is_between(done.get(channel, -1), number, closed="right")
-                yield from self._of_messages(frames.filter(part), decoding)
-                now, done[channel] = self._decoding.as_shown(decoder), number
-                self._now[channel], self._kept = now, self._kept | {each: [] for each in now.messages.values()}
-        for channel, decoding in self._now.items():
-            left = frames.filter((channel_is == channel) & (line > done.get(channel, -1)))
-            yield from self._of_messages(left, decoding)
-        rest = frames.filter(~channel_is.is_in(list(self._now))) if self._now else frames
-        yield from self._of_messages(rest, self._decoding)
-        yield pl.DataFrame(wrong, FOREIGN)
+        for channel, some in _by_channel(frames):
+            for stretch in self._following.stretches(channel, partial(_followed, some)):
+                yield from self._of_transfers(channel, stretch)
+                behind, last = pl.col("line") > stretch.after, stretch.last
+                part = behind if last is None else behind & (pl.col("line") <= last)
+                is_all = last is None and stretch.after < 0
+                yield from self._of_messages(some if is_all else some.filter(part), self._in_use(channel, stretch))
+
+    def _in_use(self, channel: str, stretch: Stretch) -> NetworkDecoding:
+        decoding = self._now.get(channel, self._decoding)
+        if decoding.decoder is not stretch.decoder:
+            decoding = self._now[channel] = self._decoding.as_shown(stretch.decoder)
+            self._kept |= {each: [] for each in decoding.messages.values()}
+        return decoding
+
+    def _of_transfers(self, channel: str, stretch: Stretch) -> Iterator[pl.DataFrame]:
+        """Take in the SDO transfers of a stretch; yield what the log lacks of them."""
+        lacking: list[Fields] = []
+        for line, (time, said) in stretch.followed.items():
+            place = {"line": line, "t": time, "channel": channel}
+            if said.name == SDO:
+                self._heard[channel, said.raw[0]] = place  # type: ignore[index]
+            if said.transfer:
+                self._transfers.append(place | of_transfer(said.transfer))
+            lost = (each.text for each in said.defects if each.damage is Damage.INCOMPLETE)
+            lacking += [place | {"kind": Damage.INCOMPLETE.value, "text": text} for text in lost]
+        yield pl.DataFrame(lacking, FOREIGN)
 
     def _of_messages(self, frames: pl.DataFrame, decoding: NetworkDecoding) -> Iterator[pl.DataFrame]:
         """Write the messages; yield what is wrong with them and with all other frames."""
@@ -313,7 +321,8 @@ class RunTables:
                 if service and service.name in self._said and service.name != SDO:
                     self._said[service.name].append(said_by(service, some))
         if others:
-            yield from columns.of_others(pl.concat(others), decoding.services, decoding.messages, decoding.others)
+            unmapped = decoding.decoder.unmapped
+            yield from columns.of_others(pl.concat(others), decoding.services, decoding.messages, unmapped)
 
     def _flushed(self, message: MessageDecoding) -> list[pl.DataFrame]:
         """Decode and write the frames of a message that are kept; return what is wrong with them."""

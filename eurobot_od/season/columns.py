@@ -25,13 +25,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from eurobot_od.errors import shown_identifier
-from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.frame import MOST_BYTES, Frame, identifier_text
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import Run
-from eurobot_od.pdo.kinds import ColumnForm, first_free
+from eurobot_od.pdo.kinds import UNKNOWN, ColumnForm, first_free
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Batch, Damage
-from eurobot_od.traffic.meaning import Unmapped
+from eurobot_od.traffic.meaning import REWRITTEN, Unmapped
 from eurobot_od.traffic.services import CanopenService
 
 ROWS = 1 << 17
@@ -114,9 +114,8 @@ FROM_DATA = (
 )
 """How they are computed from the column `data`."""
 
-UNKNOWN = "unknown"
 OUT_OF_RANGE = "out of range: "
-"""What a flag says: of a value that its sender does not know; before the raw value of one that cannot be."""
+"""What a flag says before the raw value of a field that cannot have it."""
 
 SIGNED = {8: pl.Int8, 16: pl.Int16, 32: pl.Int32, 64: pl.Int64}
 """Types of numbers; unsigned ones would make a difference of two of them an error in SQL."""
@@ -146,8 +145,20 @@ def message_columns(binding: Binding, taken: Iterable[str]) -> list[FieldColumn]
 
 
 def readable(binding: Binding) -> pl.Expr:
-    """Return whether a frame is long enough to be read as this message; longer frames are."""
-    return (pl.col(LENGTH) >= binding.layout.length) | pl.col(LENGTH).is_in(binding.lengths)
+    """Return whether a frame has a length that this message can have, or a longer one that is read all the same."""
+    is_longer = pl.lit(value=not binding.is_whole) | (pl.lit(value=binding.reads_longer) & _is_longer(binding))
+    return pl.col(LENGTH).is_in(binding.lengths) | is_longer
+
+
+def _is_longer(binding: Binding) -> pl.Expr:
+    return pl.col(LENGTH) > binding.layout.length
+
+
+def _known(binding: Binding, field: str) -> pl.Expr | None:
+    """Return whether a frame has the field for certain; None if all frames have that are readable."""
+    if binding.is_whole:
+        return None
+    return pl.col(LENGTH).is_in([length for length in range(MOST_BYTES + 1) if field in binding.known_fields(length)])
 
 
 class _Field:
@@ -156,7 +167,7 @@ class _Field:
     def __init__(self, binding: Binding, field: str) -> None:
         self.binding, self.field, self.kind = binding, field, binding.kinds[field]
         self.limits, self.raws = binding.limits[field], binding.layout.raws[field]
-        self.raw, self.whole = _raw(binding, field), None
+        self.raw, self.whole, self.known = _raw(binding, field), None, _known(binding, field)
         unknown = binding.unknown
         if unknown is not None and field in unknown.codes:  # only all of its fields together say "unknown"
             self.whole = pl.all_horizontal(*(_raw(binding, each) == code for each, code in unknown.codes.items()))
@@ -165,6 +176,7 @@ class _Field:
         """Give the column of the values, and one of flags if there can be any."""
         outside = self.outside()
         flags: list[pl.Expr] = [] if self.whole is None else [pl.when(self.whole).then(pl.lit(UNKNOWN))]
+        flags += [] if self.known is None else [pl.when(~self.known).then(pl.lit(UNKNOWN))]
         flags += [pl.when(self.raw == raw).then(pl.lit(word)) for raw, word in self._codes().items()]
         flags += [] if outside is None else [pl.lit(OUT_OF_RANGE) + outside.cast(pl.String)]
         value = FORMS[self.kind.column_form](self)
@@ -172,6 +184,8 @@ class _Field:
         said["null"] = f"see {self.field}_flag" if flags else "never"
         if self.whole is not None:
             value = pl.when(~self.whole).then(value)
+        if self.known is not None:
+            value = pl.when(self.known).then(value)
         yield FieldColumn(self.field, value, {key: text for key, text in said.items() if text})
         if flags:
             words = ", ".join([*self._codes().values(), f"{OUT_OF_RANGE}RAW VALUE"])
@@ -181,10 +195,11 @@ class _Field:
         """Return the raw value where it is out of range, null elsewhere; None if it always is in range."""
         ranges = self._plain_ranges()
         # Every raw value is a plain one: a column of flags that are never set would cost time and space in each file.
-        if sum(map(_count, ranges)) == _count(self.raws):
+        if sum(map(_count, ranges)) == _count(self.raws) or self.kind.column_form is ColumnForm.NOTHING:
             return None
         inside = [_between(self.raw, each) for each in ranges] + [self.raw == raw for raw in self._codes()]
         inside += [] if self.whole is None else [self.whole]
+        inside += [] if self.known is None else [~self.known]
         return pl.when(~pl.any_horizontal(*inside)).then(self.raw)
 
     def _plain_ranges(self) -> list[range]:
@@ -275,6 +290,7 @@ FORMS: Mapping[ColumnForm, Callable[[_Field], pl.Expr]] = {
     ColumnForm.REAL: _Field.real,
     ColumnForm.TEXT: lambda field: field.read(pl.String),
     ColumnForm.OCTETS: lambda field: field.read(pl.Binary),
+    ColumnForm.NOTHING: lambda _: pl.lit(None, pl.Int64),
 }
 
 
@@ -337,12 +353,16 @@ class MessageChecks:
 
 
 def _checks(binding: Binding) -> Iterator[Check]:
-    length = binding.layout.length
     expected = " or ".join(map(str, binding.lengths))
     start, got = pl.lit(f"{binding.name} ({shown_identifier(binding.cob_id)}): "), pl.col(LENGTH).cast(pl.String)
-    for is_so, end in ((~readable(binding), expected), (pl.col(LENGTH) > length, f"{length}; read all the same")):
-        text = pl.concat_str(start, got, pl.lit(f" bytes of data, expected {end}"))
-        yield Check(Damage.WRONG_LENGTH, is_so, text)
+    if binding.is_whole:
+        text = pl.concat_str(start, got, pl.lit(f" bytes of data, expected {expected}"))
+        yield Check(Damage.WRONG_LENGTH, ~readable(binding), text)
+        if binding.reads_longer:
+            end = pl.lit(f" bytes of data, expected {binding.layout.length}; read all the same")
+            yield Check(Damage.WRONG_LENGTH, _is_longer(binding), pl.concat_str(start, got, end))
+    else:
+        yield Check(Damage.UNKNOWN_MAPPING, pl.lit(value=True), pl.lit(f"{binding.name}: {REWRITTEN}"))
     for field in binding.limits:
         raw = _Field(binding, field).outside()
         if raw is not None:

@@ -14,15 +14,17 @@ from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache, partial
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
 from eurobot_od.device.nmt import RESETS, TOGGLE, NmtState
 from eurobot_od.frame import Frame, RemoteFrame, identifier_text
 from eurobot_od.od.standard import ANSWERS
 from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_IDS, Address
+from eurobot_od.pdo import in_force
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.in_force import InForce
 from eurobot_od.pdo.kinds import plain
+from eurobot_od.sdo.wire import Initiate
 from eurobot_od.support.texts import cell, one_line
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Batch, Damage, Raw
@@ -40,8 +42,8 @@ from eurobot_od.traffic.meaning import (
     words_of,
     wrong,
 )
-from eurobot_od.traffic.services import GUARDING, HEARTBEAT, LSS, NMT, SDO, guarding_words
-from eurobot_od.traffic.transfers import LssConfiguration, Transfers
+from eurobot_od.traffic.services import FOLLOWED, GUARDING, LSS, NMT, SDO, WRITE, SdoEnd, guarding_words
+from eurobot_od.traffic.transfers import LssConfiguration, Said, Transfers
 
 NAME_WIDTH = 29
 """Width of the column with the messages' names; a longer name pushes its fields to the right."""
@@ -248,21 +250,46 @@ HEARTBEATS = range(ERROR_CONTROL_BASE + NODE_IDS[0], ERROR_CONTROL_BASE + NODE_I
 RUNNING = frozenset(bytes([state]) for state in NmtState if state is not NmtState.INITIALISING)
 """Data of heartbeats that change nothing."""
 
-FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT, LSS)
-"""The services whose frames are understood by the ones before."""
-
-
 SHOWN = range(FIRST, MANUFACTURER[0])
 """The objects of which some say what other frames mean."""
 
+ONE_WAY = {
+    False: "no answers in this log: settings are as the files say",
+    True: "no requests in this log: of what was written nobody knows what it was",
+}
+"""What a log says of SDO if it has only requests, or only answers."""
+
 
 def is_followed(meaning: Meaning) -> bool:
-    """Whether the frames before may change what a frame means."""
+    """Return whether the frames before may change what a frame means."""
     return meaning.group == CANOPEN and meaning.name in FOLLOWED and not meaning.defects
 
 
+def _writes_setting(end: SdoEnd, data: bytes) -> bool:
+    """Return whether a frame asks for, or confirms, the write of an object that says what other frames mean."""
+    command = end.command(data)
+    is_write = command is not None and command.names_object and command.direction == WRITE
+    return is_write and in_force.is_followed(Initiate.of(data).address)
+
+
+Candidates: TypeAlias = Callable[[Decoder, int], Iterable["tuple[int, float, int, Raw]"]]
+"""Yields place, time in s, line and frame of what a decoder follows, of all entries of a channel behind a place."""
+
+
+class Stretch(NamedTuple):
+    """Consecutive entries of a channel with one `decoder`: those behind place `after` up to `last`; None for the rest.
+
+    `followed` has time and meaning of those that are understood by the ones before them, by their places.
+    """
+
+    decoder: Decoder
+    after: int
+    last: int | None
+    followed: Mapping[int, tuple[float, Meaning]]
+
+
 class Following:
-    """Decodes the entries of a log or of a bus in their order, or takes those of FOLLOWED that others have decoded.
+    """Decodes the entries of a log or of a bus in their order.
 
     A frame may show that its sender is set otherwise than before: the `decoder` of its channel is another one then.
     `is_guarded` says whether a master has asked for a node's state.
@@ -270,35 +297,47 @@ class Following:
 
     def __init__(self, decoder: Decoder) -> None:
         self._first, self._decoders = decoder, dict[str, Decoder]()
-        # Most frames on a bus are requests and confirms without data: their meaning is kept.
-        self._decode_first, self._decode = lru_cache(REMEMBERED)(decoder), dict[str, Callable[[Raw], Meaning]]()
-        self._messages = {each.cob_id for each in decoder.protocol.bindings}
         self._shown: dict[str, InForce] = {}
         self._transfers = Transfers()
         self._asked: set[tuple[str, int]] = set()
         self.is_guarded = False
         self._last: dict[tuple[str, int], Meaning] = {}
+        self._request_lines: dict[tuple[str, int], int] = {}
+        self._unconfirmed = defaultdict[tuple[str, int], set[Address]](set)
+        self._ways = defaultdict[str, set[bool]](set)
+        self._settings = set[str]()
         self._lss = defaultdict[str, LssConfiguration](LssConfiguration)
 
     def decoder(self, channel: str) -> Decoder:
         """Return the decoder for what the devices on a channel have in force now."""
         return self._decoders.get(channel, self._first)
 
-    def decode(self, channel: str) -> Callable[[Raw], Meaning]:
-        """Return what decodes the frames of a channel one by one, without those before them."""
-        return self._decode.get(channel, self._decode_first)
-
     def at(self, time: float, channel: str, raw: Raw) -> Callable[[Raw], Meaning]:
         """Take in an entry, and return what decodes it: for one that may never be decoded."""
-        decode = self.decode(channel)
-        if raw[0] not in self._messages:
+        decoder = self.decoder(channel)
+        if raw[0] in decoder.followed:
             self(time, channel, raw)
-        return decode
+        return decoder.remembered
 
-    def __call__(self, time: float, channel: str, raw: Raw) -> Meaning:
-        """Return what an entry means; the time is in s, the channel that of a log."""
-        meaning = self._decode.get(channel, self._decode_first)(raw)
-        return self.follow(time, channel, meaning) if is_followed(meaning) else meaning
+    def __call__(self, time: float, channel: str, raw: Raw, line: int = 0) -> Meaning:
+        """Return what an entry means; the time is in s, channel and line are those of a log."""
+        meaning = self._decoders.get(channel, self._first).remembered(raw)
+        return self._follow(time, channel, meaning, line) if is_followed(meaning) else meaning
+
+    def stretches(self, channel: str, candidates: Candidates) -> Iterator[Stretch]:
+        """Yield the stretches of a channel's entries between which something else comes into force."""
+        after = -1
+        while True:
+            decoder, followed, last = self.decoder(channel), dict[int, tuple[float, Meaning]](), None
+            for place, time, line, raw in candidates(decoder, after):
+                followed[place] = time, self(time, channel, raw, line)
+                if self.decoder(channel) is not decoder:
+                    last = place
+                    break
+            yield Stretch(decoder, after, last, followed)
+            if last is None:
+                return
+            after = last
 
     def shown(self, channel: str, node_id: int) -> Mapping[Address, int]:
         """Return what a device has shown that it has by now."""
@@ -309,13 +348,13 @@ class Following:
             self._shown[channel] = InForce(self._first.dictionaries, self._first.learned, self._first.describe)
         return self._shown[channel]
 
-    def follow(self, time: float, channel: str, meaning: Meaning) -> Meaning:
+    def _follow(self, time: float, channel: str, meaning: Meaning, line: int) -> Meaning:
         """Return what a frame of a log's channel means after those before it; the time is in s."""
         frame = meaning.raw
         assert isinstance(frame, Frame)
         if meaning.name == NMT:
-            if not frame.is_remote and frame.data[0] in RESETS and channel in self._shown:
-                self._news(channel, self._shown[channel].start(frame.data[1]))
+            if not frame.is_remote and frame.data[0] in RESETS:
+                self._news(channel, self._in_force(channel).start(frame.data[1]))
             return meaning
         if meaning.name == LSS:
             if not frame.is_remote:
@@ -326,14 +365,25 @@ class Following:
         end = self.decoder(channel).services[frame.cob_id].end
         if end is None or frame.is_remote:
             return meaning
-        self._last[channel, end.channel] = meaning
-        said = self._transfers.take(time, channel, end, frame.data)
+        return self._of_sdo(time, channel, meaning, end, line)
+
+    def _of_sdo(self, time: float, channel: str, meaning: Meaning, end: SdoEnd, line: int) -> Meaning:
+        """Return what a frame means in its SDO transfer, and take in what that shows."""
+        assert isinstance(meaning.raw, Frame)
+        key = channel, end.channel
+        self._last[key] = meaning
+        self._ways[channel].add(end.is_answer)
+        if channel not in self._settings and _writes_setting(end, meaning.raw.data):
+            self._settings.add(channel)
+        said = self._transfers.take(time, channel, end, meaning.raw.data)
+        if end.is_answer:
+            where = f"at line {self._request_lines.get(key) or line}" if line else f"at {time:.6f} s"
+            self._confirm(channel, end.server, said, f"by SDO {where}")
+        else:
+            self._request_lines[key] = line
+            self._leave(channel, said.ended)
         if not any(said):
             return meaning
-        ended = said.ended
-        # Of a write only what the device has confirmed.
-        if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
-            self._news(channel, self._in_force(channel).show(ended.end.server, ended.address, ended.content))
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         # The segments of a block look like any other command.
@@ -341,27 +391,52 @@ class Following:
             meaning = meaning._replace(service=None)
         return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
 
+    def _leave(self, channel: str, ended: SdoTransfer | None) -> None:
+        """Take in that a client has given up a transfer: the device may have taken what was written."""
+        if ended and ended.end and ended.address and not ended.is_upload and ended.address[0] in SHOWN:
+            self._unconfirmed[channel, ended.end.server].add(ended.address)
+
+    def _confirm(self, channel: str, server: int, said: Said, how: str) -> None:
+        """Take in what an answer shows: of a write only what the device has confirmed."""
+        # A device that answers has taken, or refused, what was asked before: the log does not have its answer.
+        unseen = self._unconfirmed.pop((channel, server), set())
+        ended = said.ended
+        is_confirmed = ended and ended.is_whole and ended.aborted is None and ended.end and ended.address
+        if said.unseen and said.unseen[0] in SHOWN:
+            unseen.add(said.unseen)
+        if ended and is_confirmed and ended.content is None and not ended.is_upload:
+            unseen.add(ended.address)  # type: ignore[arg-type]
+        for address in unseen:
+            self._news(channel, self._in_force(channel).forget(server, address))
+        if ended and is_confirmed and ended.address and ended.content is not None and ended.address[0] in SHOWN:
+            written = "" if ended.is_upload else how
+            self._news(channel, self._in_force(channel).show(server, ended.address, ended.content, written))
+
     def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:
         """Yield the transfers that the end of the log cuts off, with channel and the last frame's meaning."""
         for key, transfer in self._transfers.unfinished():
             yield key[0], self._last[key], transfer
 
+    def notes(self) -> Iterator[str]:
+        """Yield what a log cannot tell, as it has settings of devices and only one direction of SDO."""
+        ways = (self._ways[each] for each in self._settings)
+        yield from dict.fromkeys(ONE_WAY[way] for each in ways if len(each) == 1 for way in each)
+
     def _news(self, channel: str, is_news: bool) -> None:
         if is_news:
-            now = self._decoders[channel] = self.decoder(channel).as_shown(self._shown[channel])
-            self._decode[channel] = lru_cache(REMEMBERED)(now)
+            self._decoders[channel] = self.decoder(channel).as_shown(self._shown[channel])
 
     def _booted(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
         """Say what transfers a boot-up cuts off."""
         if frame.is_remote or frame.data[0] != NmtState.INITIALISING:
             return meaning
         node_id = frame.cob_id - ERROR_CONTROL_BASE
-        if channel in self._shown:
-            self._news(channel, self._shown[channel].start(node_id))
+        self._news(channel, self._in_force(channel).start(node_id))
         identity = self._lss[channel].taken.pop(node_id, {})
         if device := self._in_force(channel).renumber(identity, node_id) if identity else None:
             self._news(channel, True)
             meaning = meaning._replace(text=f"{meaning.text}; by LSS it is {device.name}, read by {device.file}")
+        self._unconfirmed.pop((channel, node_id), None)
         for said in self._transfers.boot(channel, node_id):
             lost = (Defect(Damage.INCOMPLETE, f"{frame}: {said.lost}"),) if said.lost else ()
             meaning = meaning._replace(defects=(*meaning.defects, *lost), transfer=said.ended)
@@ -382,8 +457,8 @@ class Following:
 
 EVERYTHING = Window()
 
-Known: TypeAlias = tuple[Any, tuple[Defect, ...], Meaning | None]
-"""What is known of a frame without those before it: its row, its defects, its meaning if that may change."""
+Known: TypeAlias = tuple[Any, tuple[Defect, ...], Meaning]
+"""What is known of a frame without those before it: its row, its defects, its meaning."""
 
 
 class InUse:
@@ -393,12 +468,13 @@ class InUse:
         # Most frames on a bus are requests and confirms without data: what is made from them is kept.
         @lru_cache(REMEMBERED)
         def known(raw: Raw) -> Known:
-            meaning = decoder(raw)
+            meaning = decoder.remembered(raw)
             row = output.row(meaning) if wanted is None or wanted(meaning) else None
-            return row, meaning.defects, meaning if is_followed(meaning) else None
+            return row, meaning.defects, meaning
 
         self.known, self.decoder = known, decoder
-        self._bindings = {each.cob_id: each for each in decoder.protocol.bindings} if wanted is None else {}
+        bindings = decoder.protocol.bindings if wanted is None else ()
+        self._bindings = {each.cob_id: each for each in bindings if each.is_whole}
         self._rows_of, self._made = output.rows_of, dict[int | Raw, Rows | None]()
 
     def at_once(self, head: int | Raw) -> Rows | None:
@@ -433,11 +509,16 @@ class Decoding:
             for place, defects in decoded.defects():
                 self.damage.add(log, batch.lines[place], defects)
             yield write(batch, rows, clock)
+        self.damage.notes += [f"{log}: {note}" for note in decoded.notes()]
         for _, last, transfer in decoded.unfinished():
             if self.wanted is None or self.wanted(last):
                 self.output.cut(transfer)
         if footer := self.output.footer():
             yield footer
+
+
+Groups: TypeAlias = Mapping["int | Raw", Sequence[int]]
+"""The places of some entries by their heads."""
 
 
 class DecodedLog:
@@ -450,11 +531,11 @@ class DecodedLog:
         self._asked, self._first = asked, first
         self._now: dict[str, InUse] = {}
         self._following = Following(decoder)
-        self.unfinished = self._following.unfinished
+        self.unfinished, self.notes = self._following.unfinished, self._following.notes
         self._defects: dict[int, tuple[Defect, ...]] = {}
 
-    def _in_use(self, channel: str) -> InUse:
-        decoder, in_use = self._following.decoder(channel), self._now.get(channel, self._first)
+    def _in_use(self, channel: str, decoder: Decoder) -> InUse:
+        in_use = self._now.get(channel, self._first)
         if in_use.decoder is not decoder:
             in_use = self._now[channel] = InUse(decoder, self._asked.output, self._asked.wanted)
         return in_use
@@ -472,52 +553,47 @@ class DecodedLog:
             places: Sequence[int] = range(len(batch.heads))
             if not batch.is_of_one_channel:
                 places = [place for place, each in enumerate(batch.channels) if each == channel]
-            while places:  # until a frame changes what those after it mean
-                places = places[self._until_a_change(batch, channel, places, rows) :]
+            groups = batch.grouped(places)
+            for stretch in self._following.stretches(channel, partial(self._followed, batch, groups)):
+                self._fill(batch, groups, stretch, self._in_use(channel, stretch.decoder), rows)
         return rows
 
-    def _until_a_change(self, batch: Batch, channel: str, places: Sequence[int], rows: list[Any]) -> int:
-        """Fill in rows of a channel's entries at these places; return of how many."""
-        in_use = self._in_use(channel)
-        data, known, groups = batch.data, in_use.known, batch.grouped(places)
+    def _followed(
+        self, batch: Batch, groups: Groups, decoder: Decoder, after: int
+    ) -> Iterator[tuple[int, float, int, Raw]]:
+        """Yield what a decoder follows; of heartbeats without a guarding master only what may change something."""
         is_guarded = self._following.is_guarded or any(isinstance(head, RemoteFrame) for head in groups)
-        messages: list[tuple[list[int], Rows]] = []
-        others: list[int] = []
-        for head, group in groups.items():
-            if rows_of := in_use.at_once(head):
-                messages.append((group, rows_of))
+        found: list[int] = []
+        for head, places in groups.items():
+            if (head if isinstance(head, int) else head[0]) not in decoder.followed:
                 continue
-            if isinstance(head, int) and head in HEARTBEATS and not is_guarded:
-                for running in {data[place] for place in group} & RUNNING:
-                    row, same = known(Frame(head, running))[0], [place for place in group if data[place] == running]
-                    messages.append((same, lambda data, row=row: [row] * len(data)))  # type: ignore[misc]
-                group = [place for place in group if data[place] not in RUNNING]
-            others += group
-        last = self._in_order(batch, channel, sorted(others), rows, in_use)
-        for group, rows_of in messages:
-            if last is not None:
-                group = group[: bisect_right(group, last)]
-            made = rows_of([data[place] for place in group])
-            for place, row in zip(group, made):
-                rows[place] = row
-            if None in made:
-                for place in (place for place, row in zip(group, made) if row is None):
-                    rows[place], self._defects[place], _ = known(batch.raw(place))
-        return len(places) if last is None else bisect_right(places, last)
+            some = places[bisect_right(places, after) :]
+            if head in HEARTBEATS and not is_guarded:
+                some = [place for place in some if batch.data[place] not in RUNNING]
+            found += some
+        for place in sorted(found):
+            yield place, batch.times[place], batch.lines[place], batch.raw(place)
 
-    def _in_order(
-        self, batch: Batch, channel: str, places: Iterable[int], rows: list[Any], in_use: InUse
-    ) -> int | None:
-        """Fill in rows one by one, and return the place of a frame that changes what those after it mean."""
-        output, wanted, times, known = self._asked.output, self._asked.wanted, batch.times, in_use.known
-        follow, decoder = self._following.follow, self._following.decoder
-        for place in places:
-            row, defects, followed = known(batch.raw(place))
-            if followed and (said := follow(times[place], channel, followed)) is not followed:
-                row, defects = output.row(said) if wanted is None or wanted(said) else None, said.defects
-            rows[place] = row
-            if defects:
-                self._defects[place] = defects
-            if followed and decoder(channel) is not in_use.decoder:
-                return place
-        return None
+    def _fill(self, batch: Batch, groups: Groups, stretch: Stretch, in_use: InUse, rows: list[Any]) -> None:
+        """Fill in the rows of a stretch."""
+        for head, places in groups.items():
+            end = len(places) if stretch.last is None else bisect_right(places, stretch.last)
+            some = places[bisect_right(places, stretch.after) : end]
+            if rows_of := in_use.at_once(head):
+                made = rows_of([batch.data[place] for place in some])
+                for place, row in zip(some, made):
+                    rows[place] = row
+                some = [place for place, row in zip(some, made) if row is None] if None in made else ()
+            for place in some:
+                rows[place] = self._row(batch, place, stretch, in_use)
+
+    def _row(self, batch: Batch, place: int, stretch: Stretch, in_use: InUse) -> Any:
+        """Return the row of an entry that is decoded by itself, and note what is wrong with it."""
+        row, defects, meaning = in_use.known(batch.raw(place))
+        _, said = stretch.followed.get(place, (0.0, meaning))
+        if said is not meaning:
+            wanted = self._asked.wanted
+            row, defects = self._asked.output.row(said) if wanted is None or wanted(said) else None, said.defects
+        if defects:
+            self._defects[place] = defects
+        return row

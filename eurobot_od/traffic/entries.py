@@ -39,6 +39,7 @@ class Damage(Enum):
     FD = "FD frame"
     UNKNOWN_IDENTIFIER = "unknown identifier"
     SWITCHED_OFF = "switched off"
+    UNKNOWN_MAPPING = "unknown mapping"
     INCOMPLETE = "incomplete transfer"
     WRONG_LENGTH = "wrong length"
     OUT_OF_RANGE = "out of range"

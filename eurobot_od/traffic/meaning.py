@@ -12,7 +12,7 @@ from struct import unpack
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from eurobot_od.errors import FrameLengthError
+from eurobot_od.errors import FrameLengthError, shown_identifier
 from eurobot_od.frame import EXTENDED, MOST_BYTES, Frame, RemoteFrame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
@@ -20,14 +20,23 @@ from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import ALL_NODES, Address, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import compiled, extract
-from eurobot_od.pdo.in_force import Describe, InForce, nothing_known
-from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, OutOfRange, flagged_fields
+from eurobot_od.pdo.in_force import Describe, InForce, LeftIdentifier, nothing_known
+from eurobot_od.pdo.kinds import NOTHING, UNKNOWN, Catalogue, Message, OutOfRange, flagged_fields
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic import services
 from eurobot_od.traffic.dbc import ForeignMessage
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
-from eurobot_od.traffic.services import GUARDING, HEARTBEAT, SDO, CanopenService, Fields, SdoEnd, plain
+from eurobot_od.traffic.services import (
+    FOLLOWED,
+    GUARDING,
+    HEARTBEAT,
+    SDO,
+    CanopenService,
+    Fields,
+    SdoEnd,
+    plain,
+)
 
 CANOPEN = "CANopen"
 """The group of the services, as messages have theirs in the catalogue."""
@@ -49,6 +58,10 @@ class Defect(NamedTuple):
 
 MAPPED_OTHERWISE = "the device is likely mapped otherwise than its file says: `pdo NODE` or `monitor --ask` shows how"
 """Why a frame has a length that its PDO's mapping cannot have."""
+
+
+REWRITTEN = "its mapping was written before the log begins, or the log does not have what was written"
+"""Why nobody knows what a field is."""
 
 
 class SdoTransfer(NamedTuple):
@@ -139,7 +152,8 @@ class Decoder:
     `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
     name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
     `others` are messages of other protocols, by COB-ID: they name what no device is known to send; `former` are
-    messages that may be the same still. `describe` finds a file for a node that shows its identity.
+    messages that may be the same still. `describe` finds a file for a node that shows its identity; `left` are
+    identifiers that PDOs have left, by node-ID and identifier.
     """
 
     def __init__(
@@ -153,7 +167,9 @@ class Decoder:
         others: Mapping[int, ForeignMessage] = MappingProxyType({}),
         former: Iterable[Binding] = (),
         describe: Describe = nothing_known,
+        left: Mapping[int, Mapping[int, LeftIdentifier]] = MappingProxyType({}),
     ) -> None:
+        self._left = left
         self.dictionaries, self.others, self.describe = tuple(dictionaries), others, describe
         self.learned = tuple(learned)
         devices = (*self.dictionaries, *self.learned)
@@ -165,7 +181,12 @@ class Decoder:
     def as_shown(self, shown: InForce) -> Decoder:
         """Return the decoder for what the devices have in force now; a PDO that does not hold is left out."""
         known = shown.described, self.protocol.catalogue, lambda _: None, self._own_errors, self._master
-        return Decoder(*known, shown.learned, self.others, self.protocol.bindings, self.describe)
+        return Decoder(*known, shown.learned, self.others, self.protocol.bindings, self.describe, shown.left)
+
+    @cached_property
+    def remembered(self) -> Callable[[Raw], Meaning]:
+        """Return the meaning of a frame, kept if it is one of the last: most are requests and confirms without data."""
+        return lru_cache(REMEMBERED)(self)
 
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
@@ -178,9 +199,15 @@ class Decoder:
         return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors)
 
     @cached_property
-    def _unmapped(self) -> Unmapped:
+    def unmapped(self) -> Unmapped:
         """What PDOs there are besides the messages; asked only for what is neither a message nor a service."""
-        return Unmapped(self.dictionaries)
+        return Unmapped(self.dictionaries, self._left)
+
+    @cached_property
+    def followed(self) -> frozenset[int]:
+        """The identifiers of frames that may change what those after them mean."""
+        messages = self._bindings.keys()
+        return frozenset(cob_id for cob_id, each in self.services.items() if each.name in FOLLOWED) - messages
 
     def __call__(self, raw: Raw) -> Meaning:
         """Return the meaning of a frame."""
@@ -204,7 +231,7 @@ class Decoder:
         def is_known(cob_id: int) -> bool:
             service = self.services.get(cob_id)
             is_named = service is not None and (service.node in devices or bool(devices and not service.node))
-            return is_named or self._unmapped.is_in_file(cob_id)
+            return is_named or self.unmapped.is_in_file(cob_id)
 
         return {cob_id: each for cob_id, each in self.others.items() if not is_known(cob_id)}
 
@@ -236,10 +263,10 @@ class Decoder:
 
     def _pdo(self, frame: Frame) -> Meaning:
         """Return the meaning of a frame that is neither a message nor a service, as far as there is one."""
-        found = self._unmapped.get(frame.cob_id)
+        found = self.unmapped.get(frame.cob_id)
         if found is None and frame.cob_id & EXTENDED:  # other traffic on the same wire is not damage
             return Meaning(frame, f"29-bit frame, {amount(len(frame.data), 'byte')}", "", (), None, str(frame))
-        damage, why = self._unmapped.defect(frame.cob_id)
+        damage, why = self.unmapped.defect(frame.cob_id)
         defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
         if found is None or not found.name:
             return Meaning(frame, "", "", (), None, str(frame), defects)
@@ -279,6 +306,8 @@ def _other(message: ForeignMessage, raw: Raw, data: bytes) -> Meaning:
 
 def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     """Return the function that decodes the frames of one message."""
+    if not binding.is_whole:
+        return partial(_read_in_part, binding)
     name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
     sender = next(iter(binding.senders), "")
     # As candump's frames, a Meaning is made without the named tuple's own constructor.
@@ -288,6 +317,8 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     def read(frame: Frame) -> Meaning:
         data = frame[1]  # to unpack a named tuple takes an iterator
         try:
+            if len(data) > length and not binding.reads_longer:
+                raise binding.wrong_length(data)
             message = decode(data)
         except FrameLengthError as error:
             defect = Defect(Damage.WRONG_LENGTH, str(error), MAPPED_OTHERWISE)
@@ -295,13 +326,28 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         defects: tuple[Defect, ...] = ()
         # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
         if len(data) > length or OutOfRange in map(type, message):
-            defects = tuple(_defects(frame, message, binding, allowed))
+            defects = (*_too_long(frame, binding), *_out_of_range(message, binding, allowed))
         (text,) = write("", words_of(binding, [binding.complete(data)]))
         return new(
             Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, None)
         )
 
     return read
+
+
+def _read_in_part(binding: Binding, frame: Frame) -> Meaning:
+    """Decode a frame of a message of which not all mapped objects are known."""
+    data, length = frame.data, binding.layout.length
+    known = binding.known_fields(len(data))
+    whole = binding.decode(data[:length] + bytes(length - len(data[:length])))
+    message = whole._replace(**{field: None for field in binding.kinds if field not in known})
+    values = zip(binding.kinds.items(), message)
+    text = ", ".join(f"{field}={UNKNOWN if value is None else kind.text(value)}" for (field, kind), value in values)
+    defects = Defect(Damage.UNKNOWN_MAPPING, f"{binding.name}: {REWRITTEN}")
+    odd = _out_of_range(message, binding, lambda field: binding.kinds[field].allowed(binding.limits[field]))
+    nodes, sender = (*binding.senders, *binding.receivers), next(iter(binding.senders), "")
+    found = (defects, *odd)
+    return Meaning(frame, binding.name, binding.group, nodes, message, one_line(text), found, sender=sender)
 
 
 OUTSIDE = "\0"
@@ -378,10 +424,13 @@ def _field_text(binding: Binding, field: str, number: int, names: dict[str, Any]
     return f"{{{plain} if {numbers.start} <= (raw := {raw}) < {numbers.stop} else text{number}(raw)}}"
 
 
-def _defects(frame: Frame, message: Message, binding: Binding, allowed: Callable[[str], str]) -> Iterator[Defect]:
+def _too_long(frame: Frame, binding: Binding) -> Iterator[Defect]:
     if len(frame.data) > binding.layout.length:
         error = FrameLengthError(binding.name, frame.cob_id, len(frame.data), str(binding.layout.length))
         yield Defect(Damage.WRONG_LENGTH, f"{error}; read all the same", MAPPED_OTHERWISE)
+
+
+def _out_of_range(message: Message, binding: Binding, allowed: Callable[[str], str]) -> Iterator[Defect]:
     for field in flagged_fields(message):
         value = int(getattr(message, field))
         yield Defect(Damage.OUT_OF_RANGE, f"{binding.name}: {field} = {value}, allowed: {allowed(field)}")
@@ -406,10 +455,11 @@ class DamageCount:
 
 
 class DamageCounts:
-    """Counts damage over any number of logs."""
+    """Counts damage over any number of logs; `notes` are what they cannot tell."""
 
     def __init__(self) -> None:
         self.counts: dict[Damage, DamageCount] = {}
+        self.notes: list[str] = []
 
     def add(self, log: str, line: int, defects: Iterable[Defect]) -> None:
         """Count what is wrong with the entry at a line of a log."""
@@ -425,7 +475,7 @@ class DamageCounts:
         return sum(count.number for count in self.counts.values())
 
     def report(self) -> Iterator[str]:
-        """Yield one line for each kind of damage that was met, worst first, and one for its likely reason."""
+        """Yield one line for each kind of damage, worst first, one for its likely reason, and the notes."""
         for damage in Damage:
             if damage in self.counts:
                 count = self.counts[damage]
@@ -433,6 +483,7 @@ class DamageCounts:
                 yield f"{count.number:8} x {damage.value:18} first at {where}"
                 if count.number >= SEVERAL and count.reason:
                     yield f"{'':11}{count.reason}"
+        yield from map(one_line, self.notes)
 
 
 DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
@@ -461,7 +512,11 @@ def _is_sent(pdo: Pdo) -> bool:
 class Unmapped:
     """The PDOs by identifier that are not messages, and guesses for identifiers of the predefined connection set."""
 
-    def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
+    def __init__(
+        self,
+        dictionaries: Iterable[Dictionary],
+        left: Mapping[int, Mapping[int, LeftIdentifier]] = MappingProxyType({}),
+    ) -> None:
         devices = {each.node_id: each for each in dictionaries}
         self._nodes = {node_id: each.name for node_id, each in devices.items()}
         self._known: dict[int, OtherPdo] = {}
@@ -478,6 +533,11 @@ class Unmapped:
             else:
                 continue
             self._known[pdo.cob_id] = known
+        valid = {pdo.cob_id for _, pdo in pdos if pdo.valid}
+        for node_id, by_identifier in left.items():
+            for cob_id, each in by_identifier.items():
+                if node_id in devices and cob_id not in valid:
+                    self._known[cob_id] = _left(devices[node_id], each)
 
     def is_in_file(self, cob_id: int) -> bool:
         """Whether a file says what an identifier is for."""
@@ -505,6 +565,16 @@ class Unmapped:
         if found := self.get(cob_id):
             return found.damage, found.why
         return (None if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
+
+
+def _left(device: Dictionary, left: LeftIdentifier) -> OtherPdo:
+    """Return what a frame is under an identifier that a PDO has left."""
+    direction = next(each for each, records in values.COMMUNICATION_RECORDS.items() if left.record in records)
+    title = f"{direction.name} {left.record - direction.value + 1}"
+    what = "switched off" if left.now is None else f"moved to {shown_identifier(left.now)}"
+    why = f": {title} of {device.name}, {what} {left.how}"
+    is_sent = direction is PdoDirection.TPDO
+    return OtherPdo(title, (device.name,), plain, is_sent, Damage.SWITCHED_OFF, why)
 
 
 MPDO_LENGTH = values.MAX_BITS // 8

@@ -350,6 +350,9 @@ EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS = "EMCY", "SRDO", "SDO", "Heartbe
 NAMES = (NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME, EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS)
 """The names of all services."""
 
+FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT, LSS)
+"""The services whose frames are understood by the ones before."""
+
 NO_WORDS = ErrorWords({}, {}, {})
 """No words but those of CiA 301."""
 

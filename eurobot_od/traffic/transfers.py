@@ -54,13 +54,14 @@ class Said(NamedTuple):
     """What a frame says in its transfer.
 
     `text` stands in place of its own words, `more` behind them; `lost` is what the log lacks. `ended` is a transfer
-    that ends here.
+    that ends here. `unseen` is an object whose write is confirmed here, and the log does not have the request.
     """
 
     text: str = ""
     more: str = ""
     lost: str = ""
     ended: SdoTransfer | None = None
+    unseen: Address | None = None
 
 
 NOTHING = Said()
@@ -253,6 +254,10 @@ class Transfers:
         if command and command.names_object and not end.is_answer:
             return self._begin(key, Running.begun(end, command.direction, time, data))
         running = self._running.get(key)
+        if command_of(end.is_answer, data) == (ServerCommand.DOWNLOAD, 0) and end.is_answer:
+            address = Initiate.of(data).address
+            if running is None or running.is_upload or running.address != address:
+                return Said(unseen=address)
         if not (running and command and step) or running.is_upload is not (command.direction == READ):
             return NOTHING
         if end.is_in_blocks(data) and running.how is not How.BLOCKS:

@@ -56,6 +56,8 @@ def assert_equal_to_protocol(season: Path, frames: Iterable[Timed], network: Dec
         except EurobotError:
             continue
         binding = protocol.binding(type(message))
+        if len(frame.data) > binding.layout.length and not binding.reads_longer:
+            continue
         row = {"line": number, "t": time}
         for field in binding.limits:
             row |= cells(binding, field, getattr(message, field))

@@ -53,6 +53,7 @@ OF_DAMAGE = {
     Damage.ERROR_FRAME: BusRule.ERROR_FRAME,
     Damage.UNKNOWN_IDENTIFIER: BusRule.PDO_UNKNOWN,
     Damage.SWITCHED_OFF: BusRule.PDO_OFF,
+    Damage.UNKNOWN_MAPPING: BusRule.PDO_MAPPING_UNKNOWN,
     Damage.OUT_OF_RANGE: BusRule.OUT_OF_RANGE,
 }
 """The rule for a defect that says all by itself."""
@@ -214,7 +215,7 @@ class Diagnosis:
 
     def take(self, time: float, channel: str, raw: Raw, line: int = 0) -> Meaning:
         """Take in an entry of the log at its line, or a frame of a bus, and return what it means."""
-        meaning = self._following(time, channel, raw)
+        meaning = self._following(time, channel, raw, line)
         self.take_meaning(time, channel, meaning, self._following, line)
         return meaning
 

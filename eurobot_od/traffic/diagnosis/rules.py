@@ -346,10 +346,17 @@ class BusRule(IncidentRule):
     )
     PDO_OFF = RuleRow(
         Severity.WARNING,
-        "A PDO is sent that is switched off in its file",
-        cause="the device was configured since",
+        "A PDO is sent that is switched off, or under an identifier that it has left",
+        cause="the device was configured since, or another device sends it",
         remedy="`pdo NODE` shows what is in force",
         clause="CiA 301, 7.5.2.37",
+    )
+    PDO_MAPPING_UNKNOWN = RuleRow(
+        Severity.WARNING,
+        "A PDO is sent whose mapping the log does not have",
+        cause="a master has mapped it before the log begins, or frames of that are missing",
+        remedy="record from the boot-up on, or ask the device: `pdo NODE`, `monitor --ask`",
+        clause="CiA 301, 7.5.2.38",
     )
     OUT_OF_RANGE = RuleRow(
         Severity.WARNING,

@@ -302,6 +302,13 @@ DEFECTS = [
     ),
     RuleDefect(BusRule.PDO_UNKNOWN, at("123#00"), 0.0, at("185#0000"), ("event",)),
     RuleDefect(BusRule.PDO_OFF, at("185#0000"), 0.0, at("705#05"), ("off",)),
+    RuleDefect(
+        BusRule.PDO_MAPPING_UNKNOWN,
+        at("585#60001A0100000000", "185#0000"),
+        0.001,
+        at("605#23001A0110000020", "585#60001A0100000000", "605#2F001A0001000000", "585#60001A0000000000", "185#0000"),
+        ("event",),
+    ),
     RuleDefect(BusRule.OUT_OF_RANGE, at("185#6500"), 0.0, at("185#6400"), ("event",)),
     RuleDefect(BusRule.FRAME_LENGTH, at("705#0505"), 0.0, at("705#05")),
     RuleDefect(
