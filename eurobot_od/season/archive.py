@@ -35,7 +35,7 @@ from eurobot_od.season.columns import ENTRY, FOREIGN, FROM_DATA, LENGTH, ColumnB
 from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import HEARTBEATS, Following, Stretch
+from eurobot_od.traffic.decoding import HEARTBEATS, DecoderSpan, Following
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, SdoTransfer
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
@@ -274,24 +274,24 @@ class RunTables:
     def _by_what_is_in_force(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Write the messages as their devices are set, which other frames may change; yield what is wrong with all."""
         for channel, some in _by_channel(frames):
-            for stretch in self._following.stretches(channel, partial(_followed, some)):
-                yield from self._of_transfers(channel, stretch)
-                behind, last = pl.col("line") > stretch.after, stretch.last
+            for span in self._following.spans(channel, partial(_followed, some)):
+                yield from self._of_transfers(channel, span)
+                behind, last = pl.col("line") > span.after, span.last
                 part = behind if last is None else behind & (pl.col("line") <= last)
-                is_all = last is None and stretch.after < 0
-                yield from self._of_messages(some if is_all else some.filter(part), self._in_use(channel, stretch))
+                is_all = last is None and span.after < 0
+                yield from self._of_messages(some if is_all else some.filter(part), self._in_use(channel, span))
 
-    def _in_use(self, channel: str, stretch: Stretch) -> NetworkDecoding:
+    def _in_use(self, channel: str, span: DecoderSpan) -> NetworkDecoding:
         decoding = self._now.get(channel, self._decoding)
-        if decoding.decoder is not stretch.decoder:
-            decoding = self._now[channel] = self._decoding.as_shown(stretch.decoder)
+        if decoding.decoder is not span.decoder:
+            decoding = self._now[channel] = self._decoding.as_shown(span.decoder)
             self._kept |= {each: [] for each in decoding.messages.values()}
         return decoding
 
-    def _of_transfers(self, channel: str, stretch: Stretch) -> Iterator[pl.DataFrame]:
-        """Take in the SDO transfers of a stretch; yield what the log lacks of them."""
+    def _of_transfers(self, channel: str, span: DecoderSpan) -> Iterator[pl.DataFrame]:
+        """Take in the SDO transfers of a span; yield what the log lacks of them."""
         lacking: list[Fields] = []
-        for line, (time, said) in stretch.followed.items():
+        for line, (time, said) in span.followed.items():
             place = {"line": line, "t": time, "channel": channel}
             if said.name == SDO:
                 self._heard[channel, said.raw[0]] = place  # type: ignore[index]

@@ -276,7 +276,7 @@ Candidates: TypeAlias = Callable[[Decoder, int], Iterable["tuple[int, float, int
 """Yields place, time in s, line and frame of what a decoder follows, of all entries of a channel behind a place."""
 
 
-class Stretch(NamedTuple):
+class DecoderSpan(NamedTuple):
     """Consecutive entries of a channel with one `decoder`: those behind place `after` up to `last`; None for the rest.
 
     `followed` has time and meaning of those that are understood by the ones before them, by their places.
@@ -324,8 +324,8 @@ class Following:
         meaning = self._decoders.get(channel, self._first).remembered(raw)
         return self._follow(time, channel, meaning, line) if is_followed(meaning) else meaning
 
-    def stretches(self, channel: str, candidates: Candidates) -> Iterator[Stretch]:
-        """Yield the stretches of a channel's entries between which something else comes into force."""
+    def spans(self, channel: str, candidates: Candidates) -> Iterator[DecoderSpan]:
+        """Yield the spans of a channel's entries between which something else comes into force."""
         after = -1
         while True:
             decoder, followed, last = self.decoder(channel), dict[int, tuple[float, Meaning]](), None
@@ -334,7 +334,7 @@ class Following:
                 if self.decoder(channel) is not decoder:
                     last = place
                     break
-            yield Stretch(decoder, after, last, followed)
+            yield DecoderSpan(decoder, after, last, followed)
             if last is None:
                 return
             after = last
@@ -554,8 +554,8 @@ class DecodedLog:
             if not batch.is_of_one_channel:
                 places = [place for place, each in enumerate(batch.channels) if each == channel]
             groups = batch.grouped(places)
-            for stretch in self._following.stretches(channel, partial(self._followed, batch, groups)):
-                self._fill(batch, groups, stretch, self._in_use(channel, stretch.decoder), rows)
+            for span in self._following.spans(channel, partial(self._followed, batch, groups)):
+                self._fill(batch, groups, span, self._in_use(channel, span.decoder), rows)
         return rows
 
     def _followed(
@@ -574,23 +574,23 @@ class DecodedLog:
         for place in sorted(found):
             yield place, batch.times[place], batch.lines[place], batch.raw(place)
 
-    def _fill(self, batch: Batch, groups: Groups, stretch: Stretch, in_use: InUse, rows: list[Any]) -> None:
-        """Fill in the rows of a stretch."""
+    def _fill(self, batch: Batch, groups: Groups, span: DecoderSpan, in_use: InUse, rows: list[Any]) -> None:
+        """Fill in the rows of a span."""
         for head, places in groups.items():
-            end = len(places) if stretch.last is None else bisect_right(places, stretch.last)
-            some = places[bisect_right(places, stretch.after) : end]
+            end = len(places) if span.last is None else bisect_right(places, span.last)
+            some = places[bisect_right(places, span.after) : end]
             if rows_of := in_use.at_once(head):
                 made = rows_of([batch.data[place] for place in some])
                 for place, row in zip(some, made):
                     rows[place] = row
                 some = [place for place, row in zip(some, made) if row is None] if None in made else ()
             for place in some:
-                rows[place] = self._row(batch, place, stretch, in_use)
+                rows[place] = self._row(batch, place, span, in_use)
 
-    def _row(self, batch: Batch, place: int, stretch: Stretch, in_use: InUse) -> Any:
+    def _row(self, batch: Batch, place: int, span: DecoderSpan, in_use: InUse) -> Any:
         """Return the row of an entry that is decoded by itself, and note what is wrong with it."""
         row, defects, meaning = in_use.known(batch.raw(place))
-        _, said = stretch.followed.get(place, (0.0, meaning))
+        _, said = span.followed.get(place, (0.0, meaning))
         if said is not meaning:
             wanted = self._asked.wanted
             row, defects = self._asked.output.row(said) if wanted is None or wanted(said) else None, said.defects
