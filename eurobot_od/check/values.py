@@ -55,7 +55,7 @@ class FieldValues(NamedTuple):
     @property
     def distances(self) -> FieldValues:
         """What tolerances are: they need not be in the range that values have to be in, up to the whole of it."""
-        return self._replace(limits=Limits(0, self.limits.high - self.limits.low))
+        return FieldValues(self.kind.distances, Limits(0, self.limits.high - self.limits.low))
 
     def parse(self, text: str) -> Any:
         """Read a value; raises ValueProblem."""
@@ -96,7 +96,7 @@ class ObjectValues(NamedTuple):
     @property
     def distances(self) -> ObjectValues:
         """What tolerances are: numbers of its type."""
-        return ObjectValues(objects.changed(self.variable, min=0, max=None))
+        return ObjectValues(objects.changed(self.variable, min=0, max=None, offset=0))
 
     def parse(self, text: str) -> Any:
         """Read a value as the object holds it, so that what is written 0.1 equals what comes as 0.1.
@@ -107,7 +107,7 @@ class ObjectValues(NamedTuple):
 
     def text(self, value: Any) -> str:
         """Write a value for a person, a text with its quotes."""
-        return repr(value) if isinstance(value, str) else objects.written(self.variable, value)
+        return repr(value) if isinstance(value, str) else objects.measured(self.variable, value)
 
 
 Values: TypeAlias = "FieldValues | ObjectValues"

@@ -76,13 +76,15 @@ def _read_file(node: RemoteNode, things: Sequence[ODVariable], file: Path) -> Ex
 def write(target: Target, name: Object, value: str | None = None, *, file: Path | None = None) -> None:
     """Write one object of a CANopen node, by number or by the EDS's name, or a whole file into it.
 
-    A value that the EDS does not allow is refused here. Without an EDS the node is asked for the object's length first.
+    A value that the EDS does not allow is refused here. It is a physical one where the object has a unit and factor;
+    `raw:215` is the number itself. Without an EDS the node is asked for the object's length first.
 
     name: such as 0x1017, 0x1016:1, 'Motion.Maximum speed'
     value: number, decimal or 0x..; text; or hexadecimal digits: as the type says
     file: write the bytes of this file, by block transfer
 
     $ write 5 0x1017 500 -i socketcan -c can0
+    $ write 5 Motor.Temperature 21.5 -i socketcan -c can0
     """
     if (value is None) is (file is None):
         raise LocalError("what to write: give a value or --file FILE, one of them")
@@ -245,7 +247,7 @@ def _as_data(reading: configuring.ObjectReading) -> dict[str, Any]:
     if refusal:
         return {**data, "refused": refusal}
     said = {"words": said} if (said := words(thing, value)) else {}
-    return {**data, "value": value.hex() if isinstance(value, bytes) else value, **said}
+    return {**data, **od.as_data(thing, value), **said}
 
 
 def configure(

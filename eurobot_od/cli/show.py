@@ -92,9 +92,9 @@ OBJECT_HEAD = ("object", "name", "type", "access", "PDO", "value", "allowed")
 def object_row(thing: ODVariable) -> tuple[str, ...]:
     """Return the line of one object: its value is the ParameterValue, or else the default."""
     value, range_ = od.default_of(thing), od.limits(thing)
-    allowed = f"{range_.low}..{range_.high}" if range_ and (thing.min, thing.max) != (None, None) else ""
+    allowed = od.allowed_range(thing, range_) if range_ and (thing.min, thing.max) != (None, None) else ""
     mappable = "yes" if thing.pdo_mappable else ""
-    shown, place = "" if value is None else od.written(thing, value), label(od.address_of(thing))
+    shown, place = "" if value is None else od.measured(thing, value), label(od.address_of(thing))
     return place, thing.qualname, od.data_type(thing).name, thing.access_type, mappable, shown, allowed
 
 
@@ -108,7 +108,7 @@ def object_as_data(thing: ODVariable) -> dict[str, Any]:
         "type": od.data_type(thing).name,
         "access": thing.access_type,
         "pdo_mapping": thing.pdo_mappable,
-        "value": value.hex() if isinstance(value, bytes) else value,
+        **od.as_data(thing, value),
         "limits": [each if isfinite(each) else None for each in range_] if range_ else None,
     }
 

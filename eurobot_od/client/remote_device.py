@@ -37,8 +37,9 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode, encode, label
 from eurobot_od.od.standard import EMCY
+from eurobot_od.od.units import scale_of
 from eurobot_od.od.values import EMCY_BASE, ERROR_CONTROL_BASE, NODE_IDS, Address, Scalar, Value, pdo_of, typed
-from eurobot_od.od.words import with_words, words
+from eurobot_od.od.words import written
 from eurobot_od.support.progress import Progress, unwatched
 
 # Objects
@@ -81,8 +82,8 @@ class ObjectAtNode:
 
     @property
     def unit(self) -> str:
-        """The Unit in the file, which is not a key of CiA 306; empty without one."""
-        return str(self.od.unit)
+        """The unit, as the file, its maker or CiA 402 says it; empty without one."""
+        return scale_of(self.od).unit
 
     @property
     def limits(self) -> objects.Range | None:
@@ -113,8 +114,7 @@ class ObjectAtNode:
 
     def _meant(self, raw: Value) -> Any:
         """Return the meaning of a raw value."""
-        factor = self.od.factor
-        return raw * factor if isinstance(raw, (int, float)) and factor != 1 else raw
+        return objects.physical(self.od, raw)
 
     def _typed(self, data: bytes, kind: Any) -> Any:
         value = self._meant(decode(self.od, data))
@@ -128,31 +128,18 @@ class ObjectAtNode:
         if not objects.is_described(thing):
             raise objects.not_allowed(thing, value, "bytes: no file says its type")
         if isinstance(value, str):
-            return encode(thing, self._raw_of_text(value))
-        if isinstance(value, Real) and not isinstance(value, bool) and thing.factor != 1:
-            value = self._unscaled(float(value))
+            return encode(thing, objects.parse(thing, value))
+        scale = scale_of(thing)
+        if isinstance(value, Real) and not isinstance(value, bool) and not scale.is_raw:
+            value = scale.raw(float(value))
+            value = round(value) if data_type(thing).is_integer else value
         return encode(thing, value)
-
-    def _raw_of_text(self, text: str) -> Value:
-        """Return the raw value of a text: a word, a number with or without its unit, or a text itself."""
-        for raw, word in self.words.items():
-            if word.casefold() == text.strip().casefold():
-                return raw
-        # A person may write what was shown before, which includes the unit.
-        number = text.strip().removesuffix(self.unit).strip() if self.unit else text
-        value = objects.parse(self.od, number)
-        return self._unscaled(value) if isinstance(value, (int, float)) and self.od.factor != 1 else value
-
-    def _unscaled(self, value: float) -> Value:
-        raw = value / self.od.factor
-        return round(raw) if data_type(self.od).is_integer else raw
 
     def text_of(self, raw: Value) -> str:
         """Return a raw value as text, with its word or its unit."""
         if isinstance(raw, int) and raw in self.words:
             return self.words[raw]
-        value = self._meant(raw)
-        return with_words(f"{objects.written(self.od, value)} {self.unit}".rstrip(), words(self.od, raw))
+        return written(self.od, raw)
 
     async def _read(self) -> bytes:
         return await read_object.steps(self._node, self.od)

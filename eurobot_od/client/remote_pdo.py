@@ -19,9 +19,10 @@ from eurobot_od.client.streams import BlockingStream, MappedPdo, MappedPdos, Pdo
 from eurobot_od.errors import NoAnswer, UnknownName
 from eurobot_od.export.dbc import text_of
 from eurobot_od.export.description import described
-from eurobot_od.od import values
+from eurobot_od.od import objects, values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import at, find_one
+from eurobot_od.od.units import scale_of
 from eurobot_od.od.values import COB_ID, PdoDirection, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.files import write_whole
@@ -46,21 +47,22 @@ class PdoSignal(BlockingStream[PdoValue]):
 
     @property
     def raw(self) -> Any:
-        """The value to be sent, or else the last one."""
-        return self.value if self._given is None else self._given
+        """The value to be sent, or else the last one, as the frame has it."""
+        scale, value = scale_of(self.od), self.phys
+        return value if scale.is_raw or not isinstance(value, (int, float)) else round(scale.raw(value))
 
     @raw.setter
     def raw(self, value: Value) -> None:
-        self._given = value
+        self._given = objects.physical(self.od, value)
 
     @property
     def phys(self) -> Any:
-        """`raw` times the Factor of the object."""
-        return self.raw if self.raw is None or self.od.factor == 1 else self.raw * self.od.factor
+        """The value to be sent, or else the last one, in the object's unit."""
+        return self.value if self._given is None else self._given
 
     @phys.setter
     def phys(self, value: float) -> None:
-        self.raw = value if self.od.factor == 1 else round(value / self.od.factor)
+        self._given = value
 
 
 def _setting(sub: int, what: str) -> Any:
@@ -111,7 +113,7 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
         self._node.master.send(*self._frame(self._set_values() if values is None else values))
 
     def _set_values(self) -> dict[str, Value]:
-        return {name: self[name].raw or 0 for name in self.names}
+        return {name: self[name].phys or 0 for name in self.names}
 
     def start(self, period: float) -> None:
         """Send it every `period` seconds with the values that are set now; see `update`. Raises as `transmit`."""

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from eurobot_od.errors import MappingError
 from eurobot_od.export.description import DescribedField, DescribedMessage, Identifiers, Numeral, described, printable
+from eurobot_od.od.units import digits
 from eurobot_od.pdo.protocol import Protocol
 
 HEAD = """VERSION ""
@@ -62,10 +63,12 @@ class DbcMessage(NamedTuple):
         receivers = ",".join(self.receivers) or NOBODY
         for name, field in self.signals.items():
             order, start = _place(self.message, field)
-            low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits  # equal ones mean that there are none
+            scale = field.scale
+            ends = (0, 0) if field.numeral is Numeral.REAL else map(scale.physical, field.limits)
+            low, high = map(digits, sorted(ends))  # equal ones mean that there are none
             bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
-            # Factor 1, offset 0: the unit counts the numbers of the object dictionary.
-            yield f" SG_ {name} : {bits} (1,0) [{low}|{high}] {_quoted(field.unit)} {receivers}"
+            factor = f"({digits(scale.factor)},{digits(scale.offset)})"
+            yield f" SG_ {name} : {bits} {factor} [{low}|{high}] {_quoted(scale.unit)} {receivers}"
 
 
 def dbc_text(protocol: Protocol) -> str:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from eurobot_od.errors import LocalError
+from eurobot_od.od.units import Scale
 from eurobot_od.od.values import Limits, label
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import Run, merged
@@ -33,6 +34,7 @@ class Numeral(Enum):
 class DescribedField(NamedTuple):
     """A field: `width` in bits, `limits` as its numeral counts, what is `allowed`, and its `named` raw values.
 
+    `unit` is what one raw step is, `scale` how the raw value becomes a physical one.
     `objects` are the mapped objects that make it up, by address and their own names. `places` are the frame bits (8
     times the byte plus the bit in it) of its bits 0, 1, 2, ... `default` is the raw value that a shorter frame means,
     None if every frame has the field. `unknown` is the raw value that means "unknown", together with those of the
@@ -44,6 +46,7 @@ class DescribedField(NamedTuple):
     numeral: Numeral
     limits: Limits
     unit: str
+    scale: Scale
     allowed: str
     named: Mapping[int, str]
     places: Sequence[int]
@@ -119,6 +122,7 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
             numeral=Numeral.REAL if isinstance(kind, Real) else NUMERALS[name in binding.layout.signed],
             limits=kind.measured(limits),
             unit=kind.raw_unit,
+            scale=kind.scale,
             allowed=kind.allowed(limits),
             named=dict(sorted(kind.named_values().items())),
             places=binding.layout.places(name),

@@ -611,6 +611,8 @@ def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
 
 
 PARAMETER_VALUES = (("defaultValue", "DefaultValue"), ("actualValue", "ParameterValue"))
+SCALE = {"multiplier": "Factor", "offset": "Offset"}
+PARAMETER_LISTS = ("parameterList", "templateList", "dataTypeList", "unitList")
 
 
 def _limits(parameter: XmlElement) -> dict[str, str]:
@@ -640,7 +642,7 @@ class _Parameters:
     """The parameters of the application process, each read once, whatever refers to it how often."""
 
     def __init__(self, root: XmlElement) -> None:
-        lists = [each for tag in ("parameterList", "templateList", "dataTypeList") for each in root.all(tag)]
+        lists = [each for tag in PARAMETER_LISTS for each in root.all(tag)]
         self._elements = {each.attributes.get("uniqueID", ""): each for found in lists for each in found.children}
         self._said: dict[str, dict[str, str]] = {}
         self._disabled = {name for name, each in self._elements.items() if any(map(_disables, each.children))}
@@ -671,11 +673,24 @@ class _Parameters:
         denotation = parameter.child("denotation")
         label = denotation.child("label") if denotation else None
         said |= {"Denotation": label.text} if label else {}
+        said |= self._scale(parameter)
         type_ = self._type(parameter, MOST_TEMPLATES)
         if type_ == BITS and not said.get("DefaultValue"):
             type_ = values.DOMAIN.code  # CANopenEditor has one type for both
         said |= {"DataType": f"0x{type_:04X}"} if type_ is not None else {}
         return said
+
+    def _scale(self, parameter: XmlElement) -> dict[str, str]:
+        """Return unit, factor and offset of a parameter: its own unit, or one that it refers to."""
+        said = {key: parameter.attributes[name] for name, key in SCALE.items() if name in parameter.attributes}
+        unit = parameter.child("unit") or self._elements.get(parameter.attributes.get("unitIDRef", ""))
+        if unit is None:
+            return said
+        # The multiplier is the unit's in the schema's element, and the parameter's as its attribute.
+        multiplier = unit.attributes.get("multiplier") or said.get("Factor", "")
+        label = unit.child("label")
+        text = label.text if label else unit.attributes.get("unitURI", "")
+        return said | ({"Factor": multiplier} if multiplier else {}) | ({"Unit": text} if text else {})
 
     def _type(self, each: XmlElement, depth: int) -> int | None:
         """Return the simple type of a parameter, or of a type that is derived from one."""

@@ -565,6 +565,8 @@ class _Writer:
             flags = parse_number(text) if key == "objflags" else None
             value = text if key != "objflags" else flags.value if flags else 0
             self._dropped.append(Dropped(index, sub, IGNORED_BY_CANOPEN[key], value))
+        if key in SCALE and (real := formats.plain_value(text, values.REAL64)):
+            self._dropped.append(Dropped(index, sub, key, float(real)))
 
     def _limit(self, index: int, sub: int | None, attribute: str, text: str, type_: DataType) -> None:
         """Keep a limit that canopen does not read."""
@@ -594,6 +596,9 @@ class _Writer:
         first = whole.subs.get(1) if whole.code is ObjectCode.ARRAY else None
         return known_type(each.index, each.sub) or (first.type if first else None) or unknown
 
+
+SCALE = ("factor", "offset")
+"""Keys of editors with a real number; canopen reads no Offset, and no Factor with a decimal comma."""
 
 CANOPENS_KEYS = {each.lower(): each for each in ("Factor", "Unit", "Description", "StorageLocation")}
 """Keys that canopen reads, though CiA 306 does not have them."""

@@ -11,11 +11,12 @@ from collections.abc import Callable, Iterator
 from copy import copy
 from math import inf
 from numbers import Real
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from zlib import crc32
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.od import values
+from eurobot_od.od.units import RAW, Scale, digits, scale_of
 from eurobot_od.od.values import DATA_TYPES, DOMAIN, REALS, Address, DataType, Value
 from eurobot_od.support.texts import amount
 
@@ -116,6 +117,13 @@ def limits(variable: ODVariable) -> Range | None:
     low = lowest if variable.min is None else max(lowest, variable.min)
     high = highest if variable.max is None else min(highest, variable.max)
     return Range(low, high) if low <= high else Range(lowest, highest)
+
+
+def allowed_range(variable: ODVariable, range_: Range) -> str:
+    """Return a range of raw values for a person, as physical values where the variable has a scale."""
+    scale = scale_of(variable)
+    low, high = sorted(map(scale.physical, range_)) if not scale.is_raw else range_
+    return f"{digits(low)}..{digits(high)} {scale.unit}".rstrip() if not scale.is_raw else f"{low}..{high}"
 
 
 def in_limits(variable: ODVariable, value: Value) -> bool:
@@ -258,16 +266,52 @@ def _named(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
 # Text to value, value to bytes, and back
 
 
-def parse(variable: ODVariable, text: str) -> Value:
-    """Turn what a person writes into a value of a variable's type, a number if the type is not known.
+RAW_VALUE = "raw:"
+"""Before a raw value where an object has a unit, factor or offset."""
 
-    Raises FieldError.
+
+def parse(variable: ODVariable, text: str) -> Value:
+    """Turn what a person writes into a raw value of a variable's type, a number if the type is not known.
+
+    A number of an object that has a scale is a physical one, with or without its unit, unless `raw:` is before it. A
+    word that the maker has for a value stands for it. Raises FieldError.
     """
-    form = form_of(variable)
+    by_word = {word.casefold(): raw for raw, word in variable.value_descriptions.items()}
+    raw: int | None = by_word.get(text.strip().casefold())
+    if raw is not None:
+        return raw
+    form, scale = form_of(variable), scale_of(variable)
+    is_number = form is INTEGER or data_type(variable) in REALS
     try:
-        return form.parse(text)
-    except ValueError:
-        raise not_allowed(variable, text, form.allowed) from None
+        if is_number and text.startswith(RAW_VALUE):
+            return form.parse(text.removeprefix(RAW_VALUE))
+        if not is_number or scale == RAW:
+            return form.parse(text)
+        return _raw_of(variable, scale, text.strip().removesuffix(scale.unit).strip())
+    except (ValueError, OverflowError):
+        raise not_allowed(variable, text, f"{form.allowed}{f' in {scale.unit}' if scale.unit else ''}") from None
+
+
+def _raw_of(variable: ODVariable, scale: Scale, text: str) -> Value:
+    """Return the raw value of a physical one, rounded to what the type can hold; raises ValueError, OverflowError."""
+    if scale.is_raw:
+        return form_of(variable).parse(text)
+    raw = scale.raw(values.typed_real(text))
+    return round(raw) if data_type(variable).is_integer else raw
+
+
+def physical(variable: ODVariable, raw: Value) -> Value:
+    """Return the physical value of a raw one; what is not a number stays as it is."""
+    is_number = isinstance(raw, (int, float)) and not isinstance(raw, bool)
+    return scale_of(variable).physical(raw) if is_number else raw  # type: ignore[arg-type]
+
+
+def measured(variable: ODVariable, raw: Value) -> str:
+    """Write a raw value for a person as a physical one with its unit; as `written` does where there is no scale."""
+    scale = scale_of(variable)
+    if scale.is_raw or not isinstance(raw, (int, float)):
+        return f"{written(variable, raw)} {scale.unit if isinstance(raw, (int, float)) else ''}".rstrip()
+    return scale.text(raw)
 
 
 def encode(variable: ODVariable, value: Value, size: int = 0) -> bytes:
@@ -283,7 +327,7 @@ def encode(variable: ODVariable, value: Value, size: int = 0) -> bytes:
         if range_ is not None and isinstance(value, Real):
             is_within = in_limits(variable, value)
             if not is_within and (data_type(variable).is_integer or (variable.min, variable.max) != (None, None)):
-                allowed = f"{range_.low}..{range_.high}"
+                allowed = allowed_range(variable, range_)
             if not is_within or (isinstance(value, bool) and data_type(variable).bits != 1):
                 raise ValueError
         return data_type(variable).write(value)
@@ -351,9 +395,17 @@ def _shortest(value: float) -> float:
     return next((each for each in nearest if values.REAL32.write(each) == values.REAL32.write(value)), value)
 
 
+def as_data(variable: ODVariable, value: Value) -> dict[str, Any]:
+    """Return a raw value as data: the physical one and its unit apart, and the raw one where that is another."""
+    scale = scale_of(variable)
+    data: dict[str, Any] = {"value": value.hex() if isinstance(value, bytes) else physical(variable, value)}
+    data |= {"unit": scale.unit} if scale.unit else {}
+    return data if scale.is_raw or not isinstance(value, (int, float)) else {**data, "raw": value}
+
+
 def shown(variable: ODVariable, data: bytes) -> str:
     """Write a variable's bytes for a person on one line, long ones by their number and CRC."""
     if len(data) > LONGEST_SHOWN:  # a DOMAIN may be a firmware; the CRC still tells whether two are the same
         return f"{amount(len(data), 'byte')} (CRC-32 0x{crc32(data):08X})"
-    text = written(variable, decode(variable, data))
+    text = measured(variable, decode(variable, data))
     return text if text.isprintable() else data.hex(" ").upper()

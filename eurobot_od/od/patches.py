@@ -3,6 +3,7 @@
     0x6065: {DefaultValue: 2000, HighLimit: 5000}       # an object by index, index:sub-index or name
     Motion.Speed: {AccessType: rw, ParameterValue: 10}
     0x2100: {LowLimit: }                                # an empty value removes what the file says
+    Motor.Temperature: {unit: degC, factor: 0.1}        # one step of its raw value is 0.1 degC; `offset:` comes on top
     0x2200: {ParameterName: Fan, DataType: UNSIGNED16, AccessType: rw}      # a new object
     0x2201: {ParameterName: Lamps, ObjectType: RECORD}                      # a new one with sub-indices
     0x2201:1: {ParameterName: Left, DataType: BOOLEAN, AccessType: rw}
@@ -31,7 +32,7 @@ from eurobot_od.od.formats import completed, plain_number, plain_value
 from eurobot_od.od.modules import CONNECTED, HIGHEST
 from eurobot_od.od.objects import numbered
 from eurobot_od.od.standard import known_type
-from eurobot_od.od.values import DATA_TYPES, DataType, label, parse_number
+from eurobot_od.od.values import DATA_TYPES, REAL64, DataType, label, parse_number
 
 CONFIGURATIONS = (".dcf", ".xdc")
 """Suffixes of patches that are the configuration of a device; any other patch is YAML."""
@@ -155,6 +156,8 @@ KEYS: Mapping[str, PatchKey] = {
     ),
     "pdomapping": PatchKey(lambda text: text if text in ("0", "1") else None, "0 or 1"),
     "objflags": PatchKey(plain_number, "a number"),
+    "unit": PatchKey(str, "a text"),
+    **dict.fromkeys(("factor", "offset"), PatchKey(lambda text: plain_value(text, REAL64), "a number")),
     **dict.fromkeys(FILES, PatchKey(lambda text: text or None, "a file")),
 }
 """The keys of which the text alone says whether it can be; those of `cia306.TYPED` go by the variable's type."""
@@ -319,7 +322,7 @@ class _Patching:
         elif key in KEYS:
             plain, allowed = KEYS[key].read(text), KEYS[key].allowed
         else:
-            known = (cia306.SPELLED_OBJECT_KEYS[each] for each in (*KEYS, *cia306.TYPED))
+            known = (cia306.SPELLED_OBJECT_KEYS.get(each, each.capitalize()) for each in (*KEYS, *cia306.TYPED))
             raise self._patch.wrong(entry.line, str(UnknownName("key", name, known)))
         if plain is None:
             raise self._patch.wrong(entry.line, f"{name} {text!r}: expected {allowed}")

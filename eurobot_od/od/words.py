@@ -14,6 +14,7 @@ from eurobot_od.od import cia401, cia402
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import BitPattern, DriveCommand, Mode, State
 from eurobot_od.od.standard import DEVICE_TYPE, ErrorCode
+from eurobot_od.od.units import objects_of
 from eurobot_od.od.values import UNSIGNED16, Address, Value
 
 if TYPE_CHECKING:
@@ -126,23 +127,29 @@ def _default(objects: ObjectDictionary, address: Address) -> int | None:
     return default if isinstance(default, int) else None
 
 
-def _objects_of(variable: ODVariable) -> ObjectDictionary | None:
-    """Return the dictionary that a variable belongs to; None for one that no file describes."""
-    parent = getattr(variable, "parent", None)
-    parent = getattr(parent, "parent", parent)  # a member's parent is its record, and that one's the dictionary
-    return parent if hasattr(parent, "indices") else None
-
-
 def meaning_of(variable: ODVariable) -> ValueMeaning | None:
-    """Return what a profile says about an object; None if it says nothing."""
-    objects = _objects_of(variable)
+    """Return what the maker, or else a profile, says about an object; None if nobody says anything."""
+    if variable.value_descriptions or variable.bit_definitions:
+        return _of_maker(variable)
+    objects = objects_of(variable)
     of_profile = PROFILES.get(profile_of(objects)) if objects is not None else None
     return of_profile(od.address_of(variable)) if of_profile else None
 
 
+def _of_maker(variable: ODVariable) -> ValueMeaning:
+    """Return the words that a maker has for values, and the names of the bits that are set in any other value."""
+    codes: Mapping[int, str] = variable.value_descriptions
+    names = {bit: name for name, bits in variable.bit_definitions.items() for bit in bits}
+
+    def says(_: ObjectDictionary, value: int) -> str:
+        return codes.get(value) or ", ".join(_set_bits(names, value))
+
+    return ValueMeaning(says, codes)
+
+
 def words(variable: ODVariable, value: Value) -> str:
-    """Return what a value says by the device's profile; empty if that says nothing."""
-    meaning, objects = meaning_of(variable), _objects_of(variable)
+    """Return what a value says by its maker or the device's profile; empty if nobody says anything."""
+    meaning, objects = meaning_of(variable), objects_of(variable)
     return meaning.says(objects, value) if meaning and objects is not None and isinstance(value, int) else ""
 
 
@@ -152,8 +159,8 @@ def with_words(text: str, said: str) -> str:
 
 
 def written(variable: ODVariable, value: Value) -> str:
-    """Write a value for a person as `od.objects.written` does, and what it says."""
-    return with_words(od.written(variable, value), words(variable, value))
+    """Write a value for a person: the physical one with its unit where there is one, and what it says."""
+    return with_words(od.measured(variable, value), words(variable, value))
 
 
 PHASES = ("L1", "L2", "L3")

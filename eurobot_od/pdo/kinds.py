@@ -20,6 +20,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias, TypeVar, cast, get_type_hints
 
 from eurobot_od.od import values
+from eurobot_od.od.objects import RAW_VALUE
+from eurobot_od.od.units import RAW, Scale, digits, scale_of
 from eurobot_od.od.values import DataType, Limits, typed_number, typed_real
 from eurobot_od.od.words import meaning_of, with_words, words
 
@@ -68,8 +70,8 @@ WHOLE = {"mm": "millimetres", "deg": "degrees"}
 class Kind:
     """A plain number in `unit`; raw value and meaning are the same, the EDS limits are the range."""
 
-    per_unit: float = 1
-    """How many raw steps make one unit."""
+    scale: Scale
+    """What one step of the raw value is, in the unit."""
 
     modulus: int | None = None
     """What the value wraps around at, None for a value that does not."""
@@ -90,7 +92,7 @@ class Kind:
     """What the values are in a column: the raw values in `numbers`, all raw BITS, or what the form says."""
 
     def __init__(self, unit: str = "") -> None:
-        self.unit = unit
+        self.unit, self.scale = unit, Scale(unit)
 
     def read(self, raw: int, limits: Limits) -> Any:
         """Return the meaning of a raw value, or OutOfRange."""
@@ -115,7 +117,12 @@ class Kind:
     @property
     def raw_unit(self) -> str:
         """What one step of the raw values is, such as 0.1 mm."""
-        return self.unit
+        return self.scale.step
+
+    @property
+    def distances(self) -> Kind:
+        """The kind of the distance between two values."""
+        return self
 
     def sendable(self, limits: Limits) -> range:
         """Return the values that are their own raw value, which `write` need not be asked about."""
@@ -160,8 +167,9 @@ class Quantity(Kind):
     """A number of steps of a `unit`, from `within[0]` to `within[1]` units; raw values of `codes` mean something else.
 
     `Quantity("mm", step=0.1, within=(-20, 150), codes=Reading)`: raw 123 is 12.3 mm, a raw value of the enum Reading is
-    its member, any other is OutOfRange. What is sent is rounded to the nearest step; without a step it is a whole
-    number. Raises ValueError for a step that is not above 0, and for codes without a range or within it.
+    its member, any other is OutOfRange. An `offset` in units is added to the steps. What is sent is rounded to the
+    nearest step; without a step and an offset it is a whole number. Raises ValueError for a step that is 0 or not
+    finite, and for codes without a range or within it.
     """
 
     def __init__(
@@ -170,21 +178,22 @@ class Quantity(Kind):
         step: float = 1,
         within: tuple[float, float] | None = None,
         codes: type[IntEnum] | None = None,
+        offset: float = 0,
     ) -> None:
         super().__init__(unit)
-        if not step > 0:
-            raise ValueError(f"a step of {step} is not above 0")
-        self.per_unit = 1 / step  # by 10 a raw value is divided exactly, by 0.1 it is not multiplied so
-        self.column_form = ColumnForm.NUMBER if step == 1 else ColumnForm.SCALED  # type: ignore[misc]
-        self._within = within and Limits(*(round(each * self.per_unit) for each in within))
+        if not step or not isfinite(step):
+            raise ValueError(f"a step of {step}")
+        self.scale = Scale(unit, step, offset)
+        self.column_form = ColumnForm.NUMBER if self.scale.is_raw else ColumnForm.SCALED  # type: ignore[misc]
+        self._within = within and Limits(*sorted(round(self.scale.raw(each)) for each in within))
         self._codes: dict[int, IntEnum] = {each.value: each for each in codes or ()}
         low, high = self._within or (0, 0)
         if any(low <= raw <= high or not self._within for raw in self._codes):
             raise ValueError(f"codes need a range, and lie outside it: {codes}")
 
     @property
-    def raw_unit(self) -> str:
-        return self.unit if self.per_unit == 1 else f"{_digits(1 / self.per_unit)} {self.unit}".rstrip()
+    def distances(self) -> Kind:
+        return Quantity(self.unit, abs(self.scale.factor)) if self.scale.offset else self
 
     def measured(self, limits: Limits) -> Limits:
         return self._within or limits
@@ -193,7 +202,7 @@ class Quantity(Kind):
         if raw in self._codes:
             return self._codes[raw]
         value = super().read(raw, self.measured(limits))
-        return value if self.per_unit == 1 or isinstance(value, OutOfRange) else value / self.per_unit
+        return value if self.scale.is_raw or isinstance(value, OutOfRange) else self.scale.physical(value)
 
     def write(self, value: Any, limits: Limits) -> int:
         if isinstance(value, IntEnum):
@@ -201,7 +210,7 @@ class Quantity(Kind):
                 raise ValueError(value)
             return int(value)
         try:
-            raw = value if self.per_unit == 1 else round(real_number(value) * self.per_unit)
+            raw = value if self.scale.is_raw else round(self.scale.raw(real_number(value)))
             return super().write(raw, self.measured(limits))
         except (ValueError, OverflowError):
             raise ValueError(value) from None
@@ -215,19 +224,24 @@ class Quantity(Kind):
 
     def parse(self, text: str) -> Any:
         members = {words_of(member): member for member in self._codes.values()}
-        return members[text] if text in members else typed_number(text) if self.per_unit == 1 else typed_real(text)
+        if text in members:
+            return members[text]
+        number = text.removesuffix(self.unit).rstrip()  # as `text` writes it
+        if number.startswith(RAW_VALUE):
+            return self.scale.physical(typed_number(number.removeprefix(RAW_VALUE)))
+        return typed_number(number) if self.scale.is_raw else typed_real(number)
 
     def text(self, value: Any) -> str:
-        if isinstance(value, IntEnum) or self.per_unit == 1:
+        if isinstance(value, IntEnum) or self.scale.is_raw:
             return super().text(value)
         if isinstance(value, OutOfRange):  # raw, as everywhere
             return f"{int(value)} x {self.raw_unit} (out of range)"
-        return f"{_digits(value)} {self.unit}".rstrip()
+        return f"{digits(value)} {self.unit}".rstrip()
 
     def allowed(self, limits: Limits) -> str:
-        plain, step = self.measured(limits), 1 / self.per_unit
-        ends = "..".join(_digits(each / self.per_unit) for each in plain)
-        steps = "" if step == 1 else f"in steps of {_digits(step)}"
+        step = abs(self.scale.factor)
+        ends = "..".join(digits(each) for each in sorted(map(self.scale.physical, self.measured(limits))))
+        steps = "" if step == 1 else f"in steps of {digits(step)}"
         names = [f"{words} ({raw})" for raw, words in self.named_values().items()]
         return ", ".join([" ".join(filter(None, (ends, self.unit, steps))), *names])
 
@@ -265,20 +279,23 @@ class Choice(Kind):
 # What is known of an object by its data type alone
 
 
-class Worded(Kind):
-    """A number that a device profile has words for: those of `says`, and of `codes` if it is a list of them."""
+class Worded(Quantity):
+    """A number in a `scale` that somebody has words for: `says` has those of a raw value, `codes` is a list of them."""
 
     says_more = True
 
-    def __init__(self, says: Callable[[int], str], codes: Mapping[int, str] = MappingProxyType({})) -> None:
-        super().__init__()
-        self._says, self._codes = says, codes
+    def __init__(
+        self, says: Callable[[int], str], codes: Mapping[int, str] = MappingProxyType({}), scale: Scale = RAW
+    ) -> None:
+        super().__init__(scale.unit, scale.factor, offset=scale.offset)
+        self._says, self._words = says, codes
 
     def text(self, value: Any) -> str:
-        return with_words(super().text(value), self._says(int(value)))
+        raw = value if isinstance(value, OutOfRange) else round(self.scale.raw(value))
+        return with_words(super().text(value), self._says(int(raw)))
 
     def named_values(self) -> Mapping[int, str]:
-        return self._codes
+        return self._words
 
 
 class Boolean(Kind):
@@ -331,16 +348,16 @@ class Real(Kind):
 
     column_form = ColumnForm.REAL
 
-    def __init__(self, type_: DataType, unit: str = "") -> None:
+    def __init__(self, type_: DataType, unit: str = "", factor: float = 1, offset: float = 0) -> None:
         super().__init__(unit)
-        self.type = type_
+        self.type, self.scale = type_, Scale(unit, factor, offset)
 
     def read(self, raw: int, limits: Limits) -> Any:
-        return self.type.read(raw.to_bytes(self.type.size, "little"))
+        return self.scale.physical(self.type.read(raw.to_bytes(self.type.size, "little")))  # type: ignore[arg-type]
 
     def write(self, value: Any, limits: Limits) -> int:
         try:
-            return int.from_bytes(self.type.write(real_number(value)), "little")
+            return int.from_bytes(self.type.write(self.scale.raw(real_number(value))), "little")
         except OverflowError as error:
             raise ValueError(value) from error
 
@@ -417,27 +434,30 @@ class Octets(Text):
 NO_LIMITS = Limits(0, 0)
 """For a kind that looks at none."""
 
-_OF_TYPE: Mapping[DataType, Callable[[int], Kind]] = {
-    values.BOOLEAN: lambda _: Boolean(),
-    values.REAL32: lambda _: Real(values.REAL32),
-    values.REAL64: lambda _: Real(values.REAL64),
-    values.VISIBLE_STRING: lambda bits: Text(bits // 8),
-    values.OCTET_STRING: lambda bits: Octets(bits // 8),
+_OF_TYPE: Mapping[DataType, Callable[[int, Scale], Kind]] = {
+    values.BOOLEAN: lambda *_: Boolean(),
+    values.REAL32: lambda _, scale: Real(values.REAL32, *scale.parts),
+    values.REAL64: lambda _, scale: Real(values.REAL64, *scale.parts),
+    values.VISIBLE_STRING: lambda bits, _: Text(bits // 8),
+    values.OCTET_STRING: lambda bits, _: Octets(bits // 8),
 }
 
 
 def kind_of(type_: DataType, bits: int, variable: ODVariable | None = None) -> Kind:
     """Return the kind of a field of a data type that has `bits` bits, those of a `variable` if it is known.
 
-    Integers, and what is mapped in part only (16 bits of a REAL32, 12 bits of a text), are numbers; they have the words
-    of the device's profile if the whole variable is mapped.
+    Integers, and what is mapped in part only (16 bits of a REAL32, 12 bits of a text), are numbers; they have the unit
+    of the variable, and the words of its maker or of the device's profile, if the whole variable is mapped.
     """
-    meaning = None if variable is None or bits != type_.bits else meaning_of(variable)
-    if meaning and variable is not None:
-        return Worded(partial(words, variable), meaning.codes)
+    known = variable if bits == type_.bits else None
+    meaning, scale = (meaning_of(known), scale_of(known)) if known is not None else (None, RAW)
+    if meaning and known is not None and type_.is_integer:
+        return Worded(partial(words, known), meaning.codes, scale)
     whole = type_ is values.BOOLEAN or (bits == type_.bits if type_.bits else bits % 8 == 0)
     make = _OF_TYPE.get(type_)
-    return make(bits) if make and whole else Kind()
+    if make and whole:
+        return make(bits, scale)
+    return Kind(scale.unit) if scale.is_raw else Quantity(scale.unit, scale.factor, offset=scale.offset)
 
 
 def whole_number(value: Any) -> int:
@@ -453,11 +473,6 @@ def real_number(value: Any) -> float:
     if isinstance(value, OutOfRange) or not isinstance(value, RealNumber):
         raise ValueError(value)
     return float(value)
-
-
-def _digits(value: float) -> str:
-    """Write a number without the digits that only its binary form has."""
-    return f"{value:.10g}"
 
 
 def words_of(member: IntEnum) -> str:

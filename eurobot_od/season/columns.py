@@ -242,7 +242,8 @@ class _Field:
 
         def divided(raws: pl.Series) -> pl.Series:
             # By Arrow: Polars multiplies by 1 / 10, and 3 steps of 0.1 would be 0.30000000000000004.
-            return pl.Series(raws.name, pc.divide(raws.to_arrow(), self.kind.per_unit))
+            scale = self.kind.scale
+            return pl.Series(raws.name, pc.add(pc.divide(raws.to_arrow(), 1 / scale.factor), float(scale.offset)))
 
         return self.number().cast(pl.Float64).map_batches(divided, return_dtype=pl.Float64)
 
@@ -266,6 +267,8 @@ class _Field:
             # By Arrow, which looks at the same bits as another type; a cast would convert the number.
             return pl.Series(raws.name, raws.to_arrow().cast(integer).view(real))
 
+        if not self.kind.scale.is_raw:
+            return self.read(pl.Float64)
         return self.raw.map_batches(seen_as, return_dtype=type_)
 
     def read(self, type_: type[pl.DataType]) -> pl.Expr:

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple, TypeAlias
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, sdo_channels
-from eurobot_od.od.objects import data_type
+from eurobot_od.od.objects import data_type, measured, physical
 from eurobot_od.od.standard import LSS_IDENTITY, Lss, LssState
+from eurobot_od.od.units import RAW, scale_of
 from eurobot_od.od.values import ALL_NODES, Address, Value
 from eurobot_od.od.values import text as time_text
 from eurobot_od.od.words import with_words, words
@@ -45,8 +46,10 @@ def value_words(dictionary: Dictionary | None, address: Address, octets: bytes) 
     """Write a value by its object's type; as bytes if that is not known, or has another length."""
     value = value_of(dictionary, address, octets)
     variable = dictionary.variable(address) if dictionary and value is not octets else None
-    said = words(variable, value) if variable else ""
-    return with_words(value.hex(" ") if isinstance(value, bytes) else str(value), said)
+    if variable is None or isinstance(value, bytes):
+        return value.hex(" ") if isinstance(value, bytes) else str(value)
+    is_scaled = isinstance(value, (int, float)) and scale_of(variable) != RAW
+    return with_words(measured(variable, value) if is_scaled else str(value), words(variable, value))
 
 
 READ, WRITE = "read", "write"
@@ -304,6 +307,9 @@ def content_fields(dictionary: Dictionary | None, address: Address, octets: byte
     """Return an object's content as data, and its value if that is known and something else than bytes."""
     value = value_of(dictionary, address, octets)
     known: Fields = {} if isinstance(value, bytes) else {"value": value}
+    variable = dictionary.variable(address) if dictionary and isinstance(value, (int, float)) else None
+    if variable is not None and (unit := scale_of(variable).unit):
+        known = {"value": physical(variable, value), "unit": unit}
     return known | {"content": octets, "size": len(octets)}
 
 

@@ -376,7 +376,7 @@ def _described(thing: ODVariable) -> dict[str, Any]:
     known = {"object": label(address), "name": thing.qualname, "type": type_.name, "access": thing.access_type}
     is_limited = limits is not None and (thing.min, thing.max) != (None, None)  # those of the type tell nothing new
     low, high = limits if limits and is_limited else (None, None)
-    default = "" if thing.default is None else objects.written(thing, thing.default)
+    default = "" if thing.default is None else objects.measured(thing, thing.default)
     use = {"long": type_ == DOMAIN, "plots": limits is not None, "moves": moves(address)}
     return known | {"low": low, "high": high, "default": default} | use
 

@@ -499,7 +499,7 @@ def test_compare_decodes_by_the_mapping_in_force(tmp_path: Path, capsys: pytest.
     logs = [str(tmp_path / name) for name in ("one.log", "two.log")]
     for filters in ([], ["--message", "servo.TPDO1"]):  # the filter is for what is compared, not for what is learned
         out = run(capsys, "compare", *logs, "--eds", "5=docs/servo.eds", *filters).out
-        assert "changed  servo.TPDO1                   velocity_actual_value = 1000 -> 1001\n" in out
+        assert "changed  servo.TPDO1                   velocity_actual_value = 1000 rpm -> 1001 rpm\n" in out
         assert "11 and 11 frames: 1 changed" in out or filters
 
 

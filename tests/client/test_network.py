@@ -119,7 +119,7 @@ def test_a_value_is_written_as_a_number_or_as_a_person_writes_it(value: object, 
 def test_a_factor_is_between_value_and_raw() -> None:
     with servo(given={"Supply temperature": -40}) as network:
         temperature = network[5]["Supply temperature"]
-        assert (temperature.value, temperature.raw, temperature.text) == (-4.0, -40, "-4.0 degC")
+        assert (temperature.value, temperature.raw, temperature.text) == (-4.0, -40, "-4 degC")
         temperature = network[5]["Brake delay"]
         temperature.od.factor = 0.001
         temperature.value = 0.25

@@ -25,7 +25,7 @@ from eurobot_od.traffic.meaning import Decoder, Meaning
 from tests.rows import rows
 
 SERVO = Dictionary.load(Path("docs/servo.eds"), 1)
-VELOCITY = "velocity_actual_value=1000"
+VELOCITY = "velocity_actual_value=1000 rpm"
 
 OFF, NONE = "601#2300180181010080 581#6000180100000000", "601#2F001A0000000000 581#60001A0000000000"
 MAPPED = (

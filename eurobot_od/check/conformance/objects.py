@@ -152,7 +152,7 @@ def _default(each: ODVariable) -> Steps:
         return  # of the identity [DeviceInfo] may say it better
     default = default_of(each)
     if isinstance(default, int) and data_type(each).is_integer and in_limits(each, default):
-        yield step.read(title(each), address_of(each), expect=int(default))
+        yield step.read(title(each), address_of(each), expect=step.raw(each, int(default)))
     elif len(content) <= 200:  # a file within the file is compared nowhere
         yield step.read(title(each), address_of(each), data=content.hex(" ").upper())
 
@@ -256,7 +256,8 @@ def _outside(each: ODVariable) -> Steps:
         # A value that its type cannot carry would be refused by our own encoding, and never get to the device.
         if type_.low <= value <= type_.high:
             refused = codes(code, AbortCode.VALUE, AbortCode.GENERAL)
-            written = step.write(f"{value} is {what}", address_of(each), value=value, abort=refused)
+            raw = step.raw(each, int(value))
+            written = step.write(f"{value} is {what}", address_of(each), value=raw, abort=refused)
             yield step.asking(asked, written)
 
 
@@ -275,6 +276,7 @@ def _other_values(subject: Subject) -> Steps:
         present = default if isinstance(default, int) else 0
         other = next((value for value in (present + 1, present - 1) if in_limits(each, value)), None)
         if data_type(each).is_integer and other is not None:
-            written = step.write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))
-            seen = step.read("and read again", address_of(each), expect=other)
+            raw = step.raw(each, other)
+            written = step.write(f"{other} is written", address_of(each), value=raw, optional=codes(*BUSY))
+            seen = step.read("and read again", address_of(each), expect=raw)
             yield step.keeping(f"{title(each)}: another value", each, written, seen)

@@ -67,6 +67,11 @@ class TestedDrive(Subject):
         """The modes of operation that the file says it has."""
         return cia402.supported(self.number((cia402.SUPPORTED_MODES, 0)))
 
+    def raw(self, index: int, value: int) -> int | str:
+        """Return how a step writes a raw value of an object."""
+        variable = self.dictionary.variable((index, 0))
+        return value if variable is None else step.raw(variable, value)
+
 
 DRIVE: Chapter[TestedDrive] = Chapter("cia402", "drive", standard=402)
 """The suite, in the order of this file: what gives no torque comes first."""
@@ -249,18 +254,20 @@ def _position(drive: TestedDrive) -> Steps:
     # A window of all bits is switched off (CiA 402-2, clause 12.3.4), and one as wide as the way would see nothing.
     near = max(distance // 50, window if window < distance else 0, 1)
     yield step.read("where it is", (cia402.POSITION, 0), save="start")
-    yield step.write(f"velocity {velocity}", (cia402.PROFILE_VELOCITY, 0), value=velocity)
+    at = cia402.PROFILE_VELOCITY
+    yield step.write(f"velocity {velocity}", (at, 0), value=drive.raw(at, velocity))
     yield from _mode(drive, Mode.PROFILE_POSITION)
     yield from _moved(drive, distance)
     yield from _moved(drive, -distance)
-    yield step.read("it is back", (cia402.POSITION, 0), expect=f"{{start}} +- {near}")
+    back = f"{{start}} +- {drive.raw(cia402.POSITION, near)}"
+    yield step.read("it is back", (cia402.POSITION, 0), expect=back)
     yield from _off(drive)
 
 
 def _moved(drive: TestedDrive, distance: int) -> Steps:
     enable, reached = DriveCommand.ENABLE.bits, cia402.TARGET_REACHED | cia402.BIT_12
     bits = enable | cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE
-    yield step.write(f"by {distance}", (cia402.TARGET_POSITION, 0), value=distance)
+    yield step.write(f"by {distance}", (cia402.TARGET_POSITION, 0), value=drive.raw(cia402.TARGET_POSITION, distance))
     yield _command(bits, "new set-point, relative")
     yield _until(drive, "set-point acknowledged", cia402.BIT_12, cia402.BIT_12)
     yield _command(enable, "no new set-point")
@@ -274,15 +281,15 @@ TURNS = [_has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY)]
 @Clause(DRIVE, "14.1", "Profile velocity", Tier.MOTION, group="up, and quick stop", needs=TURNS)
 def _velocity(drive: TestedDrive) -> Steps:
     velocity, target = drive.motion.velocity, (cia402.TARGET_VELOCITY, 0)
-    near = max(velocity // 20, 1)
+    within = drive.raw(cia402.VELOCITY, max(velocity // 20, 1))
     yield step.write("velocity 0", target, value=0)
     yield from _mode(drive, Mode.PROFILE_VELOCITY)
-    yield step.write(f"velocity {velocity}", target, value=velocity)
+    yield step.write(f"velocity {velocity}", target, value=drive.raw(target[0], velocity))
     yield _until(drive, "target reached", cia402.TARGET_REACHED, cia402.TARGET_REACHED, MOVED)
-    yield step.read("it turns", (cia402.VELOCITY, 0), expect=f"{velocity} +- {near}")
+    yield step.read("it turns", (cia402.VELOCITY, 0), expect=f"{drive.raw(cia402.VELOCITY, velocity)} +- {within}")
     yield _commanded(DriveCommand.QUICK_STOP)
     yield {"name": "it stops", "wait": "1 s"}
-    yield step.read("it stands", (cia402.VELOCITY, 0), expect=f"0 +- {near}")
+    yield step.read("it stands", (cia402.VELOCITY, 0), expect=f"0 +- {within}")
     yield step.write("velocity 0", target, value=0)
     yield from _off(drive)
 

@@ -7,7 +7,8 @@ from typing import Any, TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.od.objects import address_of, data_type
+from eurobot_od.od.objects import RAW_VALUE, address_of, data_type
+from eurobot_od.od.units import scale_of
 from eurobot_od.od.values import RESTRICTED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
@@ -70,6 +71,11 @@ def read(name: str, address: Address, **more: object) -> Data:
 def write(name: str, address: Address, **more: object) -> Data:
     """Write an object."""
     return {"name": name, "sdo": {"write": label(address), **more}}
+
+
+def raw(variable: ODVariable, value: int) -> int | str:
+    """Return how a step writes a raw value of an object, which others take for a physical one."""
+    return value if scale_of(variable).is_raw else f"{RAW_VALUE}{value}"
 
 
 def codes(*aborts: AbortCode) -> list[str]:
