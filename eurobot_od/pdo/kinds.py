@@ -511,6 +511,12 @@ def kinds(message_type: type[Message]) -> Mapping[str, Kind]:
     return {name: hints[name].__metadata__[0] for name in message_type._fields}
 
 
+@cache
+def units(message_type: type[Message]) -> Mapping[str, str]:
+    """Return the unit of every field of a message type that has one."""
+    return {name: kind.unit for name, kind in kinds(message_type).items() if kind.unit}
+
+
 def is_flagged(message: Message) -> bool:
     """Tell whether any value of a received message is out of range."""
     return OutOfRange in map(type, message)

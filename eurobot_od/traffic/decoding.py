@@ -23,7 +23,7 @@ from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_I
 from eurobot_od.pdo import in_force
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.in_force import InForce
-from eurobot_od.pdo.kinds import plain
+from eurobot_od.pdo.kinds import plain, units
 from eurobot_od.sdo.wire import Initiate
 from eurobot_od.support.texts import cell, one_line
 from eurobot_od.traffic import formats
@@ -178,7 +178,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 class JsonOutput(Output):
-    """One JSON object a line; fields as numbers, null (unknown), or the words that a person writes."""
+    """One JSON object a line; fields as numbers, null (unknown), or the words that a person writes, and their units."""
 
     def row(self, meaning: Meaning) -> str:
         data: dict[str, Any] = _identification(meaning)
@@ -186,6 +186,8 @@ class JsonOutput(Output):
             data["text"] = meaning.text
         if meaning.message is not None or meaning.fields:
             data["fields"] = _fields(meaning)
+        if meaning.message is not None and (own := units(type(meaning.message))):
+            data["units"] = own
         if meaning.defects:
             data["damage"] = [{"kind": each.damage.value, "text": each.text} for each in meaning.defects]
         return _json(data)[1:]  # the writer opens the object with the place and the time
@@ -217,21 +219,30 @@ def _json(data: Any) -> str:
     return text if text.isprintable() else json.dumps(data)
 
 
+UNITS = "units"
+"""The last column of CSV."""
+
 FRAME = ("id", "data", "message", "protocol")
 """What of a frame is in a column of CSV; of a remote frame the text says that it is one."""
 
 
 class CsvOutput(Output):
-    """Comma-separated values, one column for each of the `fields` that any message or service has; unknown is empty."""
+    """Comma-separated values, a column for each of the `fields` that any message or service has; unknown is empty.
+
+    The column `units` has those of a message's fields: `x=mm angle=deg`.
+    """
 
     def __init__(self, fields: Iterable[str]) -> None:
         self._fields = tuple(dict.fromkeys((*fields, *SERVICE_FIELDS)))
-        self.header = ",".join(("log", "line", "timestamp", "channel", *FRAME, "text", "damage", *self._fields)) + "\n"
+        names = "log", "line", "timestamp", "channel", *FRAME, "text", "damage", *self._fields, UNITS
+        self.header = f"{','.join(names)}\n"
 
     def row(self, meaning: Meaning) -> str:
         known, fields = _identification(meaning), _fields(meaning)
         head = [known.get(key, "") for key in FRAME]
-        return _joined([*head, meaning.text, wrong(meaning), *(fields.get(field, "") for field in self._fields)])
+        own = units(type(meaning.message)) if meaning.message is not None else {}
+        said = [fields.get(field, "") for field in self._fields]
+        return _joined([*head, meaning.text, wrong(meaning), *said, " ".join(f"{k}={v}" for k, v in own.items())])
 
     def line_writer(self, log: str) -> WriteLine:
         start, quoted = _joined([log]), lru_cache(lambda channel: _joined([channel]))

@@ -210,4 +210,4 @@ def test_devices_without_files_are_asked_for_their_pdos() -> None:
         decoder = Devices(robot_name="none").asking_decoder(BusOptions(interface="virtual", channel=channel))
     meaning = decoder(Frame(0x182, bytes.fromhex("3702E8030000")))
     assert (meaning.name, meaning.text[:14]) == ("node 2.TPDO1", "statusword=567")
-    assert meaning.text.endswith("velocity_actual_value=1000 rpm")
+    assert meaning.text.endswith("velocity_actual_value=1000")

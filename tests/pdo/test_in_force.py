@@ -25,7 +25,8 @@ from eurobot_od.traffic.meaning import Decoder, Meaning
 from tests.rows import rows
 
 SERVO = Dictionary.load(Path("docs/servo.eds"), 1)
-VELOCITY = "velocity_actual_value=1000 rpm"
+WITHOUT_A_FILE = "velocity_actual_value=1000"
+VELOCITY = f"{WITHOUT_A_FILE} rpm"
 
 OFF, NONE = "601#2300180181010080 581#6000180100000000", "601#2F001A0000000000 581#60001A0000000000"
 MAPPED = (
@@ -117,7 +118,7 @@ def test_emcy_and_sync_move_with_their_objects() -> None:
 
 
 def test_without_a_file_fields_have_the_profiles_names_or_their_index() -> None:
-    assert decoded(f"{REMAP} {FRAME}")[-1].text == f"{VELOCITY}, statusword=567"
+    assert decoded(f"{REMAP} {FRAME}")[-1].text == f"{WITHOUT_A_FILE}, statusword=567"
     own = REMAP.replace("0120006C60", "0120012021")  # 0x2120:01
     last = decoded(f"{own} {FRAME}")[-1]
     assert (last.name, last.text) == ("node 1.TPDO1", "field_0x2120_01=1000, statusword=567")
@@ -184,9 +185,9 @@ def test_what_a_device_without_a_file_was_asked_for_stays_known() -> None:
     frames += [frames[0], Frame(0x701, b"\0"), frames[0], Frame(0x091, bytes(8))]
     meanings = [following(0, "a", each) for each in frames]
     first, again, after_a_start, emcy = meanings[0], meanings[-4], meanings[-2], meanings[-1]
-    assert (first.name, first.text) == ("node 1.TPDO1", VELOCITY)
+    assert (first.name, first.text) == ("node 1.TPDO1", WITHOUT_A_FILE)
     assert again[1:3] == after_a_start[1:3] == first[1:3]
-    assert again.text == after_a_start.text == VELOCITY
+    assert again.text == after_a_start.text == WITHOUT_A_FILE
     assert emcy.name == "EMCY"
 
 

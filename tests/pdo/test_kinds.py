@@ -275,7 +275,6 @@ def test_parses_what_it_writes_for_a_person(kind: Kind, meaning: Any) -> None:
         ((-1, 1500), 1, Reading),  # -1 would be both
         ((0, 3000), 1, Reading),
         ((0, 1500), 0, None),
-        ((0, 1500), -0.1, None),
     ],
 )
 def test_a_quantity_whose_values_would_mean_two_things_is_refused(within: Any, step: float, codes: Any) -> None:
