@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from eurobot_od.errors import LocalError
-from eurobot_od.od.units import Scale
+from eurobot_od.od.units import UnitScale
 from eurobot_od.od.values import Limits, label
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import Run, merged
@@ -46,7 +46,7 @@ class DescribedField(NamedTuple):
     numeral: Numeral
     limits: Limits
     unit: str
-    scale: Scale
+    scale: UnitScale
     allowed: str
     named: Mapping[int, str]
     places: Sequence[int]

@@ -16,7 +16,7 @@ from zlib import crc32
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.od import values
-from eurobot_od.od.units import RAW, Scale, digits, scale_of
+from eurobot_od.od.units import RAW, UnitScale, digits, scale_of
 from eurobot_od.od.values import DATA_TYPES, DOMAIN, REALS, Address, DataType, Value
 from eurobot_od.support.texts import amount
 
@@ -292,7 +292,7 @@ def parse(variable: ODVariable, text: str) -> Value:
         raise not_allowed(variable, text, f"{form.allowed}{f' in {scale.unit}' if scale.unit else ''}") from None
 
 
-def _raw_of(variable: ODVariable, scale: Scale, text: str) -> Value:
+def _raw_of(variable: ODVariable, scale: UnitScale, text: str) -> Value:
     """Return the raw value of a physical one, rounded to what the type can hold; raises ValueError, OverflowError."""
     if scale.is_raw:
         return form_of(variable).parse(text)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 
-class Scale:
+class UnitScale:
     """Turns raw values into physical ones, `raw * factor + offset` in a `unit`, and back."""
 
     def __init__(self, unit: str = "", factor: float = 1, offset: float = 0) -> None:
@@ -26,10 +26,10 @@ class Scale:
         self.unit, self.factor, self.offset = unit, factor if is_usable else 1, offset if is_usable else 0
 
     def __repr__(self) -> str:
-        return f"Scale({self.unit!r}, {self.factor!r}, {self.offset!r})"
+        return f"UnitScale({self.unit!r}, {self.factor!r}, {self.offset!r})"
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Scale) and vars(self) == vars(other)
+        return isinstance(other, UnitScale) and self.parts == other.parts
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -64,7 +64,7 @@ class Scale:
         return self.unit if self.factor == 1 else f"{digits(self.factor)} {self.unit}".rstrip()
 
 
-RAW = Scale()
+RAW = UnitScale()
 """The scale of what nobody has given a unit."""
 
 
@@ -73,11 +73,11 @@ def digits(value: float) -> str:
     return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def scale_of(variable: ODVariable) -> Scale:
+def scale_of(variable: ODVariable) -> UnitScale:
     """Return the scale of an object: what its file says, or else what CiA 402's objects say of a drive's."""
     offset: float = getattr(variable, "offset", 0)
     if variable.unit or variable.factor != 1 or offset:
-        return Scale(variable.unit, variable.factor, offset)
+        return UnitScale(variable.unit, variable.factor, offset)
     objects = objects_of(variable)
     return _of_drive(objects, variable.index) if objects is not None else RAW
 
@@ -111,7 +111,7 @@ PREFIXED = ("m", "s", "rad")
 """Units that are used with a prefix; with others the power of ten becomes the factor."""
 
 
-def si_scale(code: int) -> Scale:
+def si_scale(code: int) -> UnitScale:
     """Return the scale that an SI unit of CiA 402 says: prefix, numerator and denominator in its three upper bytes."""
     power, over, under = int.from_bytes([code >> 24 & 0xFF], signed=True), code >> 16 & 0xFF, code >> 8 & 0xFF
     if over not in SI_UNITS or under not in (0, *SI_UNITS):
@@ -119,10 +119,10 @@ def si_scale(code: int) -> Scale:
     unit, per = SI_UNITS[over], SI_UNITS.get(under, "")
     is_prefixed = unit in PREFIXED and power in SI_PREFIXES
     unit = f"{SI_PREFIXES[power]}{unit}" if is_prefixed else unit
-    return Scale(RPM.get((unit, per), f"{unit}/{per}".rstrip("/")), 1 if is_prefixed else 10.0**power)
+    return UnitScale(RPM.get((unit, per), f"{unit}/{per}".rstrip("/")), 1 if is_prefixed else 10.0**power)
 
 
-def _of_drive(objects: ObjectDictionary, index: int) -> Scale:
+def _of_drive(objects: ObjectDictionary, index: int) -> UnitScale:
     on_first = cia402.on_first_axis(index)
     if on_first not in POSITIONS and on_first not in VELOCITIES:
         return RAW
@@ -133,7 +133,7 @@ def _of_drive(objects: ObjectDictionary, index: int) -> Scale:
     return si_scale(code) if code else _of_feed(objects, axis)
 
 
-def _of_feed(objects: ObjectDictionary, axis: int) -> Scale:
+def _of_feed(objects: ObjectDictionary, axis: int) -> UnitScale:
     """Return what a position unit is of a turn, where 0x6092 says how many there are in one.
 
     They are turns of the driving shaft, or of the motor where 0x6091 has a gear between the two (CiA 402-2).
@@ -142,7 +142,7 @@ def _of_feed(objects: ObjectDictionary, axis: int) -> Scale:
     motor, shaft = (_number(objects, cia402.GEAR_RATIO + axis, sub) or 1 for sub in (1, 2))
     if feed <= 1 or turns < 1:  # 1 is what a file has if nobody has set one
         return RAW
-    return Scale("rev" if motor == shaft else "motor rev", turns * motor / (feed * shaft))
+    return UnitScale("rev" if motor == shaft else "motor rev", turns * motor / (feed * shaft))
 
 
 def _number(objects: ObjectDictionary, index: int, sub: int = 0) -> int:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlia
 
 from eurobot_od.od import values
 from eurobot_od.od.objects import RAW_VALUE
-from eurobot_od.od.units import RAW, Scale, digits, scale_of
+from eurobot_od.od.units import RAW, UnitScale, digits, scale_of
 from eurobot_od.od.values import DataType, Limits, typed_number, typed_real
 from eurobot_od.od.words import meaning_of, with_words, words
 
@@ -70,7 +70,7 @@ WHOLE = {"mm": "millimetres", "deg": "degrees"}
 class Kind:
     """A plain number in `unit`; raw value and meaning are the same, the EDS limits are the range."""
 
-    scale: Scale
+    scale: UnitScale
     """What one step of the raw value is, in the unit."""
 
     modulus: int | None = None
@@ -92,7 +92,7 @@ class Kind:
     """What the values are in a column: the raw values in `numbers`, all raw BITS, or what the form says."""
 
     def __init__(self, unit: str = "") -> None:
-        self.unit, self.scale = unit, Scale(unit)
+        self.unit, self.scale = unit, UnitScale(unit)
 
     def read(self, raw: int, limits: Limits) -> Any:
         """Return the meaning of a raw value, or OutOfRange."""
@@ -183,7 +183,7 @@ class Quantity(Kind):
         super().__init__(unit)
         if not step or not isfinite(step):
             raise ValueError(f"a step of {step}")
-        self.scale = Scale(unit, step, offset)
+        self.scale = UnitScale(unit, step, offset)
         self.column_form = ColumnForm.NUMBER if self.scale.is_raw else ColumnForm.SCALED  # type: ignore[misc]
         self._within = within and Limits(*sorted(round(self.scale.raw(each)) for each in within))
         self._codes: dict[int, IntEnum] = {each.value: each for each in codes or ()}
@@ -285,7 +285,7 @@ class Worded(Quantity):
     says_more = True
 
     def __init__(
-        self, says: Callable[[int], str], codes: Mapping[int, str] = MappingProxyType({}), scale: Scale = RAW
+        self, says: Callable[[int], str], codes: Mapping[int, str] = MappingProxyType({}), scale: UnitScale = RAW
     ) -> None:
         super().__init__(scale.unit, scale.factor, offset=scale.offset)
         self._says, self._words = says, codes
@@ -350,7 +350,7 @@ class Real(Kind):
 
     def __init__(self, type_: DataType, unit: str = "", factor: float = 1, offset: float = 0) -> None:
         super().__init__(unit)
-        self.type, self.scale = type_, Scale(unit, factor, offset)
+        self.type, self.scale = type_, UnitScale(unit, factor, offset)
 
     def read(self, raw: int, limits: Limits) -> Any:
         return self.scale.physical(self.type.read(raw.to_bytes(self.type.size, "little")))  # type: ignore[arg-type]
@@ -434,7 +434,7 @@ class Octets(Text):
 NO_LIMITS = Limits(0, 0)
 """For a kind that looks at none."""
 
-_OF_TYPE: Mapping[DataType, Callable[[int, Scale], Kind]] = {
+_OF_TYPE: Mapping[DataType, Callable[[int, UnitScale], Kind]] = {
     values.BOOLEAN: lambda *_: Boolean(),
     values.REAL32: lambda _, scale: Real(values.REAL32, *scale.parts),
     values.REAL64: lambda _, scale: Real(values.REAL64, *scale.parts),

@@ -16,14 +16,14 @@ from eurobot_od.od import objects as od
 from eurobot_od.od import words
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.patches import read_patch
-from eurobot_od.od.units import RAW, Scale, scale_of, si_scale
+from eurobot_od.od.units import RAW, UnitScale, scale_of, si_scale
 from eurobot_od.pdo.kinds import NOTHING, describe, plain, units
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.traffic.services import content_fields, value_words
 
 DOCS = Path(__file__).parents[2] / "docs"
 MOTOR = DOCS / "motor.eds"
-CELSIUS = Scale("degC", 0.1, -40)
+CELSIUS = UnitScale("degC", 0.1, -40)
 CURRENT = (0x2000, 2)
 
 
@@ -48,17 +48,17 @@ def current(dictionary: Dictionary) -> ODVariable:
     ("scale", "raw", "value", "text"),
     [
         (RAW, 215, 215, "215"),
-        (Scale("rpm"), 215, 215, "215 rpm"),
-        (Scale("degC", 0.1), 215, 21.5, "21.5 degC"),
-        (Scale("degC", 0.1), 3, 0.3, "0.3 degC"),  # not 0.30000000000000004
+        (UnitScale("rpm"), 215, 215, "215 rpm"),
+        (UnitScale("degC", 0.1), 215, 21.5, "21.5 degC"),
+        (UnitScale("degC", 0.1), 3, 0.3, "0.3 degC"),  # not 0.30000000000000004
         (CELSIUS, 215, -18.5, "-18.5 degC"),
-        (Scale("%", -0.5), 3, -1.5, "-1.5 %"),
-        (Scale("", 1000), 3, 3000, "3000"),
-        (Scale("V", 0), 3, 3, "3 V"),  # a factor that cannot be is none
-        (Scale("V", nan), 3, 3, "3 V"),
+        (UnitScale("%", -0.5), 3, -1.5, "-1.5 %"),
+        (UnitScale("", 1000), 3, 3000, "3000"),
+        (UnitScale("V", 0), 3, 3, "3 V"),  # a factor that cannot be is none
+        (UnitScale("V", nan), 3, 3, "3 V"),
     ],
 )
-def test_a_raw_value_is_a_physical_one(scale: Scale, raw: int, value: float, text: str) -> None:
+def test_a_raw_value_is_a_physical_one(scale: UnitScale, raw: int, value: float, text: str) -> None:
     assert (scale.physical(raw), scale.text(raw), round(scale.raw(value))) == (value, text, raw)
 
 
@@ -71,11 +71,11 @@ def test_a_raw_value_is_a_physical_one(scale: Scale, raw: int, value: float, tex
         ("", RAW),
         ("Unit=degC\nFactor=0.1\nOffset=-40\n", CELSIUS),
         ("unit=degC\nFACTOR=0,1\noffset=-40.0\n", CELSIUS),  # other letters, a decimal comma
-        ("Unit=A\n", Scale("A")),
+        ("Unit=A\n", UnitScale("A")),
         ("Factor=any\n", RAW),
     ],
 )
-def test_a_file_has_unit_factor_and_offset(tmp_path: Path, entries: str, scale: Scale) -> None:
+def test_a_file_has_unit_factor_and_offset(tmp_path: Path, entries: str, scale: UnitScale) -> None:
     assert scale_of(current(motor(tmp_path, entries))) == scale
 
 
@@ -121,16 +121,16 @@ def test_an_xdd_has_them(tmp_path: Path, attributes: str, unit: str) -> None:
     ("code", "scale", "why"),
     [
         (0x00000000, RAW, "not set"),
-        (0x00B44700, Scale("rpm"), "revolutions per minute"),
-        (0xFDB44700, Scale("rpm", 0.001), "milli"),
-        (0xFD010000, Scale("mm"), "a prefix that people use"),
-        (0xFA010300, Scale("um/s"), "... of a fraction"),
-        (0xFF410000, Scale("deg", 0.1), "tenths of a degree"),
-        (0x00B50000, Scale("inc"), "increments"),
+        (0x00B44700, UnitScale("rpm"), "revolutions per minute"),
+        (0xFDB44700, UnitScale("rpm", 0.001), "milli"),
+        (0xFD010000, UnitScale("mm"), "a prefix that people use"),
+        (0xFA010300, UnitScale("um/s"), "... of a fraction"),
+        (0xFF410000, UnitScale("deg", 0.1), "tenths of a degree"),
+        (0x00B50000, UnitScale("inc"), "increments"),
         (0x00770000, RAW, "a unit that nobody knows"),
     ],
 )
-def test_an_si_unit_of_a_drive(code: int, scale: Scale, why: str) -> None:
+def test_an_si_unit_of_a_drive(code: int, scale: UnitScale, why: str) -> None:
     assert si_scale(code) == scale, why
 
 
@@ -154,14 +154,14 @@ def drive(tmp_path: Path, **defaults: str) -> Dictionary:
 @pytest.mark.parametrize(
     ("defaults", "position"),
     [
-        ({"x60A8": "0xFF410000"}, Scale("deg", 0.1)),
-        ({"x6092_1": "3600", "x6092_2": "1"}, Scale("rev", 1 / 3600)),
-        ({"x6092_1": "3600", "x6092_2": "1", "x6091_1": "10", "x6091_2": "1"}, Scale("motor rev", 10 / 3600)),
+        ({"x60A8": "0xFF410000"}, UnitScale("deg", 0.1)),
+        ({"x6092_1": "3600", "x6092_2": "1"}, UnitScale("rev", 1 / 3600)),
+        ({"x6092_1": "3600", "x6092_2": "1", "x6091_1": "10", "x6091_2": "1"}, UnitScale("motor rev", 10 / 3600)),
         ({"x6092_1": "1", "x6092_2": "1"}, RAW),  # nobody has set it
-        ({"x60A8": "0xFF410000", "x6092_1": "3600", "x6092_2": "1"}, Scale("deg", 0.1)),
+        ({"x60A8": "0xFF410000", "x6092_1": "3600", "x6092_2": "1"}, UnitScale("deg", 0.1)),
     ],
 )
-def test_a_drive_says_its_unit_of_position(tmp_path: Path, defaults: dict[str, str], position: Scale) -> None:
+def test_a_drive_says_its_unit_of_position(tmp_path: Path, defaults: dict[str, str], position: UnitScale) -> None:
     variable = drive(tmp_path, **defaults).variable((0x6064, 0))
     if variable is None:
         pytest.skip("the servo has no position")
