@@ -7,6 +7,7 @@ configured name, and the Origin, which a page cannot forge, must be this page.
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
@@ -16,9 +17,12 @@ from typing import Any, NamedTuple, Self
 from eurobot_od.support.connections import is_token
 
 TOKEN = "token"
-"""Name of the token in the first address, and of the cookie that keeps it."""
+"""Name of the token in the first address; the cookie that keeps it has the port behind it."""
 
 LOCAL_NAME = "localhost"
+
+HOST = re.compile(r"(?P<name>[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(?::[0-9]{1,5})?")
+"""A Host header: a name or an address, in brackets if it is one of IPv6 and without a zone, and a port (RFC 3986)."""
 
 EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
 """The name to print for a server that listens at all addresses."""
@@ -55,9 +59,10 @@ class AccessRules(NamedTuple):
         A websocket (`upgrade`) needs an Origin: browsers always send it.
         """
         host, origin = headers.get("Host", ""), headers.get("Origin")
-        name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
+        named = HOST.fullmatch(host)
+        name = named["name"].lower() if named else ""
         # Any address will do: another page's host name can be made to resolve to this machine, an address cannot.
-        if name.lower() not in (LOCAL_NAME, self.host.lower()) and not _is_address(name.strip("[]")):
+        if not name or (name not in (LOCAL_NAME, self.host.lower()) and not _is_address(name.strip("[]"))):
             return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
         if origin != f"http://{host}" and (upgrade or origin is not None):
             return Denial(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")

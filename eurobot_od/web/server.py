@@ -6,17 +6,19 @@ Rule of this file: a browser is sent only what it has room for. Nothing in here 
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager, closing, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from aiohttp import WSMsgType, web
 
 from eurobot_od.errors import LocalError
 from eurobot_od.web.access import TOKEN, AccessRules
+from eurobot_od.web.connections import LONGEST_SILENCE, Connections
 from eurobot_od.web.page import NOTHING, policy_of
 from eurobot_od.web.requests import Requests
 
@@ -33,6 +35,13 @@ MOST_PENDING = 32
 """Most requests of one browser that may be under way."""
 
 MOST_BROWSERS = 40
+
+LONGEST_BODY = 2.0
+"""Longest time for which the body of an HTTP request, which nobody reads, may still come, in s."""
+
+OUT_OF_DESCRIPTORS = (errno.EMFILE, errno.ENFILE)
+
+LOGGER = logging.getLogger(__name__)
 
 LONGEST_REQUEST = 1 << 16
 """Most bytes of a page's request, and of the body of an HTTP request, which is not read."""
@@ -65,15 +74,23 @@ async def served(page: str, access: AccessRules, port: int, requests: Requests |
     """
     logging.getLogger("aiohttp").addHandler(logging.NullHandler())  # its output may contain the token
     server = _Server(page, access, requests)
-    runner = web.AppRunner(server.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
+    runner = web.AppRunner(
+        server.application(),
+        access_log=None,
+        handle_signals=False,
+        shutdown_timeout=1.0,
+        keepalive_timeout=LONGEST_SILENCE,
+        lingering_time=LONGEST_BODY,
+    )
     await runner.setup()
     tasks = [asyncio.create_task(each) for each in server.tasks()]
     for task in tasks:
         task.add_done_callback(partial(_end_with, asyncio.current_task()))
     try:
         loop = asyncio.get_running_loop()
+        loop.set_exception_handler(_report_once())
         try:
-            listening = await loop.create_server(partial(_handler, runner), access.host, port)
+            listening = await loop.create_server(partial(_handler, runner, server.connections), access.host, port)
         except OSError as error:
             raise LocalError(f"cannot listen at {access.host}:{port}: {error.strerror}") from error
         with closing(listening):
@@ -92,6 +109,13 @@ class _Handler(web.RequestHandler):
     """A connection whose errors have our headers, too: what cannot be parsed as HTTP never reaches the application."""
 
     __slots__ = ()
+    connections: ClassVar[Connections]
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Enter the connection among those of the server."""
+        super().connection_made(transport)
+        assert isinstance(transport, asyncio.Transport)
+        self.connections.add(self, transport, asyncio.get_running_loop().time())
 
     def handle_error(self, *arguments: Any, **named: Any) -> web.StreamResponse:
         """Return aiohttp's answer to an error, with the headers of all others."""
@@ -100,12 +124,31 @@ class _Handler(web.RequestHandler):
         return answer
 
 
-def _handler(runner: web.AppRunner) -> web.RequestHandler:
+def _handler(runner: web.AppRunner, connections: Connections) -> web.RequestHandler:
     """Return what handles a new connection. aiohttp makes it, and has no way to say of which class."""
     assert runner.server is not None
     handler = runner.server()
-    handler.__class__ = _Handler
+    handler.__class__ = type(_Handler.__name__, (_Handler,), {"__slots__": (), "connections": connections})
     return handler
+
+
+def _report_once() -> Callable[[asyncio.AbstractEventLoop, dict[str, Any]], None]:
+    """Return a handler of the loop's errors that reports just once that connections cannot be accepted.
+
+    asyncio tries again each second, and would print a traceback for each connection that waits.
+    """
+    reported: set[int | None] = set()
+
+    def handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        number = error.errno if isinstance(error, OSError) else None
+        if number not in OUT_OF_DESCRIPTORS:
+            loop.default_exception_handler(context)
+        elif number not in reported:
+            reported.add(number)
+            LOGGER.warning("connections wait, as there are no more descriptors: %s", error)
+
+    return handle
 
 
 def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> None:
@@ -118,6 +161,7 @@ class _Server:
     def __init__(self, page: str, access: AccessRules, requests: Requests | None) -> None:
         self._page, self._access, self._requests = page, access, requests
         self._browsers: set[web.WebSocketResponse] = set()
+        self.connections = Connections()
 
     def application(self) -> web.Application:
         # The guard is asked before any handler, even about paths that do not exist.
@@ -142,22 +186,30 @@ class _Server:
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
         """Return the tasks that run all the time."""
         if self._requests is None:
-            return []
+            return [self._close_silent()]
         session = self._requests.session
 
         async def watch() -> None:  # whether or not a browser is connected
             while True:
                 await asyncio.sleep(0 if session.poll() else LOOK)
 
-        return [watch(), self._requests.poll(), self._requests.end_jogs(), self._requests.send_cyclic()]
+        requests = self._requests
+        return [self._close_silent(), watch(), requests.poll(), requests.end_jogs(), requests.send_cyclic()]
+
+    async def _close_silent(self) -> None:
+        while True:
+            await asyncio.sleep(1.0)
+            self.connections.close_silent(asyncio.get_running_loop().time())
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        shown = request.query.get(TOKEN) or request.cookies.get(TOKEN, "")
+        shown = request.query.get(TOKEN) or request.cookies.get(_cookie(request), "")
         refusal = self._access.refusal(request.headers, shown, upgrade=request.path == "/live")
-        if refusal is not None:
-            return web.Response(status=refusal.status, text=f"{refusal.why}\n")
-        return await handler(request)
+        clock = asyncio.get_running_loop().time
+        with self.connections.answering(request.protocol, clock, is_known=refusal is None):
+            if refusal is not None:
+                return web.Response(status=refusal.status, text=f"{refusal.why}\n")
+            return await handler(request)
 
     async def _show(self, request: web.Request) -> web.StreamResponse:
         if TOKEN not in request.query:
@@ -165,7 +217,7 @@ class _Server:
             return web.Response(text=self._page, content_type="text/html", headers=policy)
         # The browser keeps it where no script gets at it, and out of its address line and history.
         response = web.Response(status=303, headers={"Location": "/"})
-        response.set_cookie(TOKEN, self._access.token, httponly=True, samesite="Strict")
+        response.set_cookie(_cookie(request), self._access.token, httponly=True, samesite="Strict")
         return response
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
@@ -195,6 +247,12 @@ class _Server:
             feeding.cancel()
             await asyncio.gather(feeding, return_exceptions=True)
         return socket
+
+
+def _cookie(request: web.Request) -> str:
+    """Return the name of the cookie with the token; browsers keep one for all ports of a host."""
+    assert request.transport is not None
+    return f"{TOKEN}-{request.transport.get_extra_info('sockname')[1]}"
 
 
 class _Browser:

@@ -78,6 +78,9 @@ ASKED = {name.replace("_", "-"): value for name, value in UPGRADE.items()}
 ATTACKS: list[tuple[str, str, str, dict[str, str], int]] = [
     ("a name that points here", "GET", "/", {"Host": "evil.example"}, 403),
     ("no name", "GET", "/", {"Host": ""}, 403),
+    ("an address with a zone", "GET", "/", {"Host": "[fe80::1%25evil]"}, 403),
+    ("a name behind an address", "GET", "/", {"Host": "127.0.0.1@evil.example"}, 403),
+    ("an address without brackets", "GET", "/", {"Host": "::1"}, 403),
     ("a page elsewhere that reads", "GET", "/", {"Origin": "http://evil.example"}, 403),
     ("a page elsewhere that listens", "GET", "/live", {**UPGRADE, "Origin": "http://evil.example"}, 403),
     ("a page on another port", "GET", "/live", {**UPGRADE, "Origin": "http://127.0.0.1:1"}, 403),
@@ -113,20 +116,23 @@ def test_attacks(local: Served, what: str, method: str, path: str, headers: dict
         ("/", {"Cookie": "token=wrong"}, 401),
         ("/live", {**UPGRADE}, 401),
         (f"/?token={TOKEN}", {}, 303),
-        ("/", {"Cookie": f"token={TOKEN}"}, 200),
+        ("/", {"Cookie": f"token-{{port}}={TOKEN}"}, 200),
+        ("/", {"Cookie": f"token-1={TOKEN}"}, 401),  # of the page on another port of this host
         (f"/?token={TOKEN}", {"Host": "evil.example"}, 403),
     ],
 )
 def test_the_token(guarded: Served, path: str, headers: dict[str, str], status: int) -> None:
     if "Upgrade" in headers:
         headers = {**headers, "Origin": guarded.address.split("/?")[0]}
-    assert ask(guarded, path, **headers).status == status
+    port = str(urlsplit(guarded.address).port)
+    assert ask(guarded, path, **{name: text.replace("{port}", port) for name, text in headers.items()}).status == status
 
 
 def test_the_token_leaves_the_address_and_no_script_gets_at_it(guarded: Served) -> None:
     answer = ask(guarded, f"/?token={TOKEN}")
     assert answer.headers["Location"] == "/"
-    assert answer.headers["Set-Cookie"] == f"token={TOKEN}; HttpOnly; Path=/; SameSite=Strict"
+    cookie = f"token-{urlsplit(guarded.address).port}={TOKEN}"  # a browser keeps one for all ports of a host
+    assert answer.headers["Set-Cookie"] == f"{cookie}; HttpOnly; Path=/; SameSite=Strict"
 
 
 def test_the_token_is_in_no_log(
