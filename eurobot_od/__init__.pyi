@@ -16,14 +16,15 @@ from eurobot_od.client.streams import Emergency as Emergency
 from eurobot_od.client.streams import PdoReading as PdoReading
 from eurobot_od.client.streams import PdoValue as PdoValue
 from eurobot_od.client.watch import NodeEvent as NodeEvent
+from eurobot_od.controller import Controller as Controller
 from eurobot_od.device.profiles import SimulatedDrive as SimulatedDrive
 from eurobot_od.device.profiles import SimulatedModule as SimulatedModule
 from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
 from eurobot_od.frame import Frame as Frame
-from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
 from eurobot_od.od.dictionary import Dictionary as Dictionary
 from eurobot_od.pdo.protocol import Protocol as Protocol
 from eurobot_od.robot.facade import Robot as Robot
+from eurobot_od.robot.gatekeeper import Gatekeeper as Gatekeeper
 from eurobot_od.robot.match import rehearse as rehearse
 from eurobot_od.robot.match import rehearse_async as rehearse_async
 from eurobot_od.robot.model import messages as messages

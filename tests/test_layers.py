@@ -27,7 +27,7 @@ LAYERS = (
     {"support"},
     {"od"},
     {"pdo", "sdo", "lint"},
-    {"gatekeeper", "export", "library"},
+    {"controller", "export", "library"},
     {"device"},
     {"bus"},
     {"client"},
@@ -46,7 +46,7 @@ ROBOT = "robot"
 ROBOT_LAYERS = (
     {"dialects"},
     {"model"},
-    {"protocol"},
+    {"protocol", "gatekeeper"},
     {"nodes"},
     {"world", "faults"},
     {"scene"},

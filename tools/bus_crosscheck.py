@@ -30,9 +30,11 @@ from typing import NamedTuple
 from eurobot_od.bus import frame_bits
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.cli.load import of_robot
+from eurobot_od.controller import Reporter
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.robot.gatekeeper import Gatekeeper
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage, analysed
 
@@ -76,9 +78,10 @@ class Sender(Node):
         self._mailboxes, self._frames, self._released = mailboxes, frames, released
         self.dues: list[Due] = []
 
-    def setting(self, name: str) -> int:
+    def controller(self, report: Reporter | None, clock: Callable[[], float]) -> Gatekeeper:
         # no frame is dropped because it waits too long
-        return {"Transmit.Mailboxes": self._mailboxes, "Transmit.Mailbox wait": 10**9}.get(name, 0)
+        protocol = self.device.protocol
+        return Gatekeeper(protocol, mailboxes=self._mailboxes, mailbox_wait=math.inf, report=report, clock=clock)
 
     @property
     def next_wakeup(self) -> float:

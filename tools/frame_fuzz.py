@@ -30,11 +30,11 @@ from typing import NamedTuple
 
 from sdo_fuzz import IDLE, RandomClient, address_in
 
+from eurobot_od.controller import Event, Report
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.station import Station
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame
-from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID, Address
 from eurobot_od.robot import dialects
@@ -100,7 +100,7 @@ class Party:
 
     def _station(self, node: Node) -> Station:
         station = Station(node, report=self._note, clock=lambda: self.now)
-        station.gatekeeper.start()
+        station.controller.start()
         node.wake = partial(station.plan.at, -inf)
         return station
 
@@ -117,7 +117,7 @@ class Party:
     def hear(self, frame: Frame) -> None:
         """Give all nodes a frame that comes from somebody else."""
         for station in self._stations:
-            station.gatekeeper.receive(frame, self.now)
+            station.controller.receive(frame, self.now)
         self._carry()
 
     def run(self, until: float) -> None:
@@ -140,17 +140,15 @@ class Party:
 
     def _carry(self) -> None:
         """Bring what the nodes have sent to the others, the most urgent first, until nobody sends any more."""
-        while frames := [
-            (frame, each) for each in self._stations if (frame := each.gatekeeper.mailboxes.next(self.now))
-        ]:
+        while frames := [(frame, each) for each in self._stations if (frame := each.controller.queue.next(self.now))]:
             frame, sender = min(frames, key=lambda pair: pair[0].cob_id)
-            sender.gatekeeper.mailboxes.complete(frame)
+            sender.controller.queue.complete(frame)
             self.sent.append(Sent(self.now, frame))
             if not 0 <= frame.cob_id <= HIGHEST_IDENTIFIER or len(frame.data) > MOST_BYTES:
                 self.wrong.append(f"{self.now:.4f} s: sent {frame!r}, which is not a frame")
             for station in self._stations:
                 if station is not sender:
-                    station.gatekeeper.receive(frame, self.now)
+                    station.controller.receive(frame, self.now)
 
 
 @cache

@@ -54,9 +54,9 @@ from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.client.master import Master
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.od.standard import SIGNATURES, STORE
 from eurobot_od.robot import dialects
+from eurobot_od.robot.gatekeeper import Gatekeeper
 from eurobot_od.robot.model.messages import GotoConfirm, KalmanPositionRequest, KalmanPositionResponse, StopDrive
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.protocol import EurobotProtocol

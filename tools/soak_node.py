@@ -134,7 +134,7 @@ def run(name: str, interface: str, channel: str, folder: Path, broken: str = "")
     def take(frame: Frame, _: float) -> None:
         numbers.take(frame.data)
 
-    live.gatekeeper.add_node(lambda: (NUMBERED,), BROKEN[broken](take) if broken in BROKEN else take, "numbers")
+    live.controller.add_node(lambda: (NUMBERED,), BROKEN[broken](take) if broken in BROKEN else take, "numbers")
     with live:
         say("on the bus")
         if isinstance(node, Core):

@@ -207,7 +207,7 @@ def node(
     report = partial(print, flush=True)
     live = Live.node(bus.open(), made, opener=bus.reopener(no_reconnect), on_error=on_error, report=report)
     if one.verbose:
-        live.gatekeeper.add_frames(lambda: made.device.identifiers, partial(_show, made), "print")
+        live.controller.add_frames(lambda: made.device.identifiers, partial(_show, made), "print")
     return _run(live, made, scene, duration)
 
 
@@ -262,7 +262,7 @@ def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus
     status = None if scene is None else scene(live)
     if status is not None:
         return ExitStatus(status)
-    while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:
+    while (failure := live.failure or live.controller.report_failure) is None and live.clock() < end:
         time.sleep(0.1)  # the node runs in threads of its own; this is only how soon its end is noticed
     if failure is not None:
         raise failure

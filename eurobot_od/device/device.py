@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import NamedTuple
 
+from eurobot_od.controller import Stay
 from eurobot_od.device import broadcasts, nmt
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
 from eurobot_od.device.lss import Commissioning, LssSlave
@@ -19,7 +20,6 @@ from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.timers import Deadlines, Plan, caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Stay
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.objects import data_type
@@ -243,7 +243,7 @@ class Device:
         return self.pdos.protocol
 
     def stay(self, frame: Frame) -> Stay:
-        """Return how long a frame of this device waits for a mailbox."""
+        """Return how long a frame of this device waits to be sent."""
         if frame.cob_id == self.sdo_answers:
             return Stay.TRANSFER
         if frame.cob_id in self.pdos.always_sent:

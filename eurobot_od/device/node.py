@@ -13,6 +13,7 @@ from functools import partial
 from math import inf
 from typing import Any, ClassVar
 
+from eurobot_od.controller import Controller, Reporter
 from eurobot_od.device.bound import Application, BoundObject, names_of
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.lss import LssSlave
@@ -78,6 +79,10 @@ class Node:
         """Return a fingerprint by how messages are mapped now, whatever the file says (see `od.fingerprints`)."""
         found = [*fingerprints.in_force(self.device.dictionary, self.device.objects.value).values()]
         return fingerprints.of_all(found) if sub == fingerprints.OF_ALL else found[sub - fingerprints.FIRST]
+
+    def controller(self, report: Reporter | None, clock: Callable[[], float]) -> Controller:
+        """Return a CAN controller for the node, with the listeners and mailboxes of its kind; a hook for subclasses."""
+        return Controller(self.device.protocol, report=report, clock=clock)
 
     # From outside
 

@@ -1,7 +1,7 @@
-"""A node at its gatekeeper: received frames to the node, its frames to the mailboxes, and what happens when it fails.
+"""A node at its controller: received frames to the node, its frames to the queue, and what happens when it fails.
 
 There is no bus and no thread in here yet: `bus/live` and `bus/simulated` both drive stations. Whichever thread calls,
-the node's `guard` is held while the node works and until its frames are in the mailboxes, so that frames leave in the
+the node's `guard` is held while the node works and until its frames are in the queue, so that frames leave in the
 order in which the node made them.
 
 Several nodes may share one station's connection to the bus, as a group.
@@ -14,12 +14,11 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from enum import Enum
 from math import inf
-from typing import Any
 
+from eurobot_od.controller import Event, Report, Reporter, Stay
 from eurobot_od.device.node import Node
-from eurobot_od.errors import DictionaryError, NodeFailed
+from eurobot_od.errors import NodeFailed
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Event, Gatekeeper, Report, Stay
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.support.connections import Backoff
 
@@ -32,7 +31,7 @@ class OnError(Enum):
 
 
 class Station:
-    """One node with its own gatekeeper, to which more listeners may be added.
+    """One node with its own controller, to which more listeners may be added.
 
     Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was last asked for. An
     exception of the node is reported like a listener's, and `on_error` says what happens to the node then. Without
@@ -44,20 +43,20 @@ class Station:
         self,
         node: Node,
         *,
-        report: Callable[[Report], object] | None = None,
+        report: Reporter | None = None,
         clock: Callable[[], float] = time.perf_counter,
         on_error: OnError | None = None,
     ) -> None:
         self.node, self.plan = node, node.device.plan
-        self.gatekeeper = Gatekeeper(node.device.protocol, report=report, clock=clock, **_sizes(node))
+        self.controller = node.controller(report, clock)
         self.failure: NodeFailed | None = None
         self._on_error, self._backoff = on_error, Backoff()
         self._restarts_at: float | None = None
         """When a failed node is restarted; None while it runs."""
         self._identifiers = node.device.identifiers
-        node.alarm = lambda text: self.gatekeeper.report(Report(Event.NODE_ALARM, node.name, text, node.now))
-        # A function, because a master may change the identifiers; the gatekeeper then asks again.
-        self._listener = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
+        node.alarm = lambda text: self.controller.report(Report(Event.NODE_ALARM, node.name, text, node.now))
+        # A function, because a master may change the identifiers; the controller then asks again.
+        self._listener = self.controller.add_node(lambda: self._identifiers, self._received, node.name)
 
     def start(self, now: float) -> None:
         """Switch the node on."""
@@ -94,7 +93,7 @@ class Station:
         """Tell the node that the bus is lost."""
         with self.node.guard:
             # The transfer they belong to is given up: after the gap nobody is waiting for these answers.
-            self.gatekeeper.mailboxes.withdraw(self.node.device.sdo_answers)
+            self.controller.queue.withdraw(self.node.device.sdo_answers)
             self._do(self.node.bus_lost, now)
 
     def _do(self, step: Callable[[float], list[Frame]], now: float) -> None:
@@ -123,7 +122,7 @@ class Station:
             what = f"it is restarted in {pause:g} s"
         self._restarts_at = now + pause
         self._listener.failed += 1
-        self.gatekeeper.report(Report(Event.NODE_FAILED, self.node.name, f"{text}; {what}", now, error))
+        self.controller.report(Report(Event.NODE_FAILED, self.node.name, f"{text}; {what}", now, error))
         return frames
 
     def _received(self, frame: Frame, now: float) -> None:
@@ -140,31 +139,19 @@ class Station:
                 self._submit(frames, now)
             if self.node.device.identifiers is not self._identifiers:  # a master has changed them with this frame
                 self._identifiers = self.node.device.identifiers
-                self.gatekeeper.reroute(self.node.device.protocol)
+                self.controller.reroute(self.node.device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
-        mailboxes, device = self.gatekeeper.mailboxes, self.node.device
+        queue, device = self.controller.queue, self.node.device
         if frames and frames[0].cob_id == device.sdo_answers:
             # One transfer at a time: a client that asks again no longer waits for the earlier answer. Without this, the
             # answers to a client that asks for block after block would pile up.
-            mailboxes.withdraw(device.sdo_answers)
+            queue.withdraw(device.sdo_answers)
         for frame in frames:
             stay = device.stay(frame)
             # A stop is repeated: it is enough if one of a kind waits.
-            if not (stay is Stay.LASTING and frame.cob_id in device.pdos.always_sent and mailboxes.holds(frame)):
-                mailboxes.submit(frame, now, stay)
-
-
-def _sizes(node: Node) -> dict[str, Any]:
-    """Return the sizes in a node's Transmit settings; nothing for a device without them, which uses the defaults."""
-    try:
-        return {
-            "table_size": node.setting("Transmit.Listener table size"),
-            "mailboxes": node.setting("Transmit.Mailboxes"),
-            "mailbox_wait": node.setting("Transmit.Mailbox wait") / 1000,
-        }
-    except DictionaryError:
-        return {}
+            if not (stay is Stay.LASTING and frame.cob_id in device.pdos.always_sent and queue.holds(frame)):
+                queue.submit(frame, now, stay)
 
 
 # A group: each node hears what the others send, as on the bus itself

@@ -13,8 +13,8 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Live
+from eurobot_od.controller import Report
 from eurobot_od.device.simulated import SimulatedDevice
-from eurobot_od.gatekeeper import Report
 from tests.device import io_module
 from tests.kit import lift
 from tests.kit.lift import CheckCabinRequest
@@ -109,7 +109,7 @@ def test_a_changed_identifier_is_live_on_the_bus(network: canopen.Network, cabin
 
 def test_a_listener_of_the_program_follows_a_changed_identifier(channel: str) -> None:
     live = Live.node(bus(channel), lift.node("cabin"))
-    queue = live.gatekeeper.add_queue(CheckCabinRequest)
+    queue = live.controller.add_queue(CheckCabinRequest)
     with live, canopen.Network(bus(channel)) as network:
         connected(network)
         remote: Any = network.add_node(2, lift.dictionary("cabin").objects)

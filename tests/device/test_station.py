@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import pytest
 
+from eurobot_od.controller import Event, Report
 from eurobot_od.device.station import OnError, Station
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.od.values import NOT_VALID
 from tests.kit import lift
 from tests.kit.lift import Cabin, CheckCabinRequest, CheckCabinResponse, Halt, Handlers, MoveConfirm, MoveTo, Ride
@@ -18,25 +18,21 @@ PROTOCOL = lift.protocol()
 BOOT_UP = Frame(0x702, b"\x00")
 
 
-def ignore(*_: object) -> None:
-    """A listener that does nothing."""
-
-
 @pytest.fixture
 def station() -> Station:
     station = Station(Cabin(lift.dictionary("cabin")))
-    station.gatekeeper.start()
+    station.controller.start()
     return station
 
 
 def sent(station: Station, now: float = 0.0) -> list[Frame]:
     """Take the frames out of the mailboxes, as a controller without a queue would send them."""
     frames = []
-    station.gatekeeper.mailboxes.load(now)
-    while (frame := station.gatekeeper.mailboxes.urgent()) is not None:
+    station.controller.queue.load(now)
+    while (frame := station.controller.queue.urgent()) is not None:
         frames.append(frame)
-        station.gatekeeper.mailboxes.complete(frame)
-        station.gatekeeper.mailboxes.load(now)
+        station.controller.queue.complete(frame)
+        station.controller.queue.load(now)
     return frames
 
 
@@ -52,8 +48,8 @@ def test_what_finds_a_mailbox_is_in_it_at_once_and_does_not_expire(station: Stat
 
 def test_what_comes_for_the_node_goes_to_it_and_its_answer_to_the_mailboxes(station: Station) -> None:
     station.start(0.0)
-    station.gatekeeper.receive(PROTOCOL.encode(CheckCabinRequest()), 0.5)
-    station.gatekeeper.receive(PROTOCOL.encode(MoveTo(500, Ride.NORMAL, 50)), 0.5)
+    station.controller.receive(PROTOCOL.encode(CheckCabinRequest()), 0.5)
+    station.controller.receive(PROTOCOL.encode(MoveTo(500, Ride.NORMAL, 50)), 0.5)
     answers = [PROTOCOL.encode(MoveConfirm()), PROTOCOL.encode(CheckCabinResponse())]
     assert sent(station) == [*answers, BOOT_UP]  # the most urgent first
 
@@ -61,9 +57,9 @@ def test_what_comes_for_the_node_goes_to_it_and_its_answer_to_the_mailboxes(stat
 def test_a_message_that_a_master_moves_comes_to_the_node_at_its_new_place(station: Station) -> None:
     station.start(0.0)
     for entry in (NOT_VALID | 0x123, 0x123):  # a valid PDO cannot be changed
-        station.gatekeeper.receive(Frame(0x602, bytes.fromhex("23031401") + entry.to_bytes(4, "little")), 0.5)
+        station.controller.receive(Frame(0x602, bytes.fromhex("23031401") + entry.to_bytes(4, "little")), 0.5)
     sent(station)
-    station.gatekeeper.receive(PROTOCOL.encode(MoveTo(500, Ride.NORMAL, 50))._replace(cob_id=0x123), 0.5)
+    station.controller.receive(PROTOCOL.encode(MoveTo(500, Ride.NORMAL, 50))._replace(cob_id=0x123), 0.5)
     assert sent(station) == [PROTOCOL.encode(MoveConfirm())]
 
 
@@ -79,7 +75,7 @@ def test_the_station_wakes_when_its_node_wants_to(station: Station) -> None:
 def test_filters_let_through_what_the_node_listens_to() -> None:
     node = Cabin(lift.dictionary("cabin"))
     station = Station(node)
-    filters = [each["can_id"] for each in station.gatekeeper.start()]
+    filters = [each["can_id"] for each in station.controller.start()]
     assert filters == sorted(node.device.identifiers)
     assert {0x000, PROTOCOL.cob_id(Halt), PROTOCOL.cob_id(MoveTo)} <= set(filters)
     assert PROTOCOL.cob_id(MoveConfirm) not in filters
@@ -89,7 +85,7 @@ def test_a_node_wakes_nobody_for_an_answer_that_goes_out_at_once(station: Statio
     woken: list[float] = []
     station.node.wake = lambda: woken.append(station.node.now)
     station.start(0.0)
-    station.gatekeeper.receive(PROTOCOL.encode(CheckCabinRequest()), 0.5)
+    station.controller.receive(PROTOCOL.encode(CheckCabinRequest()), 0.5)
     station.tick(1.0)
     assert woken == []
     station.node.offer(MoveConfirm())  # from outside: nobody else would see to it
@@ -107,7 +103,7 @@ def failing(on_error: OnError | None) -> tuple[Station, list[Report]]:
     # A clock that stands still: on a busy machine the cabin would be reported as slow, too.
     cabin, clock = FailingCabin(lift.dictionary("cabin")), lambda: 0.0
     station = Station(cabin, report=reports.append, clock=clock, on_error=on_error)
-    station.gatekeeper.start()
+    station.controller.start()
     station.start(0.0)
     return station, reports
 
@@ -115,7 +111,7 @@ def failing(on_error: OnError | None) -> tuple[Station, list[Report]]:
 def check(station: Station, now: float) -> list[Frame]:
     """Have the node fail; give what leaves then."""
     sent(station, now)
-    station.gatekeeper.receive(PROTOCOL.encode(CheckCabinRequest()), now)
+    station.controller.receive(PROTOCOL.encode(CheckCabinRequest()), now)
     return sent(station, now)
 
 
@@ -134,7 +130,7 @@ def test_a_node_that_fails_is_restarted_after_pauses_that_grow_until_it_is_stead
             f"node failed: cabin: ZeroDivisionError: division by zero; it is restarted in {pause} s"
         )
     assert station.failure is None
-    assert station.gatekeeper.statistics().listeners[0].failed == 4
+    assert station.controller.statistics().listeners[0].failed == 4
 
 
 def test_a_node_that_fails_is_ended() -> None:
@@ -159,8 +155,8 @@ def test_a_flood_of_sdo_blocks_leaves_one_transfer_and_a_cabin_that_answers(stat
     blocks = [Frame(0x602, bytes.fromhex(data)) for data in ("a4211000 7f000000", "a300000000000000")]
     for _ in range(500):
         for request in blocks:
-            station.gatekeeper.receive(request, 0.5)
-    assert station.gatekeeper.mailboxes.statistics().waiting <= 127 + 1  # a block, and the boot-up message
+            station.controller.receive(request, 0.5)
+    assert station.controller.queue.statistics().waiting <= 127 + 1  # a block, and the boot-up message
     sent(station, 0.5)
-    station.gatekeeper.receive(Frame(0x602, bytes.fromhex("4000100000000000")), 0.5)
+    station.controller.receive(Frame(0x602, bytes.fromhex("4000100000000000")), 0.5)
     assert [frame.data[:4].hex() for frame in sent(station, 0.5)] == ["43001000"]

@@ -6,7 +6,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Live
-from eurobot_od.gatekeeper import Event
+from eurobot_od.controller import Event
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation

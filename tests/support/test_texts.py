@@ -13,8 +13,8 @@ import pytest
 from eurobot_od import cli
 from eurobot_od.check import report
 from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.controller import Event, Report
 from eurobot_od.device.objects import FileStore
-from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.lint.diff import EdsDifference
 from eurobot_od.lint.findings import Finding
 from eurobot_od.od.dictionary import Dictionary

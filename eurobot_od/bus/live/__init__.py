@@ -3,7 +3,7 @@
 Theory of operation
 ===================
 
-A `Live` has one bus, one gatekeeper, perhaps one node, and three threads. Programs add their own, which call
+A `Live` has one bus, one controller, perhaps one node, and three threads. Programs add their own, which call
 `Live.send` or methods of the node, such as `core.goto`.
 
 - The **reader** (reader.py) waits for frames. It delivers each to the node and into the message queues, and sends the
@@ -18,7 +18,7 @@ A `Live` has one bus, one gatekeeper, perhaps one node, and three threads. Progr
 
 Locks
 -----
-*The lock* of a `Live` (it is also the node's `guard`) protects the node and the mailboxes. A thread holds it to
+*The lock* of a `Live` (it is also the node's `guard`) protects the node and the queue. A thread holds it to
 compute, never while it waits for the bus, a driver, a function or a program. It is reentrant, as the node wakes the
 keeper from within.
 
@@ -40,9 +40,9 @@ Who wakes whom
 
 When something fails
 --------------------
-A listener's exception ends in the gatekeeper, a node's in its station, which reports it, stops the node, and ends or
+A listener's exception ends in the controller, a node's in its station, which reports it, stops the node, and ends or
 restarts it. A driver that fails is reported once. If a `Live` knows how to open the bus again, the reader does so after
-growing pauses (buses.py). Until it is back, the mailboxes keep stops and nothing else, and the node is notified: a
+growing pauses (buses.py). Until it is back, the queue keeps stops and nothing else, and the node is notified: a
 drive brakes, a core gives up its goto. Without an opener reading ends with `Live.failure`. Sending is tried again
 either way, so that a stop leaves when the driver is back. Ctrl-C may hit the thread that has the turn anywhere; it
 gives the turn back, its frame stays loaded.

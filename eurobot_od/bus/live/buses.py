@@ -1,7 +1,7 @@
 """python-can's buses: opening one, what its driver can do, the connection to it, and sending to it.
 
 Rules of this file: whatever a driver raises becomes a BusError of one line. A sender sends in whatever thread has
-something to send, from the mailboxes to the driver, most urgent first: one thread at a time has the turn and sends what
+something to send, from the queue to the driver, most urgent first: one thread at a time has the turn and sends what
 others submit meanwhile; no lock is held while the driver has a frame; and the turn is given back however its owner
 leaves.
 """
@@ -27,7 +27,7 @@ from eurobot_od.support.connections import Backoff
 if TYPE_CHECKING:
     import can
 
-    from eurobot_od.gatekeeper import Mailboxes
+    from eurobot_od.controller import TransmitQueue
 
 
 LIVE_LOG = logging.getLogger("eurobot_od.live")
@@ -77,7 +77,7 @@ STUCK_AFTER = 1.0
 # python-can has no way to ask a bus for either. So its documentation and its code (4.6) were asked once, and
 # these are the answers; an interface that is not listed still works. Kvaser, Vector and Systec filter in the driver as
 # long as there is one filter; with more of them python-can compares each frame with each filter, in our thread, for
-# what the gatekeeper finds by one look into a dictionary. `send(timeout=0)` is left to each driver, and few keep to it.
+# what the controller finds by one look into a dictionary. `send(timeout=0)` is left to each driver, and few keep to it.
 
 
 def open_bus(interface: str | None = None, channel: str | int | None = None, bitrate: int | None = None) -> can.BusABC:
@@ -357,7 +357,7 @@ class Connection:
 
 
 class Sender:
-    """Hands loaded frames to a driver. `lock` guards the mailboxes; `failed` is called when that fails or is stuck.
+    """Hands waiting frames to a driver. `lock` guards the `queue`; `failed` is called when that fails or is stuck.
 
     `blocked` says that the driver has not taken the last frame. `wake` is called then: the thread that keeps the time
     has to call `retry` after `pause` seconds, and until then no other tries.
@@ -366,7 +366,7 @@ class Sender:
     def __init__(
         self,
         driver: Driver,
-        mailboxes: Mailboxes,
+        queue: TransmitQueue,
         lock: RLock,
         clock: Callable[[], float],
         failed: Callable[[BusError], object],
@@ -374,7 +374,7 @@ class Sender:
     ) -> None:
         self.blocked = False
         self.pause = 0.0
-        self._driver, self._mailboxes, self._lock = driver, mailboxes, lock
+        self._driver, self._queue, self._lock = driver, queue, lock
         self._clock, self._failed, self._wake = clock, failed, wake
         self._turn: object | None = None
         self._refused_since: float | None = None
@@ -425,10 +425,10 @@ class Sender:
         """Return the frame after one that the driver has `taken`; otherwise give up, and wait longer each time."""
         with self._lock:
             if taken:
-                self._mailboxes.complete(frame)
+                self._queue.complete(frame)
                 self.pause, self._refused_since = 0.0, None
                 return self._next()
-            self._turn, self.blocked = None, True  # the frame stays in its mailbox
+            self._turn, self.blocked = None, True  # the frame still waits
             self.pause = min(max(2 * self.pause, FIRST_PAUSE), LONGEST_PAUSE)
             now = self._clock()
             since = self._refused_since = now if self._refused_since is None else self._refused_since
@@ -440,7 +440,7 @@ class Sender:
 
     def _next(self) -> Frame | None:
         """Return the most urgent frame; without one, give the turn back before anyone can submit another."""
-        frame = self._mailboxes.next(self._clock())
+        frame = self._queue.next(self._clock())
         if frame is None:
             self._turn = None
         return frame

@@ -1,4 +1,4 @@
-"""A gatekeeper and its node on a python-can bus, with real time and real threads; or a group of nodes in one thread.
+"""A controller and its node on a python-can bus, with real time and real threads; or a group of nodes in one thread.
 
 The package's docstring explains the threads, the locks and who wakes whom.
 
@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, Sender, failure, shut_down
 from eurobot_od.bus.live.reader import POLL, BusSilence, FunctionThread, Reader
+from eurobot_od.controller import Controller, Event, Report
 from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
-from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.support.connections import Backoff
@@ -78,7 +78,7 @@ def _refuse(started: weakref.ref[Live]) -> None:
 
 
 class Live:
-    """A gatekeeper, and the node of a station if there is one, running on a bus; a context manager.
+    """A controller, and the node of a station if there is one, running on a bus; a context manager.
 
     `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what came from the bus and is not a
     classic base data frame, `missed` what came while the process stood still and is not acted on. A bus that fails is
@@ -89,12 +89,12 @@ class Live:
     def __init__(
         self,
         bus: can.BusABC,
-        gatekeeper: Gatekeeper,
+        controller: Controller,
         station: Station | None = None,
         clock: Callable[[], float] = time.perf_counter,
         opener: Opener | None = None,
     ) -> None:
-        self.gatekeeper, self.station, self.clock = gatekeeper, station, clock
+        self.controller, self.station, self.clock = controller, station, clock
         self.name = str(bus.channel_info)
         self.foreign = self.missed = 0
         self._failure: BusError | None = None
@@ -103,12 +103,12 @@ class Live:
         self._driver = Driver(bus)
         self._connection = Connection(self._driver, opener, clock, self._lost, self._filter, self._back)
         fail = self._connection.fail
-        self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, fail, self._wake)
-        receive = gatekeeper.receive_data if station is None else self._receive  # no node, no answers to send
+        self._sender = Sender(self._driver, controller.queue, self._lock, clock, fail, self._wake)
+        receive = controller.receive_data if station is None else self._receive  # no node, no answers to send
         foreign, missed = self._note_foreign, self._note_missed
-        self._reader = Reader(self._connection, receive, clock, foreign, missed, gatekeeper.acts_always)
-        self._functions = FunctionThread(f"{self.name} functions", gatekeeper.report, gatekeeper.clock)
-        gatekeeper.call_function = self._functions.submit
+        self._reader = Reader(self._connection, receive, clock, foreign, missed, controller.acts_always)
+        self._functions = FunctionThread(f"{self.name} functions", controller.report, controller.clock)
+        controller.call_function = self._functions.submit
         self._running = self._ended = self._forked = False
         self._looks_at = 0.0
         self._threads: list[threading.Thread] = []
@@ -126,10 +126,10 @@ class Live:
         **options: Any,
     ) -> Live:
         """Return a node ready to run on a bus; `options` are those of Station."""
-        from eurobot_od.device.station import OnError, Station  # a gatekeeper alone needs no nodes
+        from eurobot_od.device.station import OnError, Station  # a controller alone needs no nodes
 
         station = Station(node, **{"on_error": OnError.RESTART} | options)
-        return cls(bus, station.gatekeeper, station, clock, opener)
+        return cls(bus, station.controller, station, clock, opener)
 
     @property
     def bus(self) -> can.BusABC:
@@ -156,8 +156,8 @@ class Live:
     def start(self) -> Live:
         """Hand the receive filters to the bus, switch the node on, start reading."""
         self._running = True
-        self.gatekeeper.rerouted = self._refilter
-        self.gatekeeper.start()
+        self.controller.rerouted = self._refilter
+        self.controller.start()
         if self.station is not None:
             self.station.start(self.clock())
         if hasattr(os, "register_at_fork"):  # not on Windows, where nothing forks
@@ -175,7 +175,7 @@ class Live:
         Raises BusError.
         """
         try:
-            self.bus.set_filters(self.gatekeeper.filters() if self._driver.filters else None)
+            self.bus.set_filters(self.controller.filters() if self._driver.filters else None)
         except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
             raise failure(self.bus, error) from error
 
@@ -239,7 +239,7 @@ class Live:
             if cause is None:
                 raise
             # The error that has ended the block is the one to be seen. A robot that does not stand is worse than that.
-            self.gatekeeper.report(Report(Event.END_FAILED, self.name, str(error), self.clock(), error))
+            self.controller.report(Report(Event.END_FAILED, self.name, str(error), self.clock(), error))
 
     def refuse(self) -> None:
         """Raise StateError for every send and every call of the node: for a process without its threads."""
@@ -262,32 +262,32 @@ class Live:
         now = self.clock()
         with self._lock:
             if opened_again:
-                self.gatekeeper.mailboxes.leave()
+                self.controller.queue.leave()
             else:
                 self._failure = why
             if self.station is not None:
                 self.station.bus_lost(now)
         text = f"{why}; it is opened again" if opened_again else str(why)
-        self.gatekeeper.report(Report(Event.BUS_FAILED, self.name, text, now))
+        self.controller.report(Report(Event.BUS_FAILED, self.name, text, now))
 
     def _back(self, gap: float) -> None:
         now = self.clock()
         with self._lock:
-            dropped = self.gatekeeper.mailboxes.come_back()
+            dropped = self.controller.queue.come_back()
             if self.station is not None:
                 self.station.bus_error(ErrorCode.BUS_LOST, now)
         text = f"after a gap of {gap:.1f} s, in which {dropped} frames were not sent"
-        self.gatekeeper.report(Report(Event.BUS_BACK, self.name, text, now))
+        self.controller.report(Report(Event.BUS_BACK, self.name, text, now))
         self._sender.retry()
 
     def _report_overflow(self) -> None:
         text = f"{self.overflow} received frames have found no room in the driver's queue so far"
-        self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
+        self.controller.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
 
     # Sending
 
     def send(self, message: Message) -> None:
-        """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for a value out of range.
+        """Encode a message and leave it to the queue; never waits. Raises FieldError for a value out of range.
 
         With a node, the node sends it: raises StateError if it has no such TPDO or its NMT state does not allow it; and
         in any case when the `Live` has ended, or in a forked child.
@@ -298,7 +298,7 @@ class Live:
             if self.station is not None:
                 self.station.node.send(message)  # and that wakes the keeper
                 return
-            self.gatekeeper.send(message, self.clock())
+            self.controller.send(message, self.clock())
         if self._driver.prompt:
             self._sender.pump()  # here and now: to wake the keeper takes as long as the frame on the bus
         else:
@@ -312,7 +312,7 @@ class Live:
         In this order: as soon as an answer is out, the thread that waited for it competes with this one for the
         interpreter, and what is left to do here takes twice as long.
         """
-        self.gatekeeper.receive_data(cob_id, data, now)
+        self.controller.receive_data(cob_id, data, now)
         self._answered()
 
     def _answered(self) -> None:
@@ -327,7 +327,7 @@ class Live:
             now = self.clock()
             if self.station is not None:  # it cannot be commanded now; its recovery is an error frame, too
                 self.station.bus_lost(now)
-            self.gatekeeper.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
+            self.controller.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
         if self.station is None or message is None:
             return
         if message.is_error_frame:
@@ -343,7 +343,7 @@ class Live:
         """Report frames that waited while the process stood still: an old goto must not be carried out now."""
         self.missed += count
         text = f"{count} frames came while the process stood still, and are ignored"
-        self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
+        self.controller.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
 
     # The keeper's thread
 
@@ -358,7 +358,7 @@ class Live:
                     self.station.bus_error(ErrorCode.OVERRUN, self.clock())
                 self._report_overflow()
             is_open = self._connection.failure is None
-            self._reader.silence.watch(self.name, self.gatekeeper.report, self.clock(), is_open)
+            self._reader.silence.watch(self.name, self.controller.report, self.clock(), is_open)
             with self._changed:
                 self._looks_at = self._next_look()
                 pause = self._looks_at - self.clock()
@@ -371,10 +371,9 @@ class Live:
         looks = [now + POLL]
         if self.station is not None:
             looks.append(self.station.next_wakeup)
-        expiry = self.gatekeeper.mailboxes.next_expiry
         if self._sender.blocked:
-            looks += [now + self._sender.pause, now + POLL if expiry is None else expiry]
-        elif expiry is not None and not self._sender.busy:
+            looks += [now + self._sender.pause, self.controller.queue.next_expiry]
+        elif self.controller.queue.waiting and not self._sender.busy:
             return now  # frames wait that no thread is at: submitted after the sender has looked
         return min(looks)
 

@@ -12,9 +12,9 @@ from struct import error as StructError  # noqa: N812 (a class with a small name
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.bus.live.buses import Connection, Driver, Opener, failure, shut_down
+from eurobot_od.controller import Event, FunctionListener, Report, Reporter
 from eurobot_od.errors import BusError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame
-from eurobot_od.gatekeeper import Event, FunctionListener, Report, Reporter
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
 
 if TYPE_CHECKING:
@@ -263,7 +263,7 @@ class DueCall(NamedTuple):
 class FunctionThread:
     """Makes calls in the order in which they are submitted; when `backlog` of them wait, the oldest makes room.
 
-    `clock` is the gatekeeper's, by which slow calls are measured too.
+    `clock` is the controller's, by which slow calls are measured too.
     """
 
     def __init__(self, name: str, report: Reporter, clock: Callable[[], float], backlog: int = BACKLOG) -> None:

@@ -1,10 +1,10 @@
 """Stations on a simulated CAN bus: who hears what and when, what goes wrong on demand, and the order of all events.
 
-Events happen one after the other, each at its time. Of the frames that wait for a `Bus`, the lowest COB-ID in
-all mailboxes wins, and frames that are equal to the bit go out as one.
+Events happen one after the other, each at its time. Of the frames that wait for a `Bus`, the lowest COB-ID of
+all transceivers wins, and frames that are equal to the bit go out as one.
 
-A frame's way: its node leaves it to the mailboxes; it wins the arbitration; after its bits it has ended. At that moment
-the mailboxes of its senders are free and the observers are called, whatever becomes of it next; the bus is free after
+A frame's way: its node leaves it to the queue; it wins the arbitration; after its bits it has ended. At that moment
+it has left its senders' queues and the observers are called, whatever becomes of it next; the bus is free after
 the intermission. Then `disturb` says when it reaches the stations that have received it, and each of them looks at it
 after its own `processing` time. A station that is silent at any of these times has lost it.
 
@@ -28,15 +28,15 @@ from random import Random
 from typing import NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.bus import INTERMISSION, frame_bits
+from eurobot_od.controller import Report, TransmitQueue
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
 from eurobot_od.device.timers import Plan
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Mailboxes, Report
 
 
 class FrameSource(Protocol):
-    """Where a controller's frames come from; `gatekeeper.Mailboxes` is one."""
+    """Where a transceiver's frames come from; `controller.TransmitQueue` is one."""
 
     def urgent(self) -> Frame | None:
         """Return the frame to be sent first, None without one; asked as often as anybody likes."""
@@ -59,8 +59,8 @@ class Repeated:
 
 
 @dataclass(eq=False)
-class Controller:
-    """A CAN controller that takes its frames from `source`; until `silent_until`, in s, it stays off the bus."""
+class Transceiver:
+    """A CAN transceiver that takes its frames from `source`; until `silent_until`, in s, it stays off the bus."""
 
     source: FrameSource
     silent_until: float = 0.0
@@ -70,23 +70,23 @@ class Attempt(NamedTuple):
     """A frame that is being sent: by whom (several may send the same bits), and who hears it."""
 
     frame: Frame
-    senders: Sequence[Controller]
-    receivers: Sequence[Controller]
+    senders: Sequence[Transceiver]
+    receivers: Sequence[Transceiver]
 
 
-Ended: TypeAlias = Callable[[Frame, Sequence[Controller], Sequence[Controller]], None]
+Ended: TypeAlias = Callable[[Frame, Sequence[Transceiver], Sequence[Transceiver]], None]
 """Takes a frame that has ended: who has sent it, and whom it has reached."""
 
 
 class Bus:
-    """Controllers that hear each other, at `bitrate` bit/s; `ended` is called with each frame that is through.
+    """Transceivers that hear each other, at `bitrate` bit/s; `ended` is called with each frame that is through.
 
     All methods take the time in seconds. `next_event` is when `advance` has something to do, infinite if nothing is
     under way. Nothing is sent before `off_until`.
     """
 
     def __init__(self, bitrate: int, ended: Ended) -> None:
-        self.bitrate, self.controllers = bitrate, list[Controller]()
+        self.bitrate, self.transceivers = bitrate, list[Transceiver]()
         self.off_until = 0.0
         self.next_event = inf
         self._ended = ended
@@ -102,11 +102,11 @@ class Bus:
             return
         offers = {
             each: frame
-            for each in self.controllers
+            for each in self.transceivers
             if each.silent_until <= now and (frame := each.source.urgent()) is not None
         }
         if offers:
-            here = [each for each in self.controllers if each.silent_until <= now]
+            here = [each for each in self.transceivers if each.silent_until <= now]
             # Frames compare by their identifier first, so the least one wins the arbitration.
             frame = min(offers.values())
             # Two nodes with the same identifier and data win together, and nobody notices: their bits are equal.
@@ -153,14 +153,14 @@ class Attachment:
 
     station: Station
     plan: Plan
-    mailboxes: Mailboxes
-    controller: Controller
+    queue: TransmitQueue
+    transceiver: Transceiver
     processing: float
 
     @property
     def wakeup(self) -> float:
         """When the station may want to tick, in seconds: not before it says, and not while it is silent."""
-        return max(self.plan.soonest, self.controller.silent_until)
+        return max(self.plan.soonest, self.transceiver.silent_until)
 
     def ask(self) -> float:
         """Ask the node when it wants to tick, which holds until something comes or it plans something sooner."""
@@ -170,8 +170,8 @@ class Attachment:
 class Simulation:
     """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
 
-    `reports` are the gatekeepers' reports. `observers` are called with each frame and the time, in seconds, at which
-    its transmission ended. `disturb` may be set to lose, double and delay frames. A `monitored` bus has a controller
+    `reports` are the transceivers' reports. `observers` are called with each frame and the time, in seconds, at which
+    its transmission ended. `disturb` may be set to lose, double and delay frames. A `monitored` bus has a transceiver
     that only listens, and acknowledges what it hears, so that the first node that boots is not alone. Without it, one
     that is alone sends its frame again and again.
     """
@@ -181,47 +181,47 @@ class Simulation:
         self.now = 0.0
         self.observers: list[Callable[[float, Frame], None]] = []
         self.reports: list[Report] = []
-        # What a driver or a program loses, of which the sender's controller knows nothing.
+        # What a driver or a program loses, of which the sender's transceiver knows nothing.
         self.disturb: Disturb = lambda _now, _frame: ON_TIME
         self._places: dict[Station, Attachment] = {}
-        self._stations: dict[Controller, Station] = {}
+        self._stations: dict[Transceiver, Station] = {}
         self._queue: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._buses: list[Bus] = []
         self._whole = self._add_bus()
         if monitored:
-            self._whole.controllers.append(Controller(Repeated()))
+            self._whole.transceivers.append(Transceiver(Repeated()))
 
     # Stations and their lives
 
     def attach(self, node: Node, start: float = 0.0, processing: float = 0.0) -> Station:
         """Connect a node that is switched on at `start` and looks at a frame `processing` after it came, in seconds."""
         station = Station(node, report=self.reports.append, clock=lambda: self.now)
-        station.gatekeeper.start()
+        station.controller.start()
         node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
-        mailboxes = station.gatekeeper.mailboxes
+        queue = station.controller.queue
         # Silent until it has started: a node that is off does not acknowledge either.
-        controller = Controller(mailboxes, silent_until=inf)
-        self._places[station] = Attachment(station, station.plan, mailboxes, controller, processing)
-        self._stations[controller] = station
-        self._whole.controllers.append(controller)
+        transceiver = Transceiver(queue, silent_until=inf)
+        self._places[station] = Attachment(station, station.plan, queue, transceiver, processing)
+        self._stations[transceiver] = station
+        self._whole.transceivers.append(transceiver)
         self.plan(start, partial(self._start, station))
         return station
 
     def detach(self, station: Station) -> None:
         """End a station's life: it neither receives, ticks nor sends any more. A frame of it on the wire ends."""
-        controller = self._places.pop(station).controller
-        del self._stations[controller]
-        self._remove(controller)
+        transceiver = self._places.pop(station).transceiver
+        del self._stations[transceiver]
+        self._remove(transceiver)
 
     def freeze(self, station: Station, until: float) -> None:
         """Have a station neither receive, tick nor send until a time in seconds; what comes meanwhile is lost for it.
 
-        A frame of it on the wire ends. Afterwards it goes on with what it had, its mailboxes as well.
+        A frame of it on the wire ends. Afterwards it goes on with what it had, its queue as well.
         """
-        controller = self._places[station].controller
+        transceiver = self._places[station].transceiver
         # The longer one counts: a node that hangs twice at once is not back sooner for the second time.
-        controller.silent_until = max(controller.silent_until, until)
+        transceiver.silent_until = max(transceiver.silent_until, until)
         self.plan(until, _look_around)
 
     def cut(self, until: float) -> None:
@@ -237,31 +237,31 @@ class Simulation:
         Neither part hears the other; a frame on the wire is lost, and begins anew. One station alone has been pulled
         off, and is plugged in again at that time.
         """
-        moved = [self._places[station].controller for station in stations]
+        moved = [self._places[station].transceiver for station in stations]
         for bus in self._buses:
-            if not set(bus.controllers).isdisjoint(moved):
+            if not set(bus.transceivers).isdisjoint(moved):
                 bus.drop()
-                bus.controllers[:] = [each for each in bus.controllers if each not in moved]
+                bus.transceivers[:] = [each for each in bus.transceivers if each not in moved]
         part = self._add_bus()
-        part.controllers += moved
+        part.transceivers += moved
         self.plan(self.now, _look_around)
         self.plan(until, partial(self._join, part))
 
     def babble(self, frame: Frame, until: float) -> None:
-        """Have one more controller send the same frame again and again until a time in seconds."""
-        controller = Controller(Repeated(frame))
-        self._whole.controllers.append(controller)
+        """Have one more transceiver send the same frame again and again until a time in seconds."""
+        transceiver = Transceiver(Repeated(frame))
+        self._whole.transceivers.append(transceiver)
         self.plan(self.now, _look_around)
-        self.plan(until, partial(self._remove, controller))
+        self.plan(until, partial(self._remove, transceiver))
 
     def join(self, source: FrameSource) -> Callable[[], None]:
         """Connect a source of frames that is not a station; call what is returned when it has a new frame."""
-        self._whole.controllers.append(Controller(source))
+        self._whole.transceivers.append(Transceiver(source))
         return lambda: self.plan(self.now, _look_around)
 
     def request(self, frame: Frame) -> None:
         """Have a remote frame reach all stations; it takes as long as on a free bus, and part in no arbitration."""
-        # CiA 301 advises against remote frames (7.2.2.5.2), and few controllers are alike in them; what a device
+        # CiA 301 advises against remote frames (7.2.2.5.2), and few transceivers are alike in them; what a device
         # answers is what matters here, not who wins the bus against its question.
         heard = self.now + frame_bits(Frame(frame.cob_id)) / self.bitrate
         for station, place in self._places.items():
@@ -278,21 +278,21 @@ class Simulation:
         """Have a part of the bus, and the whole, hear each other again."""
         self._buses.remove(part)
         self._whole.drop()
-        self._whole.controllers += part.controllers
+        self._whole.transceivers += part.transceivers
         # In the order of attaching, so that a cut leaves no trace in the order of later events.
         order = {each: number for number, each in enumerate(self._stations)}
-        self._whole.controllers.sort(key=lambda each: order.get(each, -1))
+        self._whole.transceivers.sort(key=lambda each: order.get(each, -1))
 
-    def _remove(self, controller: Controller) -> None:
+    def _remove(self, transceiver: Transceiver) -> None:
         for bus in self._buses:
-            if controller in bus.controllers:
-                bus.controllers.remove(controller)
+            if transceiver in bus.transceivers:
+                bus.transceivers.remove(transceiver)
 
     def _start(self, station: Station) -> None:
         if station in self._places:
-            # From now on it acknowledges: until then its controller is without power, and one neighbour alone on the
+            # From now on it acknowledges: until then its transceiver is without power, and one neighbour alone on the
             # bus repeats its boot-up message for ever.
-            self._places[station].controller.silent_until = self.now
+            self._places[station].transceiver.silent_until = self.now
             station.start(self.now)
             self._places[station].ask()
 
@@ -306,7 +306,7 @@ class Simulation:
         for place in self._places.values():
             if place.plan.soonest < soonest:
                 soonest = min(soonest, place.wakeup)
-            if place.mailboxes.waiting:
+            if place.queue.waiting:
                 waiting.append(place)
         for bus in self._buses:
             if bus.next_event < soonest:
@@ -314,8 +314,8 @@ class Simulation:
             if not waiting:  # nearly always
                 continue
             # A frame was submitted from outside, between two events, and may be sent now.
-            awake = [place.controller for place in waiting if place.controller.silent_until <= self.now]
-            if bus.is_free(self.now) and not set(awake).isdisjoint(bus.controllers):
+            awake = [place.transceiver for place in waiting if place.transceiver.silent_until <= self.now]
+            if bus.is_free(self.now) and not set(awake).isdisjoint(bus.transceivers):
                 soonest = self.now
         return max(soonest, self.now)
 
@@ -339,9 +339,9 @@ class Simulation:
                 place.station.tick(event)
                 place.ask()
         for place in self._places.values():
-            if place.mailboxes.waiting and place.controller.silent_until <= event:
+            if place.queue.waiting and place.transceiver.silent_until <= event:
                 stirred = True
-                place.mailboxes.load(event)
+                place.queue.load(event)
         if stirred:  # most events are a node's own, which sends nothing
             # Last of all, so that what the nodes have just sent takes part in this arbitration.
             for bus in self._buses:
@@ -362,23 +362,23 @@ class Simulation:
 
     def _is_awake(self, station: Station) -> bool:
         """Tell whether a station takes part."""
-        return station in self._places and self._places[station].controller.silent_until <= self.now
+        return station in self._places and self._places[station].transceiver.silent_until <= self.now
 
-    def _has_ended(self, frame: Frame, senders: Sequence[Controller], receivers: Sequence[Controller]) -> None:
-        """Free the mailboxes of a frame that has ended, and plan when who looks at it."""
-        for controller in senders:
+    def _has_ended(self, frame: Frame, senders: Sequence[Transceiver], receivers: Sequence[Transceiver]) -> None:
+        """Take a frame that has ended out of its senders' queues, and plan when who looks at it."""
+        for transceiver in senders:
             # Several may have sent the same bits at once; for each of them it is transmit-complete.
-            controller.source.complete(frame)
+            transceiver.source.complete(frame)
         for observer in self.observers:
             observer(self.now, frame)
         # What a station does not listen to stops at its receive filters.
         reached = (self._stations[each] for each in receivers if each in self._stations)
-        stations = [each for each in reached if each.gatekeeper.hears(frame.cob_id)]
+        stations = [each for each in reached if each.controller.hears(frame.cob_id)]
         # The frame is through for its senders, whatever the receivers then make of it: a program may be slow or frozen.
         for delay in self.disturb(self.now, frame):
             for station in filter(self._is_awake, stations):
                 look = self.now + delay + self._places[station].processing
-                self.plan(look, partial(self._reach, station, partial(station.gatekeeper.receive, frame)))
+                self.plan(look, partial(self._reach, station, partial(station.controller.receive, frame)))
 
     def _reach(self, station: Station, act: Callable[[float], object]) -> None:
         """Have a station act on a frame that has come, if it still can: it may have been detached meanwhile."""

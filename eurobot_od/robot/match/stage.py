@@ -24,11 +24,11 @@ from eurobot_od.bus.live import Live
 from eurobot_od.bus.live.event_loop import EndedBySigterm, Watchdog, apart, passing, run, run_in, watched_loop
 from eurobot_od.bus.simulated import loop as simulated_loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time
+from eurobot_od.controller import Report
 from eurobot_od.device.objects import MemoryStore
 from eurobot_od.device.timers import Result
 from eurobot_od.errors import LocalError, ProgramFailed, UnknownName, WorldError
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Report
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import all_objects, given
 from eurobot_od.od.values import Address, Value

@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
+from eurobot_od.controller import Reporter
 from eurobot_od.device.bound import Application, BoundObject, period, seconds, setting
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import Store, out_of_limits
@@ -21,6 +22,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import Range, limits
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.kinds import Message, MessageT
+from eurobot_od.robot.gatekeeper import Gatekeeper
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Obstacle, RobotError
@@ -128,6 +130,18 @@ class RobotNode(Node):
         self.facts = robot_file.read(robot_file.file_for(dictionary.file)) if facts is None else facts
         self._coordinates: dict[str, tuple[Range, Range]] = {}
         super().__init__(dictionary, store=store)
+
+    def controller(self, report: Reporter | None, clock: Callable[[], float]) -> Gatekeeper:
+        """Return a gatekeeper of the sizes in the node's Transmit settings, or else of those of 2014."""
+        try:
+            sizes: dict[str, Any] = {
+                "table_size": self.setting("Transmit.Listener table size"),
+                "mailboxes": self.setting("Transmit.Mailboxes"),
+                "mailbox_wait": self.setting("Transmit.Mailbox wait") / 1000,
+            }
+        except DictionaryError:
+            sizes = {}
+        return Gatekeeper(self.device.protocol, report=report, clock=clock, **sizes)
 
     def coordinates(self, record: str) -> tuple[Range, Range]:
         """Return the limits of x and y that the EDS gives a record such as `Kalman position`, mm."""

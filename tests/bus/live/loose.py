@@ -10,8 +10,8 @@ from typing import Any
 import can
 from can.interfaces.virtual import VirtualBus
 
+from eurobot_od.controller import Event, Report
 from eurobot_od.errors import BusError
-from eurobot_od.gatekeeper import Event, Report
 
 LONG = 10.0
 """Seconds after which a test gives up; what it waits for comes at once."""

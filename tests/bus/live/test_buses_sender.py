@@ -3,66 +3,20 @@
 from __future__ import annotations
 
 import errno
-import sys
-import threading
 from collections.abc import Iterator
-from types import FrameType
-from typing import Any
 
 import can
 import pytest
 
-from eurobot_od import gatekeeper as mailboxes_module
-from eurobot_od.bus.live import Driver
-from eurobot_od.bus.live import buses as buses_module
-from eurobot_od.bus.live.buses import FIRST_PAUSE, LONGEST_PAUSE, STUCK_AFTER, Sender
-from eurobot_od.errors import BusError
+from eurobot_od.bus.live.buses import FIRST_PAUSE, LONGEST_PAUSE, STUCK_AFTER
+from eurobot_od.controller import TransmitQueue
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Mailboxes, Report, Stay
-
-FRAMES = [Frame(cob_id) for cob_id in (0x008, 0x004, 0x3C0, 0x002, 0x010)]
-"""More than there are mailboxes."""
-
-
-class Wire(can.BusABC):
-    """A bus that keeps what it is given, as long as it has no `error`."""
-
-    def __init__(self) -> None:
-        super().__init__(channel="wire")
-        self.channel_info = "wire"
-        self.error: Exception | None = None
-        self.sent: list[Frame] = []
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        if self.error is not None:
-            raise self.error
-        self.sent.append(Frame(msg.arbitration_id, bytes(msg.data)))
-
-
-class Scene:
-    """A sender with its mailboxes and its wire."""
-
-    def __init__(self) -> None:
-        self.wire = Wire()
-        self.reports: list[Report] = []
-        self.failures: list[BusError] = []
-        self.woken = 0
-        self.now = 0.0
-        self.mailboxes = Mailboxes(self.reports.append)
-        lock = threading.RLock()
-        self.sender = Sender(Driver(self.wire), self.mailboxes, lock, lambda: self.now, self.failures.append, self.wake)
-
-    def wake(self) -> None:
-        self.woken += 1
-
-    def submit(self, *frames: Frame) -> None:
-        for frame in frames:
-            self.mailboxes.submit(frame, 0.0, Stay.LASTING)
+from tests.bus.live.sender import FRAMES, Scene, interrupt_at_any_line
 
 
 @pytest.fixture
 def scene() -> Iterator[Scene]:
-    scene = Scene()
+    scene = Scene(TransmitQueue())
     with scene.wire:
         yield scene
 
@@ -137,48 +91,5 @@ def test_what_the_kernel_says_tells_a_full_buffer_from_a_lost_bus(scene: Scene, 
     assert [str(each).startswith("the bus wire failed: Failed to transmit") for each in scene.failures] == [True] * lost
 
 
-class Interrupt:
-    """Raises KeyboardInterrupt at a line of the sender or the mailboxes, counted from the first one that is run."""
-
-    FILES = (buses_module.__file__, mailboxes_module.__file__)
-
-    def __init__(self, line: int) -> None:
-        self.left = line
-
-    def __call__(self, frame: FrameType, event: str, _: Any) -> Interrupt | None:
-        if frame.f_code.co_filename not in self.FILES:
-            return None
-        if event == "line":
-            self.left -= 1
-            if self.left == 0:
-                raise KeyboardInterrupt
-        return self
-
-
-def interrupted(scene: Scene, line: int) -> bool:
-    """Pump, interrupted at a line; False if there are not that many."""
-    before = sys.gettrace()
-    sys.settrace(Interrupt(line))
-    try:
-        scene.sender.pump()
-    except KeyboardInterrupt:
-        return True
-    finally:
-        sys.settrace(before)
-    return False
-
-
 def test_an_interrupt_at_any_line_loses_no_frame_and_gives_the_turn_back() -> None:
-    line = 0
-    hit = True
-    while hit:
-        line += 1
-        scene = Scene()
-        scene.submit(*FRAMES)
-        with scene.wire:
-            hit = interrupted(scene, line)
-            scene.submit(Frame(0x001))
-            scene.sender.pump()
-        assert set(scene.wire.sent) == {*FRAMES, Frame(0x001)}, line
-        assert not scene.sender.busy, line
-    assert line > len(FRAMES)
+    assert interrupt_at_any_line(TransmitQueue) > len(FRAMES)

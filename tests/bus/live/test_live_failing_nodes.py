@@ -10,10 +10,10 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Live
+from eurobot_od.controller import Controller, Event
 from eurobot_od.device.station import OnError
 from eurobot_od.errors import NodeFailed
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.support.connections import FIRST_PAUSE
 from tests.bus.live.loose import LONG, Reports, wait_for
@@ -55,7 +55,7 @@ def test_a_motor_that_raises_os_error_is_reported_and_told_to_stand(channel: str
     """The keeper's thread used to end, and nobody stopped the motor."""
     node, reports = BrokenCabin(), Reports()
     cabin = Live.node(VirtualBus(channel), node, report=reports, on_error=on_error)
-    with VirtualBus(channel) as other, cabin, Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as tester:
+    with VirtualBus(channel) as other, cabin, Live(VirtualBus(channel), Controller(PROTOCOL)) as tester:
         wait_for(other, 0x702, BOOT_UP)
         tester.send(MoveTo(1500, Ride.NORMAL, 50))
         report = reports.wait_for(Event.NODE_FAILED)
@@ -84,17 +84,17 @@ class ExplodingCabin(Cabin):
 
 
 def test_an_exception_in_what_a_node_does_with_a_frame_restarts_it(channel: str) -> None:
-    reports, gatekeeper = Reports(), Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckCabinResponse)
+    reports, controller = Reports(), Controller(PROTOCOL)
+    answers = controller.add_queue(CheckCabinResponse)
     cabin = Live.node(VirtualBus(channel), ExplodingCabin(lift.dictionary("cabin")), report=reports)
-    with VirtualBus(channel) as other, cabin, Live(VirtualBus(channel), gatekeeper) as tester:
+    with VirtualBus(channel) as other, cabin, Live(VirtualBus(channel), controller) as tester:
         wait_for(other, 0x702, BOOT_UP)
         tester.send(CheckCabinRequest())
         assert reports.wait_for(Event.NODE_FAILED).text.startswith("SystemExit: lamp is gone; ")
         wait_for(other, 0x702, BOOT_UP)
         tester.send(CheckCabinRequest())
         assert answers.get(LONG) is not None
-    assert cabin.gatekeeper.statistics().listeners[0].failed == 1
+    assert cabin.controller.statistics().listeners[0].failed == 1
 
 
 class TiredCabin(Cabin):

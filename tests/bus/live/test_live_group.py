@@ -15,11 +15,11 @@ import can
 import pytest
 
 from eurobot_od.bus.live.live import LiveGroup
+from eurobot_od.controller import Event, Report
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import NodeGroup
 from eurobot_od.errors import BusError
-from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.od.dictionary import Dictionary
 from tests.client.peers import boot_slave, master_on, new_channel, open_bus, start_slave
 from tests.eds_text import DEVICE_TYPE, variable

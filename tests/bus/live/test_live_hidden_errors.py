@@ -12,8 +12,8 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Live
+from eurobot_od.controller import Controller, Event, Report
 from eurobot_od.errors import BusError, EurobotError, StateError
-from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from tests.bus.live.loose import LONG, Reports
 from tests.kit import lift
 from tests.kit.lift import Cabin, CheckCabinRequest, CheckCabinResponse, FloorRequest, Halt, MoveTo, Panel, Ride
@@ -79,15 +79,15 @@ def test_a_report_that_cannot_be_written_is_kept_and_the_bus_read_on(channel: st
     def closed(_: Report) -> None:
         raise BrokenPipeError(32, "Broken pipe")
 
-    gatekeeper = Gatekeeper(PROTOCOL, report=closed)
-    gatekeeper.add_function(CheckCabinResponse, lambda *_: 1 / 0, "lamp")
-    queue = gatekeeper.add_queue(CheckCabinResponse)
-    with Live.node(VirtualBus(channel), Cabin(lift.dictionary("cabin"))), Live(VirtualBus(channel), gatekeeper) as live:
+    controller = Controller(PROTOCOL, report=closed)
+    controller.add_function(CheckCabinResponse, lambda *_: 1 / 0, "lamp")
+    queue = controller.add_queue(CheckCabinResponse)
+    with Live.node(VirtualBus(channel), Cabin(lift.dictionary("cabin"))), Live(VirtualBus(channel), controller) as live:
         for _ in range(2):
             live.send(CheckCabinRequest())
             assert queue.get(LONG) is not None
-    assert [report.event for report in gatekeeper.reports].count(Event.LISTENER_FAILED) == 2
-    assert isinstance(gatekeeper.report_failure, BrokenPipeError)
+    assert [report.event for report in controller.reports].count(Event.LISTENER_FAILED) == 2
+    assert isinstance(controller.report_failure, BrokenPipeError)
     assert live.failure is None
 
 
@@ -104,7 +104,7 @@ def test_a_closed_report_pipe_ends_a_node_and_is_no_failed_bus() -> None:
 
 
 def test_send_after_the_end_says_so(channel: str) -> None:
-    with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as live:
+    with Live(VirtualBus(channel), Controller(PROTOCOL)) as live:
         pass
     with pytest.raises(StateError, match="the bus is closed; nothing is sent any more"):
         live.send(Halt())
@@ -118,11 +118,11 @@ def test_system_exit_in_a_listener_silences_it_for_one_message() -> None:
         sys.exit("gone")
 
     reports: list[Report] = []
-    gatekeeper = Gatekeeper(PROTOCOL, report=reports.append)
-    gatekeeper.add_function(Halt, leaves)
-    gatekeeper.start()
+    controller = Controller(PROTOCOL, report=reports.append)
+    controller.add_function(Halt, leaves)
+    controller.start()
     for now in (1.0, 2.0):
-        gatekeeper.receive(PROTOCOL.encode(Halt()), now)
+        controller.receive(PROTOCOL.encode(Halt()), now)
     assert heard == [1.0, 2.0]
     assert [report.text for report in reports] == ["SystemExit: gone"] * 2
 
@@ -179,12 +179,12 @@ class TestForkedChild:
         live.send(CheckCabinRequest())  # here it goes on
 
     def test_who_has_no_node_is_refused(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
-        with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as live:
+        with Live(VirtualBus(channel), Controller(PROTOCOL)) as live:
             assert child_says([lambda: live.send(CheckCabinRequest()), live.stop], monkeypatch) == b"R-"
             live.send(CheckCabinRequest())
 
     def test_who_is_gone_is_no_error(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
-        with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)):
+        with Live(VirtualBus(channel), Controller(PROTOCOL)):
             pass
         gc.collect()
         assert child_says([], monkeypatch) == b""

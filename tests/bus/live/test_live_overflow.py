@@ -11,7 +11,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Live
-from eurobot_od.gatekeeper import Event
+from eurobot_od.controller import Event
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.traffic.monitor import NOTED_AGAIN, BusSource
 from tests.bus.live.loose import Reports, wait_for

@@ -7,8 +7,8 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Driver, Live
+from eurobot_od.controller import Controller, Event
 from eurobot_od.errors import BusError
-from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.od.standard import ErrorCode
 from tests.bus.live.loose import LONG, Cable, Reports, wait_for
 from tests.kit import lift
@@ -40,10 +40,10 @@ def cable(request: pytest.FixtureRequest, channel: str) -> Cable:
 
 
 def test_an_interface_that_goes_down_and_up_again_leaves_no_deaf_node(cable: Cable) -> None:
-    reports, gatekeeper = Reports(), Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckCabinResponse)
+    reports, controller = Reports(), Controller(PROTOCOL)
+    answers = controller.add_queue(CheckCabinResponse)
     cabin = Live.node(cable.open(), Cabin(lift.dictionary("cabin")), opener=cable.open, report=reports)
-    with cabin, Live(VirtualBus(cable.channel), gatekeeper) as tester:
+    with cabin, Live(VirtualBus(cable.channel), controller) as tester:
         cable.error = UNPLUGGED
         lost = reports.wait_for(Event.BUS_FAILED)
         cable.error = None
@@ -63,20 +63,20 @@ def test_an_interface_that_goes_down_and_up_again_leaves_no_deaf_node(cable: Cab
 def test_receive_filters_are_set_again(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", ("tests.bus.live.loose", "LooseBus"))
     reports = Reports()
-    gatekeeper = Gatekeeper(PROTOCOL, report=reports)
-    gatekeeper.add_queue(Halt)
-    with Live(cable.open(), gatekeeper, opener=cable.open):
+    controller = Controller(PROTOCOL, report=reports)
+    controller.add_queue(Halt)
+    with Live(cable.open(), controller, opener=cable.open):
         cable.error = UNPLUGGED
         reports.wait_for(Event.BUS_FAILED)
         cable.error = None
         reports.wait_for(Event.BUS_BACK)
-    assert cable.buses[-1].applied == gatekeeper.filters() != []
+    assert cable.buses[-1].applied == controller.filters() != []
 
 
 def test_of_what_is_sent_meanwhile_stops_are_kept_and_nothing_else(cable: Cable) -> None:
     reports = Reports()
-    gatekeeper = Gatekeeper(PROTOCOL, report=reports)
-    with VirtualBus(cable.channel) as other, Live(cable.open(), gatekeeper, opener=cable.open) as live:
+    controller = Controller(PROTOCOL, report=reports)
+    with VirtualBus(cable.channel) as other, Live(cable.open(), controller, opener=cable.open) as live:
         cable.error = UNPLUGGED
         reports.wait_for(Event.BUS_FAILED)
         for message in (MoveTo(500, Ride.NORMAL, 50), Halt(), StateRequest()):
@@ -91,7 +91,7 @@ def test_of_what_is_sent_meanwhile_stops_are_kept_and_nothing_else(cable: Cable)
 def test_a_cabin_brakes_when_its_bus_is_lost_and_says_so_when_it_is_back(cable: Cable) -> None:
     reports, node = Reports(), Cabin(lift.dictionary("cabin"))
     cabin = Live.node(cable.open(), node, opener=cable.open, report=reports)
-    with VirtualBus(cable.channel) as other, cabin, Live(VirtualBus(cable.channel), Gatekeeper(PROTOCOL)) as tester:
+    with VirtualBus(cable.channel) as other, cabin, Live(VirtualBus(cable.channel), Controller(PROTOCOL)) as tester:
         tester.send(MoveTo(1500, Ride.NORMAL, 50))
         wait_for(other, PROTOCOL.cob_id(MoveConfirm))
         cable.error = UNPLUGGED
@@ -109,7 +109,7 @@ REFUSED.__cause__ = UNPLUGGED
 def test_a_drivers_can_error_on_sending_becomes_a_failure(cable: Cable) -> None:
     """SocketCAN turns what the kernel says into a CanError."""
     reports = Reports()
-    with Live(cable.open(), Gatekeeper(PROTOCOL, report=reports), opener=cable.open) as live:
+    with Live(cable.open(), Controller(PROTOCOL, report=reports), opener=cable.open) as live:
         cable.error = REFUSED
         live.send(Halt())
         assert "Network is down" in reports.wait_for(Event.BUS_FAILED).text
@@ -119,7 +119,7 @@ def test_a_drivers_can_error_on_sending_becomes_a_failure(cable: Cable) -> None:
 
 def test_without_an_opener_the_failure_lasts(channel: str) -> None:
     cable, reports = Cable(channel), Reports()
-    with Live(cable.open(), Gatekeeper(PROTOCOL, report=reports)) as live:
+    with Live(cable.open(), Controller(PROTOCOL, report=reports)) as live:
         cable.error = UNPLUGGED
         assert not reports.wait_for(Event.BUS_FAILED).text.endswith("opened again")
         assert isinstance(live.failure, BusError)
@@ -129,7 +129,7 @@ def test_without_an_opener_the_failure_lasts(channel: str) -> None:
 
 def test_the_end_does_not_wait_for_a_bus_that_stays_away(channel: str) -> None:
     cable, reports = Cable(channel), Reports()
-    with Live(cable.open(), Gatekeeper(PROTOCOL, report=reports), opener=cable.open) as live:
+    with Live(cable.open(), Controller(PROTOCOL, report=reports), opener=cable.open) as live:
         cable.error = UNPLUGGED
         reports.wait_for(Event.BUS_FAILED)
     assert live.gaps.number == 0

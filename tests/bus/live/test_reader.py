@@ -10,7 +10,7 @@ import pytest
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.buses import Connection
 from eurobot_od.bus.live.reader import ENDURED, HEARD_AGAIN, BusSilence, Reader
-from eurobot_od.gatekeeper import Report
+from eurobot_od.controller import Report
 from tests.rows import rows
 
 AHEAD = 1_000_000.0

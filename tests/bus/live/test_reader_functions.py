@@ -10,7 +10,7 @@ from queue import SimpleQueue
 import pytest
 
 from eurobot_od.bus.live.reader import STUCK_AFTER, FunctionThread
-from eurobot_od.gatekeeper import Event, FunctionListener, Report
+from eurobot_od.controller import Event, FunctionListener, Report
 
 LONG = 10.0
 """Seconds after which a test gives up; what it waits for comes at once."""

@@ -17,8 +17,8 @@ import can
 import pytest
 
 from eurobot_od.bus.live import Live, open_bus
+from eurobot_od.controller import Controller, Event
 from eurobot_od.device.simulated import SimulatedDevice
-from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import SYNC_COB_ID
 from tests.bus.live.loose import LONG, Reports, wait_for
@@ -156,7 +156,7 @@ def test_a_stop_that_is_sent_while_the_interface_is_down_leaves_when_it_is_up(bu
     reports = Reports()
     live = Live(
         open_bus("socketcan", INTERFACE),
-        Gatekeeper(PROTOCOL, report=reports),
+        Controller(PROTOCOL, report=reports),
         opener=lambda: open_bus("socketcan", INTERFACE),
     )
     with live:
@@ -215,7 +215,7 @@ def test_error_frames_become_emcy(bus: can.BusABC, error: int, detail: int, code
 
 def test_a_send_buffer_without_room_is_no_lost_bus_and_loses_no_stop(bus: can.BusABC) -> None:
     reports = Reports()
-    with Live(open_bus("socketcan", INTERFACE), Gatekeeper(PROTOCOL, report=reports)) as live:
+    with Live(open_bus("socketcan", INTERFACE), Controller(PROTOCOL, report=reports)) as live:
         live.bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)  # type: ignore[attr-defined]
         for _ in range(100):
             live.send(Halt())

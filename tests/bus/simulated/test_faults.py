@@ -131,7 +131,7 @@ def test_a_sender_that_is_pulled_off_in_any_bit_is_heard_by_all_when_it_is_plugg
     wire.network.split([wire.stations["cabin"]], until=wire.network.now + 0.01)
     wire.run(0.1)
     assert wire.heard("panel", FRAME) == wire.heard("door", FRAME) == 1
-    assert not wire.stations["cabin"].gatekeeper.mailboxes.holds(FRAME)
+    assert not wire.stations["cabin"].controller.queue.holds(FRAME)
 
 
 def test_a_bus_may_be_cut_within_a_frame_again_and_again() -> None:

@@ -110,7 +110,7 @@ def drive_off(bench: Bench, goto: GotoXY = FAR, seconds: float = 2.0) -> Future[
 def nmt(bench: Bench, command: NmtCommand, node_id: int) -> None:
     """Have a master, which is not a node of this bus, send an NMT command to one node."""
     for station in bench.stations.values():
-        station.gatekeeper.receive(Frame(NMT_COB_ID, bytes([command, node_id])), bench.now)
+        station.controller.receive(Frame(NMT_COB_ID, bytes([command, node_id])), bench.now)
 
 
 def commands(bench: Bench, since: float = 0.0) -> list[Message]:

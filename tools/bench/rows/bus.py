@@ -13,7 +13,7 @@ from functools import partial
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.process import PYTHON, run
 from bench.rows.startup import ALL, LOADING, eds_files
-from eurobot_od.bus.simulated.network import Bus, Controller
+from eurobot_od.bus.simulated.network import Bus, Transceiver
 from eurobot_od.frame import Frame
 
 BITRATE = 1_000_000
@@ -44,14 +44,14 @@ def carried(count: int) -> Figures:
     """Have a bus carry `count` frames; raises Wrong if there were fewer."""
     ended = 0
 
-    def end(frame: Frame, senders: Sequence[Controller], _: Sequence[Controller]) -> None:
+    def end(frame: Frame, senders: Sequence[Transceiver], _: Sequence[Transceiver]) -> None:
         nonlocal ended
         ended += 1
         for sender in senders:
             sender.source.complete(frame)
 
     bus = Bus(BITRATE, end)
-    bus.controllers += [Controller(Endless(0x100 + number)) for number in range(CONTROLLERS)]
+    bus.transceivers += [Transceiver(Endless(0x100 + number)) for number in range(CONTROLLERS)]
     begin, now = time.perf_counter(), 0.0
     while ended < count:
         bus.arbitrate(now)

@@ -20,8 +20,8 @@ import can
 from bench.measure import SELDOM, Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
 from bench.shared import new_bus, new_channel, protocol
 from eurobot_od.bus.live import Live
-from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.robot import dialects
+from eurobot_od.robot.gatekeeper import Gatekeeper
 from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse
 from eurobot_od.robot.nodes import ROLES
 

@@ -25,7 +25,7 @@ from bench.shared import new_bus, new_channel, protocol
 from bench.traffic import maker
 from eurobot_od.bus.live import Live
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Gatekeeper
+from eurobot_od.robot.gatekeeper import Gatekeeper
 from eurobot_od.robot.model.messages import GotoXY
 
 OTHERS = 10_000

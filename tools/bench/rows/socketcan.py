@@ -21,8 +21,9 @@ from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, S
 from bench.process import ENVIRONMENT, PROGRAMS, PYTHON, started
 from bench.shared import protocol
 from eurobot_od.bus.live import Live
-from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
+from eurobot_od.controller import MessageQueue
 from eurobot_od.pdo.kinds import Message
+from eurobot_od.robot.gatekeeper import Gatekeeper
 
 CHANNEL = "vcan0"
 BITRATE = 1_000_000

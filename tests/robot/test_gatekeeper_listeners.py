@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from eurobot_od.gatekeeper import ListenerStatistics, MessageQueue, Received, Report
+from eurobot_od.controller import ListenerStatistics, MessageQueue, Received, Report
 
 
 def item(number: int) -> Received[int]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import pytest
 
+from eurobot_od.controller import Report, Stay, TransmitStatistics
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Mailboxes, Report, Stay, TransmitStatistics
+from eurobot_od.robot.gatekeeper import Mailboxes
+from tests.bus.live.sender import FRAMES, interrupt_at_any_line
 from tests.rows import rows
 
 WAIT = 0.050
@@ -191,7 +195,7 @@ def test_2014_the_wait_does_not_shrink_after_idle_time() -> None:
 
 def test_the_next_expiry_is_that_of_the_frame_that_waits_longest() -> None:
     boxes, _ = mailboxes(1)
-    assert boxes.next_expiry is None
+    assert boxes.next_expiry == inf
     submit(boxes, 0.0, "001#")
     boxes.load(0.0)
     submit(boxes, 1.0, "400#")
@@ -200,7 +204,7 @@ def test_the_next_expiry_is_that_of_the_frame_that_waits_longest() -> None:
     boxes.load(1.0)
     assert boxes.next_expiry == 1.0 + WAIT
     boxes.expire(1.0 + WAIT)
-    assert boxes.next_expiry is None
+    assert boxes.next_expiry == inf
 
 
 def test_mailboxes_hold_a_frame_from_its_submission_until_it_was_sent() -> None:
@@ -246,3 +250,7 @@ def test_what_is_withdrawn_is_what_waits_and_not_what_the_controller_has() -> No
     boxes.withdraw(0x582)
     assert boxes.statistics() == TransmitStatistics(submitted=4, completed=0, dropped=2, waiting=1, loaded=1)
     assert boxes.urgent() == Frame(0x582, b"\x01")
+
+
+def test_an_interrupt_of_the_sender_at_any_line_loses_no_frame() -> None:
+    assert interrupt_at_any_line(lambda: Mailboxes(lambda _: None)) > len(FRAMES)

@@ -1,14 +1,7 @@
-"""The CAN gatekeeper (document sections 4 and 6): who hears which message, and which frame leaves next.
+"""The CAN controller of a node: which frames it lets in, which frame leaves next, and who is told what goes wrong.
 
-How the document's wishes are met:
-
-- *Listeners* (section 4.1). `setQueueCANListener` is `Gatekeeper.add_queue`, `setFunctionCANListener` is
-  `add_function`. Listeners are registered before the start, in a table that may be bounded as in the 2014 robot; one
-  that does not fit is an error with its name, and not lost silently.
-- *Hardware filters* (section 6). The robot had to keep its listener table for ever, as its filters were an index into
-  it. Here `Gatekeeper.filters` makes the filters from the routes whenever a bus wants them, and the bus keeps them.
-- *Transmit-complete interrupt* (section 6). Nothing waits for a mailbox and nothing polls one: a frame is submitted to
-  `Mailboxes`, and `complete`, which an interrupt would call, makes room for the next one.
+The controller of any device lets in what its listeners have asked for (receive filters), and has one queue of frames to
+send, by priority and without a limit. A robot may give its nodes a controller with more rules.
 
 Rule of this file: bus, threads and clock are the caller's; `bus/live` and `bus/simulated` bring the frames, the time
 and the threads. Only a program that reads a `MessageQueue` may wait, for as long as it says. Nothing that comes from
@@ -35,6 +28,8 @@ from eurobot_od.support.texts import amount, one_line
 
 if TYPE_CHECKING:
     from can.typechecking import CanFilter
+
+# Reports
 
 
 class Event(Enum):
@@ -77,24 +72,25 @@ class Report:
 Reporter: TypeAlias = Callable[[Report], object]
 """Takes a report, on the thread where it happened; it must neither raise nor wait."""
 
+REPORTS_KEPT = 1000
+"""Most reports that are kept while nobody takes them."""
+
 
 def has_doubled(count: int) -> bool:
-    """Tell whether the count of a lasting condition has to be reported: at 1, 2, 4, 8, ..."""
+    """Return whether the count of a lasting condition has to be reported: at 1, 2, 4, 8, ..."""
     # A power of two has one bit set: a million losses make twenty reports.
     return count.bit_count() == 1
 
+
+# Listeners
 
 T = TypeVar("T")
 
 Function: TypeAlias = Callable[[T, float], object]
 """Gets what it listens to, and the time of that in the bus's seconds."""
 
-
-class Received(NamedTuple, Generic[T]):
-    """A message in a queue, with its time in the bus's seconds."""
-
-    message: T
-    timestamp: float
+SLOW_AFTER = 0.010
+"""Time after which a call counts as slow, in s; in that time, 500 kbit/s bring about forty full frames."""
 
 
 class ListenerStatistics(NamedTuple):
@@ -105,6 +101,57 @@ class ListenerStatistics(NamedTuple):
     lost: int
     failed: int = 0
     slow: int = 0
+
+
+class FunctionListener(Generic[T]):
+    """A function with its name and counts; a call that takes longer than `slow_after` seconds is reported."""
+
+    def __init__(
+        self, name: str, function: Function[T], report: Reporter, clock: Callable[[], float], slow_after: float
+    ) -> None:
+        self.name = name
+        self.delivered = self.lost = self.failed = self.slow = 0
+        self._function, self._report, self._clock, self._slow_after = function, report, clock, slow_after
+
+    def call(self, message: T, timestamp: float) -> None:
+        """Call the function; an exception of its own ends here."""
+        # Not the message's timestamp: that is when the frame came, and it may have waited.
+        begin = self._clock()
+        try:
+            self._function(message, timestamp)
+        except (Exception, SystemExit) as error:  # whatever it is, the other listeners get their message
+            self.has_failed(error, timestamp)
+        self.delivered += 1
+        seconds = self._clock() - begin
+        if seconds > self._slow_after:
+            self.slow += 1
+            if has_doubled(self.slow):
+                text = f"held up the others for {seconds * 1000:.1f} ms, {amount(self.slow, 'time')} so far"
+                self._report(Report(Event.LISTENER_SLOW, self.name, text, timestamp))
+
+    def has_failed(self, error: BaseException, timestamp: float) -> None:
+        """Note that a call raised an exception."""
+        self.failed += 1
+        text = f"{type(error).__name__}: {error}"
+        self._report(Report(Event.LISTENER_FAILED, self.name, text, timestamp, error))
+
+    def has_lost(self, timestamp: float) -> None:
+        """Note that a message was dropped before the function could be called with it."""
+        self.lost += 1
+        if has_doubled(self.lost):
+            text = f"too many calls wait, {amount(self.lost, 'message')} lost so far; the newest are kept"
+            self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, timestamp))
+
+    def statistics(self) -> ListenerStatistics:
+        """Return the counts so far."""
+        return ListenerStatistics(self.name, self.delivered, self.lost, self.failed, self.slow)
+
+
+class Received(NamedTuple, Generic[T]):
+    """A message in a queue, with its time in the bus's seconds."""
+
+    message: T
+    timestamp: float
 
 
 class MessageQueue(Generic[T]):
@@ -154,62 +201,18 @@ class MessageQueue(Generic[T]):
         return ListenerStatistics(self.name, self.delivered, self.lost)
 
 
-class FunctionListener(Generic[T]):
-    """A function with its name and counts; a call that takes longer than `slow_after` seconds is reported."""
-
-    def __init__(
-        self, name: str, function: Function[T], report: Reporter, clock: Callable[[], float], slow_after: float
-    ) -> None:
-        self.name = name
-        self.delivered = self.lost = self.failed = self.slow = 0
-        self._function, self._report, self._clock, self._slow_after = function, report, clock, slow_after
-
-    def call(self, message: T, timestamp: float) -> None:
-        """Call the function; an exception of its own ends here."""
-        # Not the message's timestamp: that is when the frame came, and it may have waited.
-        begin = self._clock()
-        try:
-            self._function(message, timestamp)
-        except (Exception, SystemExit) as error:  # whatever it is, the other listeners get their message
-            self.has_failed(error, timestamp)
-        self.delivered += 1
-        seconds = self._clock() - begin
-        if seconds > self._slow_after:
-            self.slow += 1
-            if has_doubled(self.slow):
-                text = f"held up the others for {seconds * 1000:.1f} ms, {amount(self.slow, 'time')} so far"
-                self._report(Report(Event.LISTENER_SLOW, self.name, text, timestamp))
-
-    def has_failed(self, error: BaseException, timestamp: float) -> None:
-        """Note that a call raised an exception."""
-        self.failed += 1
-        text = f"{type(error).__name__}: {error}"
-        self._report(Report(Event.LISTENER_FAILED, self.name, text, timestamp, error))
-
-    def has_lost(self, timestamp: float) -> None:
-        """Note that a message was dropped before the function could be called with it."""
-        self.lost += 1
-        if has_doubled(self.lost):
-            text = f"too many calls wait, {amount(self.lost, 'message')} lost so far; the newest are kept"
-            self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, timestamp))
-
-    def statistics(self) -> ListenerStatistics:
-        """Return the counts so far."""
-        return ListenerStatistics(self.name, self.delivered, self.lost, self.failed, self.slow)
+CallFunction: TypeAlias = Callable[[FunctionListener[Any], Any, float], object]
+"""Has a function called with what it listens to and the timestamp, now or later."""
 
 
-MAILBOXES = 3
-"""Transmit mailboxes of the 2014 robot's controller (document section 6)."""
-
-MAILBOX_WAIT = 0.050
-"""Seconds that a frame may wait for a mailbox (document section 6)."""
+# What is to be sent
 
 
 class Stay(Enum):
-    """How long a frame waits for a mailbox."""
+    """How long a frame waits to be sent."""
 
     SHORT = auto()
-    """As long as the document says (section 6)."""
+    """As long as the controller lets any frame wait."""
     PERIODIC = auto()
     """Until the next frame of its identifier takes its place: a heartbeat, of which only the newest counts."""
     TRANSFER = auto()
@@ -221,93 +224,88 @@ class Stay(Enum):
 class Waiting(NamedTuple):
     """A frame on its way; tuples compare from the left, so they sort in the order in which they leave.
 
-    `sequence` counts the submitted frames: it keeps equal COB-IDs in order, and comparisons never go beyond it.
+    `sequence` counts the submitted frames: it keeps equal ranks in order, and comparisons never go beyond it.
     """
 
-    cob_id: int
+    rank: int
     sequence: int
-    deadline: float
     frame: Frame
     stay: Stay
+    deadline: float = inf
 
 
 class TransmitStatistics(NamedTuple):
     """Numbers of frames: submitted = completed + dropped + waiting + loaded.
 
-    A periodic frame counts as dropped if the next one has come before a mailbox was free.
+    A periodic frame counts as dropped if the next one has come before it could leave.
     """
 
     submitted: int
     completed: int
     dropped: int
     waiting: int
-    loaded: int
+    loaded: int = 0
 
 
-class Mailboxes:
-    """`count` mailboxes; a frame that has waited for one for `wait` seconds since its submission is dropped.
+class TransmitQueue:
+    """The frames to send, the most urgent first, in any number: `waiting` has them in their order.
 
-    `waiting` has the frames that wait, the most urgent first.
+    A frame on the wire waits until it is complete. One that is withdrawn meanwhile, such as an outdated heartbeat,
+    leaves all the same, and counts as dropped.
     """
 
-    def __init__(self, report: Reporter, count: int = MAILBOXES, wait: float = MAILBOX_WAIT) -> None:
-        self.count, self.wait = count, wait
-        self._report = report
-        self._submitted = self._completed = self._dropped = 0
+    def __init__(self) -> None:
         self.waiting: list[Waiting] = []
-        self._loaded: list[Waiting] = []
+        self._submitted = self._completed = self._dropped = 0
         self._away: int | None = None
         """How many frames had been dropped when the bus was lost; None while the bus is there."""
 
     def submit(self, frame: Frame, now: float, stay: Stay = Stay.SHORT) -> None:
-        """Put a frame in its place among those that wait for a mailbox.
-
-        If a mailbox is free now, the frame cannot be too late, however late the bus is served.
-        """
+        """Put a frame in its place among those that wait; a frame that does not outlast a lost bus is dropped then."""
+        sequence = self._submitted
+        self._submitted += 1
         if self._away is not None and stay is not Stay.LASTING:
-            self._submitted += 1
             self._dropped += 1
             return
         if stay is Stay.PERIODIC:
-            # A waiting heartbeat is outdated once the next one comes, and must not take up a mailbox of its own.
-            self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.cob_id == frame.cob_id)
-        # Frames that already wait count too: they will take the free mailboxes, unless this one is more urgent.
-        full = len(self._loaded) + len(self.waiting) >= self.count
-        # With a mailbox free, the frame belongs to the controller from now on, which has no time limit (document
-        # section 6).
-        deadline = now + self.wait if full and stay is Stay.SHORT else inf
-        # Sorted when submitted: frames come one at a time, and each transmit-complete asks for the most urgent one.
-        insort(self.waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, stay))
-        self._submitted += 1
+            # A waiting heartbeat is outdated once the next one comes.
+            self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.frame.cob_id == frame.cob_id)
+        insort(self.waiting, self._placed(frame, sequence, stay, now))
 
-    def load(self, now: float) -> list[Frame]:
-        """Move the most urgent frames into free mailboxes and return them, for the controller to send."""
-        loaded: list[Frame] = []
-        while self.waiting and len(self._loaded) < self.count and not self._lets_go_first():
-            # A heartbeat has the highest identifier and so waits last; it overtakes the segments of a transfer.
-            place = -1 if self.waiting[0].stay is Stay.TRANSFER and self.waiting[-1].stay is Stay.PERIODIC else 0
-            first = self.waiting[place]
-            if first.deadline <= now:
-                self._drop(first.frame, now)
-            else:
-                insort(self._loaded, first)
-                loaded.append(first.frame)
-            del self.waiting[place]  # only now: an exception before leaves it in both places
+    def _placed(self, frame: Frame, sequence: int, stay: Stay, _: float) -> Waiting:
+        """Return a frame with its place in the order, when it is submitted."""
+        # A heartbeat has the highest identifier that a device sends. Behind one segment of a block after the other its
+        # consumers would take the device for dead, so a transfer lets everything else go first.
+        return Waiting(HIGHEST_IDENTIFIER + 1 if stay is Stay.TRANSFER else frame.cob_id, sequence, frame, stay)
+
+    def load(self, now: float) -> object:
+        """Give the controller what it may send: here everything that waits."""
+
+    def urgent(self) -> Frame | None:
+        """Return the frame that the controller sends first, None without any."""
+        return self.waiting[0].frame if self.waiting else None
+
+    def next(self, now: float) -> Frame | None:
+        """Load frames, and return the one to send first, None without any.
+
+        For a caller that plays the controller, as the sender of a live bus does.
+        """
         if self.waiting:
-            self.expire(now)
-            # Frames that were submitted while a mailbox was free had no deadline; if more urgent ones have taken their
-            # place, they may wait from now on as long as any other.
-            late = now + self.wait
-            self.waiting = [
-                w._replace(deadline=late) if w.stay is Stay.SHORT and w.deadline > late else w for w in self.waiting
-            ]
-        return loaded
+            self.load(now)
+        return self.urgent()
 
-    def _lets_go_first(self) -> bool:
-        """Tell whether a transfer has to wait because a heartbeat is in a mailbox."""
-        # A heartbeat's identifier is the greatest that a device sends: it would lose the arbitration to one segment of
-        # a block after the other, until its consumers take the device for dead.
-        return self.waiting[0].stay is Stay.TRANSFER and any(each.stay is Stay.PERIODIC for each in self._loaded)
+    def complete(self, frame: Frame) -> bool:
+        """Note that a frame was sent (transmit-complete); False if it does not wait any more."""
+        return self._taken(self.waiting, frame)
+
+    def _taken(self, place: list[Waiting], frame: Frame) -> bool:
+        # The first of equal frames: they are kept in order, so it is the one that left first.
+        for number, each in enumerate(place):
+            if each.frame == frame:
+                del place[number]
+                self._completed += 1
+                return True
+        return False
 
     def leave(self) -> None:
         """Note that the bus is away: what waits, or is submitted from now on, is dropped unless it is LASTING.
@@ -317,10 +315,6 @@ class Mailboxes:
         if self._away is None:
             self._away = self._dropped
         self._withdraw(lambda each: each.stay is not Stay.LASTING)
-        before = len(self._loaded)
-        # Loaded frames as well: a goto from before the gap must not leave when the bus is back.
-        self._loaded = [each for each in self._loaded if each.stay is Stay.LASTING]
-        self._dropped += before - len(self._loaded)
 
     def come_back(self) -> int:
         """Note that the bus is back; return how many frames were dropped meanwhile."""
@@ -331,7 +325,7 @@ class Mailboxes:
     def withdraw(self, cob_id: int) -> None:
         """Drop the waiting frames of an identifier, as whatever they answer is over."""
         if self.waiting:
-            self._withdraw(lambda each: each.cob_id == cob_id)
+            self._withdraw(lambda each: each.frame.cob_id == cob_id)
 
     def _withdraw(self, over: Callable[[Waiting], bool]) -> None:
         before = len(self.waiting)
@@ -339,56 +333,20 @@ class Mailboxes:
         self._dropped += before - len(self.waiting)
 
     def holds(self, frame: Frame) -> bool:
-        """Tell whether an equal frame waits or is in a mailbox."""
-        return any(each.frame == frame for each in (*self._loaded, *self.waiting))
-
-    def next(self, now: float) -> Frame | None:
-        """Load frames into free mailboxes, and return the one to send first, None without any.
-
-        For a caller that plays the controller, as the sender of a live bus does.
-        """
-        if self.waiting:
-            self.load(now)
-        return self.urgent()
-
-    def urgent(self) -> Frame | None:
-        """Return the loaded frame that the controller sends first, None without any."""
-        return self._loaded[0].frame if self._loaded else None
-
-    def complete(self, frame: Frame) -> bool:
-        """Free the mailbox of a frame that was sent (transmit-complete); False if no mailbox holds it."""
-        # The first of equal frames: they are kept in order, so it is the one that left first.
-        for place, each in enumerate(self._loaded):
-            if each.frame == frame:
-                del self._loaded[place]
-                self._completed += 1
-                return True
-        return False
+        """Return whether an equal frame is still to be sent."""
+        return any(each.frame == frame for each in self.waiting)
 
     @property
-    def next_expiry(self) -> float | None:
-        """Time in seconds when the first waiting frame will have waited too long; None if none waits."""
-        return min((each.deadline for each in self.waiting), default=None)
-
-    def expire(self, now: float) -> None:
-        """Drop the frames that have waited too long; frames in a mailbox belong to the controller and stay."""
-        expired = [each for each in self.waiting if each.deadline <= now]
-        for each in expired:
-            self.waiting.remove(each)
-            self._drop(each.frame, now)
-
-    def _drop(self, frame: Frame, now: float) -> None:
-        self._dropped += 1
-        text = f"{frame} found no mailbox for {self.wait * 1000:.0f} ms, {self._dropped} dropped so far"
-        self._report(Report(Event.FRAME_DROPPED, f"0x{frame.cob_id:03X}", text, now))
+    def next_expiry(self) -> float:
+        """Time in s when the first waiting frame will have waited too long; infinite if none ever will."""
+        return inf
 
     def statistics(self) -> TransmitStatistics:
         """Return the counts so far."""
-        counts = self._submitted, self._completed, self._dropped
-        return TransmitStatistics(*counts, waiting=len(self.waiting), loaded=len(self._loaded))
+        return TransmitStatistics(self._submitted, self._completed, self._dropped, len(self.waiting))
 
 
-# Who hears which COB-ID: a registration keeps the message, not its identifier, which a master may change
+# Who hears which COB-ID: a registration has a function for the identifiers, which a master may change
 
 
 class ListenerKind(IntEnum):
@@ -440,19 +398,6 @@ def deliveries_to(registrations: Iterable[Registration], protocol: Protocol) -> 
     return deliveries
 
 
-SLOW_AFTER = 0.010
-"""Seconds after which a call counts as slow; in that time, 500 kbit/s bring about forty full frames."""
-
-REPORTS_KEPT = 1000
-"""Most reports that are kept while nobody takes them."""
-
-ALL_MESSAGES = "all messages"
-"""The name of what a listener without a message type listens to."""
-
-CallFunction: TypeAlias = Callable[[FunctionListener[Any], Any, float], object]
-"""Has a function called with what it listens to and the timestamp, now or later."""
-
-
 class Statistics(NamedTuple):
     """Counts so far: of each listener, refused frames, frames that nobody listens to, and the transmit side."""
 
@@ -462,13 +407,17 @@ class Statistics(NamedTuple):
     transmit: TransmitStatistics
 
 
-class Gatekeeper:
-    """Listeners and mailboxes of one bus.
+ALL_MESSAGES = "all messages"
+"""The name of what a listener without a message type listens to."""
 
-    `table_size` is how many listeners may be registered (0: any number; 20 in the 2014 robot). A call that takes longer
-    than `slow_after` seconds of `clock` is reported. Reports go to `report`; without it, the latest are kept in
-    `reports`. A `report` that raises, as for a pipe that nobody reads any more, is not called again: its exception is
-    the `report_failure`, and reports are kept from then on. One thread receives; the bus's owner sends.
+
+class Controller:
+    """The listeners of one bus, their receive filters, and the `queue` of frames to send.
+
+    A call that takes longer than `slow_after` seconds of `clock` is reported. Reports go to `report`; without it, the
+    latest are kept in `reports`. A `report` that raises, as for a pipe that nobody reads any more, is not called again:
+    its exception is the `report_failure`, and reports are kept from then on. One thread receives; the bus's owner
+    sends.
 
     `call_function` decides where functions run: in place, in the order of their registration, until a `Live` gives them
     a thread of their own. `rerouted` is called at the start, and on the receiving thread when the receive filters have
@@ -479,24 +428,20 @@ class Gatekeeper:
         self,
         protocol: Protocol,
         *,
-        table_size: int = 0,
-        mailboxes: int = MAILBOXES,
-        mailbox_wait: float = MAILBOX_WAIT,
         slow_after: float = SLOW_AFTER,
         report: Reporter | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.reports: deque[Report] = deque(maxlen=REPORTS_KEPT)
         self.report_failure: Exception | None = None
-        self._report = report
-        self.mailboxes = Mailboxes(self.report, mailboxes, mailbox_wait)
+        self.queue = TransmitQueue()
         self.call_function: CallFunction = FunctionListener.call
         self.rerouted: Callable[[], object] = lambda: None
         self.clock = clock
-        self._protocol, self._slow_after = protocol, slow_after
-        self._table_size, self._started = table_size, False
+        self._report, self._protocol, self._slow_after = report, protocol, slow_after
         self._registrations: list[Registration] = []
         self._routes: dict[int, Delivery] = {}
+        self._started = False
         self._refused = self._unheard = 0
 
     def report(self, report: Report) -> None:
@@ -511,7 +456,7 @@ class Gatekeeper:
             self.report_failure = error
             self.reports.append(report)
 
-    # Registration, before the start: raises ListenerError afterwards, and when the table is full
+    # Registration, before the start: raises ListenerError afterwards
 
     def add_queue(
         self, message_type: type[MessageT] | None, maxsize: int = 0, name: str | None = None
@@ -568,14 +513,10 @@ class Gatekeeper:
         return listener
 
     def _register(self, registration: Registration) -> None:
-        name = registration.listener.name
         if self._started:
             # The bus's thread reads the routes without a lock, so the table is closed before it runs.
-            raise ListenerError(f"{name}: the gatekeeper has started; listeners are registered before")
-        # Bounded, as the 2014 robot had 20 places: an application that registers in a loop is found at its start, and
-        # not by its use of memory.
-        if 0 < self._table_size <= len(self._registrations):
-            raise ListenerError(f"{name}: the listener table is full, it has {self._table_size} places")
+            name = registration.listener.name
+            raise ListenerError(f"{name}: the controller has started; listeners are registered before")
         self._registrations.append(registration)
 
     def _name(self, message_type: type[Any] | None) -> str:
@@ -596,7 +537,7 @@ class Gatekeeper:
         "everything". Raises StateError when called again.
         """
         if self._started:
-            raise StateError("the gatekeeper has started already")
+            raise StateError("the controller has started already")
         self._started = True
         return self.reroute(self._protocol)
 
@@ -612,14 +553,14 @@ class Gatekeeper:
         return self.filters()
 
     def filters(self) -> list[CanFilter]:
-        """Return the present receive filters, newly made: only the bus keeps them (document section 6)."""
+        """Return the present receive filters, newly made: only the bus keeps them."""
         # the mask: all 11 bits of an identifier count
         return [
             {"can_id": cob_id, "can_mask": HIGHEST_IDENTIFIER, "extended": False} for cob_id in sorted(self._routes)
         ]
 
     def hears(self, cob_id: int) -> bool:
-        """Tell whether the receive filters let frames with this COB-ID through."""
+        """Return whether the receive filters let frames with this COB-ID through."""
         return cob_id in self._routes
 
     # Receiving
@@ -654,21 +595,21 @@ class Gatekeeper:
             deliver(message, timestamp)
 
     def acts_always(self, cob_id: int) -> bool:
-        """Tell whether a COB-ID is that of a message that acts whenever it comes: a stop."""
+        """Return whether a COB-ID is that of a message that acts whenever it comes: a stop."""
         # Asked for frames that waited while the process stood still: an old goto must not be carried out, a stop may.
         return any(each.always and each.cob_id == cob_id for each in self._protocol.bindings)
 
     # Sending
 
     def send(self, message: Message, now: float) -> None:
-        """Encode a message and leave it to the mailboxes, without waiting. Raises FieldError."""
-        # A stop never expires: the document's 50 ms (section 6) are for frames that are repeated, or useless later.
+        """Encode a message and leave it to the queue, without waiting. Raises FieldError."""
+        # A stop never expires.
         stop = self._protocol.binding(type(message)).always
-        self.mailboxes.submit(self._protocol.encode(message), now, Stay.LASTING if stop else Stay.SHORT)
+        self.queue.submit(self._protocol.encode(message), now, Stay.LASTING if stop else Stay.SHORT)
 
     # Counts
 
     def statistics(self) -> Statistics:
         """Return the counts so far."""
         listeners = tuple(each.listener.statistics() for each in self._registrations)
-        return Statistics(listeners, self._refused, self._unheard, self.mailboxes.statistics())
+        return Statistics(listeners, self._refused, self._unheard, self.queue.statistics())

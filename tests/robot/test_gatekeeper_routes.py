@@ -8,11 +8,11 @@ import pytest
 
 from eurobot_od.errors import ListenerError
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
+from eurobot_od.robot.gatekeeper import Gatekeeper
 from eurobot_od.robot.model.messages import CATALOGUE, CheckDriveRequest, GotoStateRequest
 
 DRIVE = dialects.load("drive")

@@ -9,19 +9,19 @@ from typing import Any
 import can
 import pytest
 
-from eurobot_od.errors import FieldError, ListenerError, StateError, UnknownName
-from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import (
+from eurobot_od.controller import (
     Event,
     FunctionListener,
-    Gatekeeper,
     ListenerStatistics,
     MessageQueue,
     Received,
     Report,
     TransmitStatistics,
 )
+from eurobot_od.errors import FieldError, ListenerError, StateError, UnknownName
+from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
+from eurobot_od.robot.gatekeeper import Gatekeeper
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     EmergencyStop,
@@ -93,7 +93,7 @@ REGISTRATIONS: dict[str, Callable[[Gatekeeper], object]] = {
 def test_registration_after_the_start_names_the_listener(name: str, register: Callable[[Gatekeeper], object]) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     gatekeeper.start()
-    with pytest.raises(ListenerError, match="the gatekeeper has started") as error:
+    with pytest.raises(ListenerError, match="the controller has started") as error:
         register(gatekeeper)
     assert str(error.value).startswith(name)
 

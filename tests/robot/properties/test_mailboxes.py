@@ -7,8 +7,9 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eurobot_od.controller import Report
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Mailboxes, Report
+from eurobot_od.robot.gatekeeper import Mailboxes
 
 WAIT = 5.0
 
@@ -68,7 +69,7 @@ class Bench:
         assert (counts.completed, counts.dropped, counts.loaded) == (len(self.done), self.dropped, len(self.loaded))
         assert len(self.reports) == self.dropped
         assert self.boxes.urgent() == min(self.loaded, default=None)
-        assert self.boxes.next_expiry == min(self.waiting.values(), default=None)
+        assert self.boxes.next_expiry == min(self.waiting.values(), default=inf)
 
 
 def run(bench: Bench, steps: list[tuple[str, int]]) -> None:
