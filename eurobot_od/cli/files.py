@@ -13,7 +13,7 @@ from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
-from eurobot_od.cli.options import DbcFiles, EmcyFiles, Output, write
+from eurobot_od.cli.options import Clone, DbcFiles, EmcyFiles, Output, write
 from eurobot_od.cli.signature import Forms, Option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od.dictionary import Dictionary
@@ -146,6 +146,7 @@ def cdcf(
     *,
     output: Output = None,
     eds: Annotated[str | None, Option(metavar="[NODE-ID=]FILE", is_file=True)] = None,
+    clone: Clone,
 ) -> None:
     """Write the concise DCF of a DCF, or show what a concise DCF writes.
 
@@ -160,7 +161,7 @@ def cdcf(
     """
     # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
     if is_network(file):
-        made = {each.name or Path(each.file).stem: concise(each) for each in read_network(file).nodes}
+        made = {each.name or Path(each.file).stem: concise(each, clone) for each in read_network(file).nodes}
         if output is not None:
             output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
         for name, each in made.items():
@@ -168,19 +169,25 @@ def cdcf(
                 print(f"{name}:")
             write_concise(*each, output / f"{name}.cdcf" if output else None)
     elif Path(file).suffix.lower() in SUFFIXES:
-        write_concise(*concise(node_file(file)), output)
+        write_concise(*concise(node_file(file), clone), output)
     elif output is not None:
         raise LocalError(f"{file} is not a DCF: what a concise DCF writes is printed, without -o")
     else:
         show_concise(file, eds)
 
 
-def concise(node: NodeFile) -> tuple[list[Write], Dictionary]:
-    """Return the writes of a DCF, without PDOs that do not hold, and its dictionary; raises DictionaryError."""
+def concise(node: NodeFile, clone: Clone) -> tuple[list[Write], Dictionary]:
+    """Return the writes of a DCF, without PDOs that do not hold, and its dictionary; raises DictionaryError.
+
+    The DCF may be that of another node.
+    """
     from eurobot_od.client.configure import all_writes, check_file, check_whole
+    from eurobot_od.od.renumbering import renumbered
     from eurobot_od.od.values import pdo_of
 
-    dictionary = Dictionary.load(node.file, node.node_id, modules=node.modules, patch=node.patch)
+    dictionary = node._replace(name="").load()
+    if node.node_id is not None:
+        dictionary = renumbered(dictionary, node.node_id, clone.chosen)
     refused = list[MappingError]()
     with left_out() as complained:
 
@@ -225,7 +232,7 @@ def show_concise(file: str, eds: str | None) -> None:
     print_readings(decoded(writes, dictionary), as_json=False)
 
 
-def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output: Output = None) -> None:
+def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output: Output = None, clone: Clone) -> None:
     """Write a network as the YAML of dcfgen and ros2_canopen (`bus.yml`): nodes, files, and what a master writes.
 
     network: network file or folder
@@ -238,7 +245,7 @@ def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output
     described, folder = read_network(network), output.parent if output else Path()
     nodes: dict[str, tuple[int, str, list[tuple[Address, int]]]] = {}
     for each in described.nodes:
-        writes, dictionary = concise(each)
+        writes, dictionary = concise(each, clone)
         numbers: list[tuple[Address, int]] = []
         for address, data in writes:
             variable = at(address, dictionary.objects)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.devices import HEARTBEAT_WAIT, Target, left_out, object_names
-from eurobot_od.cli.options import EmcyFiles, Json, Output, Seconds, give, whole, write_dcf
+from eurobot_od.cli.options import Clone, EmcyFiles, Json, Output, Seconds, give, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
 from eurobot_od.client.drive402 import Drive402, DriveStatus
@@ -25,6 +25,7 @@ from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.renumbering import renumbered
 from eurobot_od.od.values import MOST_SUBS, NODE_IDS, label
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
@@ -258,12 +259,14 @@ def configure(
     only: Sequence[configuring.DictionaryArea] = tuple(configuring.DictionaryArea),
     no_store: bool = False,
     no_reset: bool = False,
+    clone: Clone,
 ) -> ExitStatus:
     """Configure a CANopen node from a DCF: write what differs, read it back, store it, reset the node, verify.
 
-    Exit status 1 if the node differs from the file and --dry-run leaves it so.
+    The DCF may be that of another node of the same kind: what follows the node-ID moves along. Exit status 1 if the
+    node differs from the file and --dry-run leaves it so.
 
-    file: the DCF, for this device and this node-ID
+    file: the DCF of this device, or of another node of its kind
     dry_run: print what differs and write nothing
     only: only these objects; repeatable
     no_store: do not have the node store it: it is lost at a reset
@@ -271,9 +274,10 @@ def configure(
 
     $ configure 5 motor.dcf --eds motor.eds -i socketcan -c can0
     $ configure 5 motor.dcf --dry-run -i socketcan -c can0
+    $ configure 6 motor.dcf --move-cob-ids -i socketcan -c can0
     """
     # never the network's file: a configuration is for the one device that its DCF names
-    dictionary = Dictionary.load(file, target.node_id)
+    dictionary = renumbered(Dictionary.load(file, target.node_id), target.node_id, clone.chosen)
     with left_out() as refused:  # the file is judged before a bus is opened
         configuring.check_file(dictionary, target.node_id, by_default=refused)
     complain_of_process_data([each for each in configuring.process_data(dictionary) if od.value_text(each)])

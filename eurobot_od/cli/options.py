@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from eurobot_od.bus.live.buses import Opener
     from eurobot_od.client.master import Guard, Master
     from eurobot_od.od.dcf import Dcf
+    from eurobot_od.od.renumbering import ChosenCobIds
     from eurobot_od.plugin import Plugin
     from eurobot_od.season.campaign import Workers
     from eurobot_od.season.results import Results
@@ -148,6 +149,27 @@ class BusOptions:
 
         # `complain` writes to standard error: what is printed may be JSON for another program.
         return unguarded if no_reconnect else Reconnecting(master, self.open, complain)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clone:
+    """What becomes of COB-IDs in another node's DCF that do not follow the node-ID: somebody has chosen them.
+
+    keep_cob_ids: of another node's DCF: keep its COB-IDs that do not follow the node-ID
+    move_cob_ids: of another node's DCF: move them by the distance of the two node-IDs
+    """
+
+    keep_cob_ids: Annotated[bool, Option(either="cob-ids")] = False
+    move_cob_ids: Annotated[bool, Option(either="cob-ids")] = False
+
+    @property
+    def chosen(self) -> ChosenCobIds | None:
+        """What was said, None for nothing."""
+        from eurobot_od.od.renumbering import ChosenCobIds  # most commands write no DCF
+
+        if self.keep_cob_ids:
+            return ChosenCobIds.KEEP
+        return ChosenCobIds.MOVE if self.move_cob_ids else None
 
 
 # What is printed, and files that are written

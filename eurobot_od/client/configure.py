@@ -29,6 +29,7 @@ from eurobot_od.od.document import COMMISSIONING
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, at, data_type, decode, encode, label, shown, unlimited
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
+from eurobot_od.od.renumbering import ChosenCobIds, renumbered
 from eurobot_od.od.standard import ALL_PARAMETERS, RESTORE, SIGNATURES, STORE, VERIFY_CONFIGURATION
 from eurobot_od.od.values import COB_ID, MAPPING_OFFSET, Address, Value, pdo_of
 from eurobot_od.sdo.client import LONGEST_TEXT
@@ -221,13 +222,15 @@ class Configured(NamedTuple):
 
 
 @Procedure
-async def configure(node: RemoteNode, dictionary: Dictionary, now: datetime) -> Configured:
-    """Make a node what a DCF says; `now` is written to verify configuration 0x1020.
+async def configure(
+    node: RemoteNode, dictionary: Dictionary, now: datetime, chosen: ChosenCobIds | None = None
+) -> Configured:
+    """Make a node what a DCF says; `now` is written to verify configuration 0x1020, `chosen` is as in `difference`.
 
     Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all of
     it, with the state it is left in; RemoteError and BusError before anything is written.
     """
-    plan = await difference.steps(node, dictionary)
+    plan = await difference.steps(node, dictionary, chosen=chosen)
     return await apply.steps(node, plan, now) if plan.changes else Configured(0, False)
 
 
@@ -324,13 +327,18 @@ def check_file(
 
 @Procedure
 async def difference(
-    node: RemoteNode, dictionary: Dictionary, areas: Collection[DictionaryArea] = tuple(DictionaryArea)
+    node: RemoteNode,
+    dictionary: Dictionary,
+    areas: Collection[DictionaryArea] = tuple(DictionaryArea),
+    chosen: ChosenCobIds | None = None,
 ) -> ChangePlan:
     """Compare a node with a DCF, or with some areas of it, by reading alone.
 
-    Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node does
-    not have; RemoteError and BusError.
+    The DCF may be that of another node of the same kind: what follows the node-ID is that of this node, and `chosen`
+    says what becomes of COB-IDs that do not. Raises DictionaryError for a file that is damaged, for another device,
+    with objects that the node does not have, or with such COB-IDs if `chosen` is None; RemoteError and BusError.
     """
+    dictionary = renumbered(dictionary, node.node_id, chosen)
     check_file(dictionary, node.node_id)
     # Before anything is read or written: another device may have the same objects with other meanings.
     other = Identity.of(dictionary).difference(await read_identity.steps(node))

@@ -17,7 +17,7 @@ from datetime import datetime
 from io import StringIO
 from numbers import Real
 from pathlib import Path
-from typing import Any, NoReturn, Self, TypeAlias, overload
+from typing import Any, Literal, NoReturn, Self, TypeAlias, overload
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -36,11 +36,15 @@ from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode, encode, label
+from eurobot_od.od.renumbering import ChosenCobIds
 from eurobot_od.od.standard import EMCY
 from eurobot_od.od.units import scale_of
 from eurobot_od.od.values import EMCY_BASE, ERROR_CONTROL_BASE, NODE_IDS, Address, Scalar, Value, pdo_of, typed
 from eurobot_od.od.words import written
 from eurobot_od.support.progress import Progress, unwatched
+
+CobIdChoice: TypeAlias = Literal["keep", "move"] | None
+"""What becomes of the COB-IDs in another node's DCF that do not follow the node-ID; None refuses them."""
 
 # Objects
 
@@ -375,28 +379,36 @@ class DeviceAtNode:
         """Read the identity object 0x1018; 0 for a number that the node does not have."""
         return await read_identity.steps(self._node)
 
-    async def _configure(self, file: str | Path, *, store: bool = True, reset: bool = True) -> Configured:
+    async def _configure(
+        self, file: str | Path, *, store: bool = True, reset: bool = True, cob_ids: CobIdChoice = None
+    ) -> Configured:
         """Make the node what a DCF says: write what differs, read it back, store it, reset the node, verify.
 
+        The DCF may be that of another node of the same kind: what follows the node-ID moves along. `cob_ids` says
+        whether COB-IDs that somebody chose are kept (`keep`) or moved by the distance of the node-IDs (`move`); without
+        it they are an error.
         Returns how many objects were changed, and whether they are stored and were verified after the reset. Without
         `store` they last until the next reset; without `reset` they are not verified after one. Raises DictionaryError
         for a file that is damaged or for another device, before anything is written; ConfigurationError if the node did
         not take all of it, or if the wait is cancelled: it then has its former values again, or `written` and `left`
         say which objects have changed and which have not.
         """
-        dictionary = Dictionary.load(file)
-        plan = await configure.difference.steps(self._node, dictionary)
+        plan = await self._plan(file, cob_ids)
         done = Configured(0, False)
         if plan.changes:
             done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
         # The node has everything in the file: it had it before, or it was written and read back.
-        has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(dictionary)}
+        has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(plan.dictionary)}
         self._pdos.present({address: value for address, value in has.items() if pdo_of(address[0]) is not None})
         return done
 
-    async def _difference(self, file: str | Path) -> ChangePlan:
+    async def _difference(self, file: str | Path, *, cob_ids: CobIdChoice = None) -> ChangePlan:
         """Return what `configure` would write, without writing anything; raises DictionaryError."""
-        return await configure.difference.steps(self._node, Dictionary.load(file))
+        return await self._plan(file, cob_ids)
+
+    async def _plan(self, file: str | Path, cob_ids: CobIdChoice) -> ChangePlan:
+        chosen = ChosenCobIds(cob_ids) if cob_ids else None
+        return await configure.difference.steps(self._node, Dictionary.load(file), chosen=chosen)
 
     async def _store(self) -> None:
         """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""

@@ -17,6 +17,7 @@ from eurobot_od.lint.model import LintedDevice, load
 from eurobot_od.od import values
 from eurobot_od.od.description import COMPOSED, DescribedPdo, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
+from eurobot_od.od.renumbering import following
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, Number
 from eurobot_od.sdo.wire import AbortCode, code_and_reason
@@ -64,7 +65,10 @@ def compare(
     left: LintedDevice, right: LintedDevice, node_id: int | None = None, with_names: bool = False
 ) -> list[EdsDifference]:
     """Compare two devices, for a node-ID if one is given or one of them is a DCF; ordered by index and sub-index."""
-    node_id = node_id or left.node_id or right.node_id
+    nodes = {each.node_id for each in (left, right)} - {None}
+    if len(nodes) == 1:  # of DCFs of two nodes, what follows the node-ID stays relative
+        node_id = node_id or next(iter(nodes))
+    left, right = followed(left, node_id), followed(right, node_id)
     aspects = {**ASPECTS, **NAMES} if with_names else ASPECTS
     compared = chain(_wholes(left, right), _variables(left, right, node_id, aspects), _pdos(left, right, node_id))
     missing = (
@@ -73,6 +77,18 @@ def compare(
         for sub in ours.keys() ^ theirs.keys()
     )
     return _named(sorted([*(each for each in compared if each.left != each.right), *missing]), left, right)
+
+
+def followed(device: LintedDevice, node_id: int | None) -> LintedDevice:
+    """Return a device for a comparison at a node-ID: if it has another one, its values that follow that say so."""
+    if device.node_id in (None, node_id):
+        return device
+    sections = dict(device.document.sections)
+    for variable, text in following(device, device.node_id or 0):
+        name = variable.section.name.lower()
+        if name in sections:  # sub-indices of a compact object have none of their own
+            sections[name] = sections[name].saying(ParameterValue=text)
+    return LintedDevice(device.document._replace(sections=sections), device.name)
 
 
 def _named(found: Iterable[EdsDifference], *devices: LintedDevice) -> list[EdsDifference]:
@@ -273,6 +289,7 @@ def compare_live(
     A DCF describes one device: an object that it gives no value
     need not be there, and one that cannot be written need not have its default.
     """
+    device = followed(device, node_id)
     known = variables(device)
     if device.node_id is not None:
         # Where the DCF has no value, an abort is not a difference, and what cannot be written need not be the default.

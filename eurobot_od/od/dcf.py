@@ -15,6 +15,7 @@ from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
 from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, Document, Rewriting, is_text, read_bytes
 from eurobot_od.od.objects import data_type, value_text
+from eurobot_od.od.renumbering import relative_text
 from eurobot_od.od.values import DOMAIN, TIMES, UNICODE_STRING, VISIBLE_STRING, Address, Value, label, parse_number
 
 if TYPE_CHECKING:
@@ -123,8 +124,8 @@ def with_values(
     """Return the DCF of a device: its EDS (or DCF), the ParameterValue of each address in `values`, and who it is.
 
     `device` is what the normal form of its file describes. Numbers are written in the form of the object's
-    DefaultValue, bytes in hexadecimal digits; None changes nothing. The commissioning stands last, so that a file that
-    was cut off has none. Lines end in LF.
+    DefaultValue, bytes in hexadecimal digits, what follows the node-ID as `$NODEID+...`; None changes nothing. The
+    commissioning stands last, so that a file that was cut off has none. Lines end in LF.
     Raises UnknownName for an address that the EDS does not describe, FieldError for what no line can hold.
     """
     rewriting = Rewriting(device.document)
@@ -133,7 +134,9 @@ def with_values(
             variable = device.variable(index, subindex) if subindex >= 0 else None
             if variable is None:
                 raise UnknownName("object", label((index, subindex)))
-            _set(rewriting, variable, value)
+            is_node_id = variable is device.own_node_id
+            relative = relative_text(variable, value, node_id, is_node_id) if isinstance(value, int) else None
+            _set(rewriting, variable, value, relative)
     _become_dcf(rewriting, device)
     own = {"NodeID": node_id, "NodeName": node_name if is_text(node_name, "utf-8") else "", "Baudrate": baudrate_kbit}
     rewriting.append(COMMISSIONING, own | NOT_SAID)
@@ -171,12 +174,12 @@ def _listed(document: Document, name: str) -> Iterator[str]:
     yield from (entry.value.lower().removeprefix("0x").zfill(4).upper() for entry in section.numbered())
 
 
-def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileBeside) -> None:
-    """Give a variable its value, and none of another kind that a former DCF gave it."""
+def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileBeside, relative: str | None) -> None:
+    """Give a variable its value, or `relative` in its place, and none of another kind that a former DCF gave it."""
     if isinstance(value, FileBeside):
         entries = {"UploadFile": value.name, "DownloadFile": value.name}
     else:
-        entries = {"ParameterValue": _written(variable, value)}
+        entries = {"ParameterValue": relative or _written(variable, value)}
     for key in ("ParameterValue", "UploadFile", "DownloadFile"):
         # a value and a file at once would leave it to each tool which of them counts
         if key in entries:

@@ -14,7 +14,7 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from tests.cli.console import Said, run
 from tests.client.peers import new_channel, open_bus
-from tests.kit.library import OTHER_PRODUCT, device_text, library_of
+from tests.kit.library import LISTS, OTHER_PRODUCT, device_text, library_of
 from tests.rows import rows
 
 ALONE = "--robot", "none"
@@ -87,11 +87,12 @@ def test_add_makes_the_users_own_library(capsys: pytest.CaptureFixture[str], mon
 
 def test_add_repairs_on_request(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "own").mkdir()
-    said = run(capsys, "devices", "add", "makers/axis.eds", "--fix", "--library", "own")
+    (tmp_path / "axis.eds").write_text(device_text().replace(LISTS, ""))
+    said = run(capsys, "devices", "add", "axis.eds", "--fix", "--library", "own")
     assert said.status == 0
-    assert said.out.startswith("makers/axis.eds:")  # what was changed, as `lint --fix` lists it
-    fixed = run(capsys, "lint", "--fix", "makers/axis.eds", "-o", "fixed.eds")
-    assert fixed.status == 0
+    fixed = run(capsys, "lint", "--fix", "axis.eds", "-o", "fixed.eds")
+    assert said.out.startswith(fixed.out)
+    assert fixed.out.startswith("axis.eds:1: ")
     assert (tmp_path / "own/A-Maker/axis.eds").read_bytes() == (tmp_path / "fixed.eds").read_bytes()
 
 
@@ -241,3 +242,68 @@ def test_a_log_of_another_device_than_its_file_is_one_complaint(capsys: pytest.C
         "eurobot-od: makers/other.eds is for another device: node 5 has product code 0x1001, not 0x1002"
     ]
     assert "level=-2" in said.out
+
+
+# Clones
+
+
+def configured(capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], *words: str) -> Said:
+    return run(capsys, "configure", "6", "five.dcf", "--library", "makers", *ALONE, *words, *bus)
+
+
+@pytest.fixture
+def five(capsys: pytest.CaptureFixture[str], bus: tuple[str, ...]) -> tuple[str, ...]:
+    """Node 5 as somebody has set it, in five.dcf; gives the bus."""
+    for name, value in (("Speed limit", "9"), ("0x1800:5", "250")):
+        assert run(capsys, "write", "5", name, value, "--library", "makers", *ALONE, *bus).status == 0
+    run(capsys, "export-dcf", "5", "-o", "five.dcf", "--library", "makers", *ALONE, *bus)
+    return bus
+
+
+def test_a_node_becomes_a_clone_of_another(capsys: pytest.CaptureFixture[str], five: tuple[str, ...]) -> None:
+    assert "ParameterValue=$NODEID+0x180" in Path("five.dcf").read_text()
+    said = configured(capsys, five)
+    assert said.status == 0
+    assert "written and read back" in said.out
+    assert [line.split()[0] for line in said.out.splitlines()[1:-1]] == ["0x1800:5", "0x2001:0"]
+    assert run(capsys, "read", "6", "0x1800:1", *ALONE, "--library", "makers", *five).out.split()[-1] == "0x00000186"
+    run(capsys, "export-dcf", "6", "-o", "six.dcf", "--library", "makers", *ALONE, *five)
+    assert run(capsys, "diff", "five.dcf", "six.dcf") == (0, "", "")
+    assert run(capsys, "diff", "five.dcf", "--node", "6", *five) == (0, "", "")
+
+
+def test_a_clone_asks_about_a_cob_id_that_somebody_chose(
+    capsys: pytest.CaptureFixture[str], five: tuple[str, ...]
+) -> None:
+    text = Path("five.dcf").read_text()
+    Path("five.dcf").write_text(text.replace("ParameterValue=$NODEID+0x180", "ParameterValue=0x391"))
+    said = configured(capsys, five)
+    assert said.status == 2
+    assert "0x1800:1 TPDO1 0x391; for node 6 keep them (--keep-cob-ids), or move them by 1" in said.complaint
+    read = "read", "6", "0x1800:1", *ALONE, "--library", "makers", *five
+    assert run(capsys, *read).out.split()[-1] == "0x00000186"  # nothing was written
+    assert configured(capsys, five, "--move-cob-ids").status == 0
+    assert run(capsys, *read).out.split()[-1] == "0x00000392"
+    assert configured(capsys, five, "--keep-cob-ids").status == 0
+    assert run(capsys, *read).out.split()[-1] == "0x00000391"
+
+
+def test_a_clone_of_another_product_is_refused(capsys: pytest.CaptureFixture[str], five: tuple[str, ...]) -> None:
+    said = run(capsys, "configure", "7", "five.dcf", "--library", "makers", *ALONE, *five)
+    assert said.status == 2
+    assert said.complaint.endswith("is for another device: node 7 has product code 0x1002, not 0x1001")
+
+
+CONCISE = [([], "", 2), (["--keep-cob-ids"], "0x00000391", 0), (["--move-cob-ids"], "0x00000392", 0)]
+
+
+@rows("words, cob_id, status", CONCISE)
+def test_a_concise_dcf_is_made_for_another_node(
+    capsys: pytest.CaptureFixture[str], words: list[str], cob_id: str, status: int
+) -> None:
+    commissioned = f"{device_text()}[DeviceComissioning]\nNodeID=5\n"
+    chosen = commissioned.replace("[1800sub1]\n", "[1800sub1]\nParameterValue=0x391\n")
+    Path("five.dcf").write_text(chosen)
+    said = run(capsys, "export", "cdcf", "6=five.dcf", *words)
+    assert said.status == status
+    assert cob_id in said.out

@@ -384,11 +384,14 @@ def test_configure_does_no_more_than_it_is_told(run: Run, drive: str, new_dcf: P
     assert run(drive, "configure", "drive", str(new_dcf), option) == (0, said, "")
 
 
-def test_a_file_for_another_node_is_refused_before_the_bus_is_opened(
+def test_cob_ids_that_somebody_chose_are_asked_about_before_the_bus_is_opened(
     capsys: pytest.CaptureFixture[str], new_dcf: Path
 ) -> None:
     assert main(["configure", "3", str(new_dcf), "-i", "nonsense"]) == 2
-    assert capsys.readouterr().err == f"eurobot-od: {new_dcf}: is for node 2, not for node 3\n"
+    assert capsys.readouterr().err == (
+        f"eurobot-od: {new_dcf}: is of node 2; these COB-IDs do not follow the node-ID: 0x1403:1 RPDO4 0x018; "
+        "for node 3 keep them (--keep-cob-ids), or move them by 1 (--move-cob-ids)\n"
+    )
 
 
 def test_the_dcf_of_a_live_node(run: Run, drive: str, tmp_path: Path) -> None:

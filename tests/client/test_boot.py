@@ -107,6 +107,13 @@ def test_a_dcf_is_loaded_into_a_slave_without_it() -> None:
         assert node.upload((0x2000, 0)) == b"\7\0"
 
 
+def test_the_dcf_of_another_node_of_its_kind_is_loaded_into_a_slave() -> None:
+    with slave() as node:
+        text = CONFIGURED.replace("NodeID=5", "NodeID=9")
+        assert boot_slave(node, Dictionary.read(text.encode(), Path("a.dcf")), NOW).failed is None
+        assert node.upload((0x2000, 0)) == b"\7\0"
+
+
 def test_an_eds_that_is_commissioned_for_another_node_is_an_eds() -> None:
     """Editors leave the section in an EDS; without a ParameterValue there is nothing in it to load."""
     wanted = TEXT + LISTS + COMMISSIONED.replace("NodeID=5", "NodeID=9")
@@ -122,6 +129,8 @@ def test_a_slave_whose_0x1020_is_the_dcfs_is_not_configured_again() -> None:
         assert node.upload((0x2000, 0)) == b"\5\0"
 
 
+EMCY_CHOSEN = variable("1014", "COB-ID EMCY", "UNSIGNED32", "$NODEID+0x80", "ParameterValue=0x123\n")
+
 UNFIT = [
     ("another device type", TEXT.replace("0x191", "0x192"), "error C: device type 0x00000191, its file has 0x00000192"),
     ("another vendor", TEXT.replace("0x11", "0x21"), "error D: vendor 0x00000011, its file has 0x00000021"),
@@ -129,9 +138,10 @@ UNFIT = [
     ("another revision", TEXT.replace("0x13", "0x23"), "error N: revision 0x00000013, its file has 0x00000023"),
     ("another serial number", TEXT.replace("0x14", "0x24"), "error O: serial 0x00000014, its file has 0x00000024"),
     (
-        "a DCF for another node",
-        CONFIGURED.replace("NodeID=5", "NodeID=9"),
-        "error J: a.dcf: is for node 9, not for node 5",
+        "a DCF of another node, with a COB-ID that somebody chose",
+        CONFIGURED.replace("NodeID=5", "NodeID=9") + EMCY_CHOSEN,
+        "error J: a.dcf: is of node 9; these COB-IDs do not follow the node-ID: 0x1014:0 EMCY 0x123; "
+        "for node 5 keep them (--keep-cob-ids), or move them by -4 (--move-cob-ids)",
     ),
 ]
 

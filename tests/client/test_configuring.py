@@ -310,7 +310,10 @@ def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
 @rows(
     "make_arguments, told",
     [
-        ({"node_id": 5}, "is for node 5, not for node 2"),
+        (
+            {"node_id": 5},
+            "is of node 5; these COB-IDs do not follow the node-ID: 0x1403:1 RPDO4 0x018; for node 2 keep",
+        ),
         ({"eds": (EDS / "navigation.eds").read_text()}, "is for another device: node 2 has product code 0x2, not 0x3"),
         (
             {"change": lambda text: text.replace("[1018sub1]\n", "[1018sub1]\nParameterValue=7\n")},

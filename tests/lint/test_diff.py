@@ -87,7 +87,17 @@ def test_names_count_if_that_is_asked_for() -> None:
 def test_an_eds_and_its_dcf_are_the_same_for_the_dcfs_node() -> None:
     dcf = BASES["dcf"][1].replace("DefaultValue=$NODEID+0x200", "DefaultValue=$NODEID+0x200\nParameterValue=0x205")
     assert compare(device(CLEAN), device(dcf, "a.dcf")) == []
-    assert [each.right for each in compare(device(CLEAN), device(dcf, "a.dcf"), 6)] == ["0x205"]
+    assert compare(device(CLEAN), device(dcf, "a.dcf"), 6) == []  # it follows the node-ID
+
+
+def test_of_two_nodes_only_what_does_not_follow_the_node_id_differs() -> None:
+    five = BASES["dcf"][1].replace("DefaultValue=$NODEID+0x200", "DefaultValue=$NODEID+0x200\nParameterValue=0x205")
+    six = five.replace("NodeID=5", "NodeID=6").replace("0x205", "0x206")
+    assert compare(device(five, "a.dcf"), device(six, "b.dcf")) == []
+    chosen = six.replace("=0x206", "=0x205")  # that of the other node: now it is in the way
+    assert [(each.left, each.right) for each in compare(device(five, "a.dcf"), device(chosen, "b.dcf"))] == [
+        ("$NODEID+0x200", "0x205")
+    ]
 
 
 def test_a_compact_array_is_the_array_written_out() -> None:
