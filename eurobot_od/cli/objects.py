@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from datetime import datetime
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -16,11 +19,13 @@ from eurobot_od.cli.options import Clone, EmcyFiles, Json, Output, Seconds, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
 from eurobot_od.client.drive402 import Drive402, DriveStatus
+from eurobot_od.client.lifeline import GOES_ON, OWN_ID, HeartbeatThread, arm, disarm, free_id
 from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.motion import AxisAddress
 from eurobot_od.client.program import load
 from eurobot_od.client.streams import History, clear_history, read_history
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, NoAnswer, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS
 from eurobot_od.od.dictionary import Dictionary
@@ -402,6 +407,9 @@ def program(
 LOOK = 0.5
 """Seconds from one line of `jog` to the next."""
 
+HEARD_FOR = 0.2
+"""How long is listened whether another node has our node-ID, in s."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MotionOptions:
@@ -431,12 +439,12 @@ class MotionOptions:
 
 def _jog(drive: Drive402, velocity: int, asked: MotionOptions) -> None:
     """Turn until Ctrl-C, or the end of its time, and halt; print where it is meanwhile."""
-    end = None if asked.span is None else time.monotonic() + asked.span
+    end = inf if asked.span is None else time.monotonic() + asked.span
     try:
         drive.velocity = velocity
-        while end is None or time.monotonic() < end:
+        while time.monotonic() < end:
             print(one_line(drive_as_text(drive.status)), flush=True)
-            time.sleep(LOOK if end is None else max(0.0, min(LOOK, end - time.monotonic())))
+            time.sleep(max(0.0, min(LOOK, end - time.monotonic())))
     finally:
         drive.halt()
 
@@ -457,6 +465,9 @@ ACTIONS: Mapping[str, Callable[[Drive402, int, MotionOptions], object]] = {
 }
 """What a drive can be told to do."""
 
+WATCHED = ("home", "move", "jog")
+"""The actions during which the drive watches this program's heartbeat."""
+
 MOVING = {"move": "a position", "jog": "a velocity"}
 """The actions that need a value."""
 
@@ -468,15 +479,21 @@ def drive(
     *,
     motion: MotionOptions,
     axis: Annotated[int, Option(metavar="N", read=whole(1, 8, what="an axis"))] = 1,
+    own_id: Annotated[int, Option(metavar="N", read=whole(1, 127, what="a node-ID"))] = OWN_ID,
     as_json: Json = False,
 ) -> None:
     """Enable, home and move a drive of CiA 402 over SDO, and print how it is then.
+
+    Every motion ends with a halt that is repeated until the drive stands, also at Ctrl-C and SIGTERM. While it moves it
+    watches this program's heartbeat (0x1016, 0x6007), and makes a quick stop when that is lost; one that cannot is
+    warned of. Enabling begins at rest.
 
     Raises DriveError, NodeRefused, NoAnswer, BusError.
 
     action: what the drive is to do; Ctrl-C stops a motion
     value: move: the position; jog: the velocity; in drive units
     axis: axis (1)
+    own_id: node-ID of our heartbeat (127, or the next lower one that is not heard)
 
     $ drive 5 status -i socketcan -c can1
     $ drive 5 move 4000 --velocity 500 -i socketcan -c can1
@@ -487,10 +504,37 @@ def drive(
     with target.opened() as node:
         described = target.named_description(node)
         found = Drive402(node, described, axis)
-        ACTIONS[action](found, value or 0, motion)
+        with _watched(found, node, axis, own_id) if action in WATCHED else nullcontext():
+            ACTIONS[action](found, value or 0, motion)
         status = found.status
     line = one_line(f"node {node.node_id}: {drive_as_text(status)}")
     give(as_json, drive_as_data(status), [line], indent=None)
+
+
+@contextmanager
+def _watched(drive: Drive402, node: RemoteNode, axis: int, wanted: int) -> Iterator[None]:
+    """Have a drive watch us while it moves, and end as Ctrl-C does at signals that end programs."""
+    for name in ("SIGTERM", "SIGHUP"):  # a terminal that is closed sends the second one
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.default_int_handler)
+    master = node.master
+    master.pump(HEARD_FOR)
+    own = free_id(master.states, wanted)
+    # A node that answers late is asked again: only a program that hangs is not alive.
+    with HeartbeatThread(master, own, 1.0 + 2 * master.answer_wait) as beats:
+        drive.kick = beats.kick
+        line = arm(node, [AxisAddress(node.node_id, axis).offset], own)
+        if line.lacks:
+            complain(f"node {node.node_id}: {GOES_ON}: {line.lacks}")
+        try:
+            yield
+        except BaseException:
+            # Raises if it is not known to stand: it then goes on watching us, and stops as soon as we are gone.
+            drive.halt()
+            with suppress(NoAnswer):  # what happened before is what has to be said
+                disarm(node, line)
+            raise
+        disarm(node, line)
 
 
 def drive_as_data(status: DriveStatus) -> dict[str, Any]:

@@ -20,8 +20,9 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles
+from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, whole
 from eurobot_od.cli.signature import Option
+from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
@@ -39,6 +40,9 @@ if TYPE_CHECKING:  # with aiohttp, which an extra brings
 HERE = Address("127.0.0.1", 8014)
 """Where the page is, unless another address is asked for."""
 
+ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+"""What ends a server beside Ctrl-C; a terminal that is closed sends SIGHUP."""
+
 MOST_LOGS = 2
 
 MOST_DIFFERENCES = 5000
@@ -51,6 +55,7 @@ def serve(
     reading: Reading,
     control: bool = False,
     listen: Annotated[Address, Option(metavar="HOST:PORT", read=parse_address)] = HERE,
+    own_id: Annotated[int, Option(metavar="N", read=whole(1, 127, what="a node-ID"))] = OWN_ID,
     devices: Devices,
     emcy: EmcyFiles = (),
     dbc: DbcFiles = (),
@@ -58,10 +63,11 @@ def serve(
 ) -> None:
     """Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
 
-    It goes on until Ctrl-C.
+    It goes on until Ctrl-C; drives that turn by the page's order are halted first.
 
     logs: one log, or two side by side (default: the bus)
     control: let the page send, write objects and command nodes
+    own_id: node-ID of the heartbeat that drives watch (127, or the next lower one that is not heard)
     listen: address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once
 
     $ serve run.log --eds 5=motor.eds
@@ -92,17 +98,18 @@ def serve(
             from eurobot_od.web.session import Session
 
             session = Session(bus.open, decoder, bitrate, panels, diagnosis=diagnosis())
-            asyncio.run(_show_bus(session, panels, bus_name(bus.interface, bus.channel), control, listen))
+            asyncio.run(_show_bus(session, panels, bus_name(bus.interface, bus.channel), control, listen, own_id))
 
 
 async def _serve(text: str, listen: Address, requests: Requests | None = None) -> None:
-    """Serve a page until SIGTERM; Ctrl-C, which a shell may have a program in the background ignore, cancels it."""
+    """Serve a page until a signal of `ENDING`; Ctrl-C, which a program in the background may ignore, cancels it."""
     from eurobot_od.web.server import served  # with aiohttp
 
     ended = asyncio.Event()
     async with served(text, AccessRules.at(listen.host), listen.port, requests) as address:
-        with suppress(NotImplementedError):  # on Windows, which has no SIGTERM
-            asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, ended.set)
+        for number in ENDING:
+            with suppress(NotImplementedError):  # on Windows
+                asyncio.get_running_loop().add_signal_handler(number, ended.set)
         print(f"{address}  (Ctrl-C ends it)", flush=True)
         await ended.wait()
 
@@ -174,7 +181,9 @@ def bus_name(interface: str | None, channel: str | None) -> str:
     return f"Bus {channel or ''}".strip() + (f" ({interface})" if interface else "")
 
 
-async def _show_bus(session: Session, panels: Sequence[type[Panel]], name: str, control: bool, listen: Address) -> None:
+async def _show_bus(
+    session: Session, panels: Sequence[type[Panel]], name: str, control: bool, listen: Address, own_id: int
+) -> None:
     from eurobot_od.web.requests import Requests  # with aiohttp
 
     about = {"name": name, "bitrate": session.bitrate, **described(session.decoder)}
@@ -182,6 +191,6 @@ async def _show_bus(session: Session, panels: Sequence[type[Panel]], name: str, 
     try:
         # What the page records lies there, and is gone with the page.
         with tempfile.TemporaryDirectory(prefix="eurobot-od-") as folder:
-            await _serve(text, listen, Requests(session, Path(folder), control, stop_message(panels)))
+            await _serve(text, listen, Requests(session, Path(folder), control, stop_message(panels), own_id))
     finally:
         session.close()

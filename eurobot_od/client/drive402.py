@@ -2,8 +2,9 @@
 
 Theory of operation. Everything is written once, in `DriveAtNode`, as steps that blocking programs run to their end and
 event loops await. Every wait polls the drive. A wait that is interrupted, by Ctrl-C or a cancelled task, halts the
-drive first: nobody is watching any more where it goes. Positions, velocities and accelerations are in the drive's own
-units.
+drive first: nobody is watching any more where it goes. Every way to stop it is a stop of `motion`: repeated until the
+drive is seen to stand, and with its targets at rest, so that it does not turn when it is enabled the next time.
+Positions, velocities and accelerations are in the drive's own units.
 """
 
 from __future__ import annotations
@@ -14,13 +15,25 @@ from functools import partial
 from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode, blocking, finished
-from eurobot_od.errors import DriveError, LocalError, NodeRefused
+from eurobot_od.client.motion import (
+    FOLLOWING,
+    GIVE_UP,
+    OFFSETS,
+    REPEAT,
+    RESTING,
+    AxisAddress,
+    AxisObjects,
+    AxisStop,
+    StopKind,
+)
+from eurobot_od.errors import BusError, DriveError, LocalError, NodeRefused
+from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import METHODS, DriveCommand, Mode, State
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import data_type
 from eurobot_od.od.standard import DEVICE_TYPE
-from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, UNSIGNED32, DataType
+from eurobot_od.od.values import DataType
+from eurobot_od.sdo.wire import AbortCode
 
 POLL = 0.01
 """Seconds between two polls of a drive."""
@@ -58,18 +71,6 @@ def commands_to(target: State) -> Mapping[State, DriveCommand]:
     return {**NEXT, **{each.before: each.command for each in arrows if each.command}}
 
 
-INTEGER8, INTEGER16, INTEGER32 = (DATA_TYPES[number] for number in (0x02, 0x03, 0x04))
-
-TYPES: Mapping[int, DataType] = {
-    **dict.fromkeys((cia402.ERROR_CODE, cia402.CONTROLWORD, cia402.STATUSWORD), UNSIGNED16),
-    **dict.fromkeys((cia402.MODE, cia402.MODE_DISPLAY, cia402.HOMING_METHOD), INTEGER8),
-    **dict.fromkeys((cia402.POSITION, cia402.TARGET_POSITION, cia402.VELOCITY, cia402.TARGET_VELOCITY), INTEGER32),
-    cia402.TARGET_TORQUE: INTEGER16,
-    cia402.PROFILE_VELOCITY: UNSIGNED32,
-}
-"""The data types that CiA 402 gives the objects, for a drive without a file."""
-
-
 class DriveStatus(NamedTuple):
     """What a drive reports; `state` is None for a statusword that does not belong to any state."""
 
@@ -88,16 +89,23 @@ class DriveAtNode:
         if not 1 <= axis <= cia402.MOST_AXES:
             raise LocalError(f"axis {axis} is not in 1..{cia402.MOST_AXES}")
         self._node, self._dictionary = node, dictionary
-        self._offset = (axis - 1) * cia402.AXIS_STEP
+        self._address = AxisAddress(node.node_id, axis)
+        self._offset = self._address.offset
+        self.kick: Callable[[], object] = lambda: None
+        """Called with each request and answer: whoever watches this program hears that it is alive."""
         self._name = f"the drive of node {node.node_id}" if axis == 1 else f"axis {axis} of node {node.node_id}"
 
     # Objects
 
+    @property
+    def _objects(self) -> AxisObjects:
+        return AxisObjects(self._address, self._node.master.sdo_server(self._node.node_id), self._dictionary)
+
     def _type(self, index: int) -> DataType:
-        variable = self._dictionary.variable((index + self._offset, 0)) if self._dictionary else None
-        return TYPES[index] if variable is None else data_type(variable)
+        return self._objects.type_of(index)
 
     async def _read(self, index: int) -> int:
+        self.kick()
         data = await self._node.upload.steps((index + self._offset, 0))
         # An expedited answer may leave out its size, and then has four bytes, whatever the type (CiA 301, 7.2.4.3.6).
         value = self._type(index).read(data[: self._type(index).size])
@@ -108,6 +116,9 @@ class DriveAtNode:
         type_ = self._type(index)
         if not type_.low <= value <= type_.high:
             raise LocalError(f"{value} does not fit 0x{index + self._offset:04X}: {type_.low}..{type_.high}")
+        self.kick()
+        if index == cia402.CONTROLWORD:  # before it is sent: a stop has to know it even if the answer is lost
+            self._node.master.controlwords[self._address] = value
         await self._node.download.steps((index + self._offset, 0), type_.write(value))
 
     # State
@@ -176,42 +187,104 @@ class DriveAtNode:
         await self._write(cia402.CONTROLWORD, command.bits | bits)
 
     async def _enable(self, within: float = ENABLE_WAIT) -> None:
-        """Bring it to Operation enabled; each state on the way may take `within` seconds."""
+        """Bring it to Operation enabled, at rest; each state on the way may take `within` seconds.
+
+        The targets are written to rest first: 0, and the actual position in a mode that follows its target. If the
+        drive does not let them be written, it is enabled with halt, which stays set until a motion is commanded. One
+        that is enabled already stays as it is.
+        """
         await self._bring_to(State.ENABLED, within)
 
     async def _bring_to(self, state: State, within: float = ENABLE_WAIT) -> None:
-        """Bring it to a state that commands lead to, each arrow within `within` seconds; raises LocalError."""
-        what = ENABLE if state is State.ENABLED else state.words.lower()
-        while (present := await self._state()) is not state:
+        """Bring it to a state that commands lead to, each arrow within `within` seconds; raises LocalError.
+
+        Operation enabled begins at rest, as `enable` says.
+        """
+        what, halt = ENABLE if state is State.ENABLED else state.words.lower(), 0
+        present = await self._state()
+        if state is State.ENABLED and present not in (state, State.FAULT):
+            halt = 0 if await self._rest() else cia402.HALT
+        while present is not state:
             if present is State.FAULT:
                 raise await self._fault(what)
             # If there is nothing to command, the drive leaves this state by itself, or the wait below ends with an
             # error.
             command = commands_to(state).get(present) if present else None
             if command is not None:
-                await self._command(command)
+                await self._command(command, halt if command is DriveCommand.ENABLE else 0)
             await self._until(what, within, partial(_has_left, present))
+            present = await self._state()
+
+    async def _rest(self) -> bool:
+        """Write the targets to rest; return whether the drive has taken all of them that it has."""
+        mode = await self._told(cia402.MODE_DISPLAY)
+        targets = [*RESTING, *([OFFSETS[mode]] if mode in OFFSETS else [])]
+        taken = [await self._rests(each, 0) for each in targets if self._objects.has(each)]
+        if mode in FOLLOWING:
+            taken.append(await self._rests(cia402.TARGET_POSITION, await self._read(cia402.POSITION)))
+        return all(taken)
+
+    async def _rests(self, index: int, value: int) -> bool:
+        try:
+            await self._write(index, value)
+        except NodeRefused as refused:
+            return refused.code == AbortCode.NO_OBJECT  # what it does not have moves nothing
+        return True
+
+    # Stops. Each is over when the drive is seen to stand.
+
+    async def _stop(self, kind: StopKind) -> None:
+        """Stop it until it stands, past all other requests; raises DriveError if that is not seen in its time."""
+        master = self._node.master
+        known = master.controlwords.get(self._address)
+        stop = AxisStop(self._objects, master.clock(), kind, known)
+        heard: list[BusError] = []
+
+        def send(frames: list[Frame]) -> None:
+            try:
+                for frame in frames:
+                    master.send(*frame)
+            except BusError as error:  # the next one may go out
+                heard.append(error)
+
+        def hear(cob_id: int, data: bytes, _: float) -> None:
+            send(stop.hear(Frame(cob_id, data), master.clock()) or [])
+
+        with master.observed(hear):
+            end = stop.since + GIVE_UP + REPEAT
+            while not stop.done and (now := master.clock()) < end:
+                self.kick()
+                send(stop.due(now))
+                await master.pump.steps(max(min(stop.next, end) - master.clock(), 0.001), lambda: stop.done)
+        master.controlwords[self._address] = stop.word
+        if not stop.done:
+            lost = f" ({heard[-1]})" if heard else ""
+            raise DriveError(f"{self._name}: is not known to stand: {stop.text(master.clock())}{lost}")
 
     async def _disable(self, within: float = ENABLE_WAIT) -> None:
-        """Take its torque away."""
+        """Take its torque away, and write its targets to rest."""
         if await self._state() in FAULTY:
             return
-        await self._command(DriveCommand.DISABLE_VOLTAGE)
+        await self._stop(StopKind.DISABLE)
         await self._until("disable", within, lambda word: cia402.state_of(word) is State.DISABLED)
 
     async def _quick_stop(self) -> None:
-        """Stop it as its quick stop option code says."""
-        await self._command(DriveCommand.QUICK_STOP)
+        """Stop it as its quick stop option code says, until it stands; raises DriveError if that is not seen."""
+        await self._stop(StopKind.QUICK_STOP)
 
     async def _halt(self) -> None:
-        """Stop it and keep its torque, as its halt option code says."""
-        if await self._state() is State.ENABLED:
-            await self._command(DriveCommand.ENABLE, cia402.HALT)
+        """Stop it and keep its torque, as its halt option code says, until it stands.
+
+        It becomes a quick stop after 0.5 s without effect, and disable voltage with NMT stop after 1 s; after 2 s
+        DriveError says what is known. If we have not enabled it, it is a quick stop from the start.
+        """
+        await self._stop(StopKind.HALT)
 
     async def _fault_reset(self, within: float = ENABLE_WAIT) -> None:
-        """Reset its fault, if there is one."""
+        """Reset its fault, if there is one; its targets are at rest then."""
         if await self._state() not in FAULTY:
             return
+        await self._rest()
         # Until the motor stands, the drive is in Fault reaction active, where a reset does nothing.
         await self._poll(within, lambda word: cia402.state_of(word) is not State.FAULT_REACTION)
         await self._command(DriveCommand.DISABLE_VOLTAGE)  # the reset is a rising edge
@@ -234,11 +307,9 @@ class DriveAtNode:
             raise
 
     async def _enter(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
-        """Choose a mode of operation and enable, clearing all commands of the former mode."""
+        """Choose a mode of operation and enable at rest; a halt that is set stays until the motion is commanded."""
         await self._choose(mode, within)
         await self._enable(within)
-        # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the former mode must not count in this one.
-        await self._command(DriveCommand.ENABLE)
 
     async def _choose(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
         """Choose a mode of operation, and wait until the drive shows it."""
@@ -256,6 +327,7 @@ class DriveAtNode:
         if method is not None:
             await self._write(cia402.HOMING_METHOD, method)
         await self._enter(Mode.HOMING)
+        await self._command(DriveCommand.ENABLE)  # the start is a rising edge
         await self._command(DriveCommand.ENABLE, cia402.HOMING_START)
 
     async def _home(self, method: int | None = None, within: float = MOTION_WAIT) -> None:
@@ -274,7 +346,12 @@ class DriveAtNode:
         self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = ENABLE_WAIT
     ) -> None:
         """Enable it and have it begin a move; it has `within` seconds to take the set-point."""
+        if relative and await self._state() is State.ENABLED:
+            # From where it is: the drive would count from its last set-point, which a halted move has not reached.
+            position, relative = await self._read(cia402.POSITION) + position, False
         await self._enter(Mode.PROFILE_POSITION)
+        # Halted until there is the new set-point: an interrupted move would go on to the former one.
+        await self._command(DriveCommand.ENABLE, cia402.HALT)
         if velocity is not None:
             await self._write(cia402.PROFILE_VELOCITY, velocity)
         await self._write(cia402.TARGET_POSITION, position)
@@ -287,7 +364,10 @@ class DriveAtNode:
     async def _move(
         self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
     ) -> None:
-        """Enable it, move it to a position, or by a distance if it is `relative`, and wait until it is there."""
+        """Enable it, move it to a position, or by a distance if it is `relative`, and wait until it is there.
+
+        The distance counts from where it is.
+        """
         async with self._watched():
             await self._begin_move(position, velocity, relative=relative, within=within)
             reached = cia402.TARGET_REACHED
@@ -304,9 +384,15 @@ class DriveAtNode:
 
     async def _begin(self, target: int, value: int, mode: Mode) -> None:
         async with self._watched():
-            # Before the mode: the drive would otherwise start with whatever is in the object.
-            await self._write(target, value)
-            await self._enter(mode)
+            if await self._state() is State.ENABLED:
+                # Before the mode: the drive would otherwise start with whatever is in the object.
+                await self._write(target, value)
+                await self._choose(mode)
+            else:
+                await self._enter(mode)
+                await self._write(target, value)
+            # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the former mode must not count in this one.
+            await self._command(DriveCommand.ENABLE)
 
 
 def _has_left(state: State | None, word: int) -> bool:

@@ -23,6 +23,7 @@ from contextlib import AbstractAsyncContextManager, AbstractContextManager, cont
 from datetime import datetime
 from functools import partial, update_wrapper, wraps
 from itertools import count
+from threading import Lock
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 from eurobot_od import errors
@@ -145,6 +146,8 @@ class Master:
         self.states: dict[int, NmtState] = {}
         self.shared: dict[int, float] = {}
         """When an answer to another client was last skipped, s of `clock`, by the node-ID of the server."""
+        self.controlwords: dict[tuple[int, int], int] = {}
+        """The controlword that was last sent to an axis, by its node-ID and number."""
         self.booted: set[int] = set()
         """The nodes that have booted since they were last commanded or waited for."""
         self.listeners: dict[int, Callable[[bytes], None]] = {}
@@ -155,7 +158,7 @@ class Master:
         self._sdo_servers: dict[int, SdoChannel] = {}
         self.guard: AbstractContextManager[object] = nullcontext()
         """Held while frames are taken in, where another thread does that."""
-        self._message = can.Message
+        self._message, self._sending = can.Message, Lock()
 
     def __enter__(self) -> Master:
         return self
@@ -209,7 +212,8 @@ class Master:
 
     def _send(self, message: can.Message) -> None:
         try:
-            self.bus.send(message)
+            with self._sending:  # a heartbeat comes from a thread of its own
+                self.bus.send(message)
         except Exception as error:  # drivers raise OSError, CanError, ValueError, or whatever else their makers chose
             raise failure(self.bus, error) from error
 

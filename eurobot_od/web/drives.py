@@ -1,33 +1,73 @@
-"""Drives of CiA 402 on the page: what the page knows of them, and what it may command.
+"""Drives of CiA 402 on the page: what the page knows of them, what it may order, and how each motion ends.
 
-Rule of this file: a browser that holds down a jog's button has to say so again and again. A page that is closed, or
-whose connection hangs, does not, and the drive is halted. This is not a safety function: it takes a server, a bus and a
-drive that work.
+Theory of operation. An order, such as a jog or a move, is carried out on a thread that waits for the drive, one order
+after the other. A stop never waits for that: it is begun at once, on whatever thread, and a thread of its own
+(`MotionThread`) sends its frames, again and again until the axis stands (`client.motion`). From the begin of a stop on
+the order that is under way on that axis sends nothing any more, and orders that were made before it are refused when
+their turn comes. A motion goes on only while its page says so: a page that is closed, hidden or hangs does not, and the
+drive is halted. The same thread sends the heartbeat that the drives watch (`client.lifeline`).
+
+This is not a safety function: it takes a server, a bus and a drive that work.
 """
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from math import inf
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 from eurobot_od.client.drive402 import Drive402
+from eurobot_od.client.lifeline import GOES_ON, PERIOD, Lifeline, arm, disarm, free_id, heartbeat, holds
 from eurobot_od.client.master import Master
-from eurobot_od.errors import EurobotError, LocalError, look_up
+from eurobot_od.client.motion import (
+    GIVE_UP,
+    LAST_STEP,
+    AxisAddress,
+    AxisObjects,
+    AxisStop,
+    MotionEnd,
+    NodeStop,
+    StopKind,
+)
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.errors import BusError, EurobotError, LocalError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
-from eurobot_od.od.cia402 import MODE_WORDS, TRANSITIONS, State
+from eurobot_od.od.cia402 import MODE_WORDS, TRANSITIONS, DriveCommand, State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import Range, limits
-from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, Address, label
+from eurobot_od.od.values import (
+    ALL_NODES,
+    DATA_TYPES,
+    NMT_COB_ID,
+    NODE_IDS,
+    Address,
+    label,
+)
 from eurobot_od.od.words import profile_of
-from eurobot_od.sdo.wire import ClientCommand, carrying
 
-HELD = 0.6
-"""Seconds that a jog goes on after its button was last reported as held."""
+HELD = 0.5
+"""How long a motion goes on after its page last said that it is wanted, in s."""
 
-LOOK = 0.1
-"""Seconds between two checks of that."""
+LOOK = 0.01
+"""Time between two looks at what is to be stopped, in s."""
+
+IDLE = 0.1
+"""The same while nothing may move, in s."""
+
+STALE = 1.0
+"""Longest time between an order and its turn, in s; what was ordered longer ago is no longer expected."""
+
+SHOWN_FOR = 15.0
+"""How long the page shows that a stop has succeeded, in s."""
+
+SENDERS = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)
+"""Function codes of what a node sends by default: EMCY, TPDOs, SDO answers, heartbeats (CiA 301, 7.3.3)."""
 
 SHOWN: Mapping[str, int] = {
     "statusword": cia402.STATUSWORD,
@@ -42,17 +82,24 @@ SHOWN: Mapping[str, int] = {
 
 Numbers: TypeAlias = Mapping[str, int]
 
-COMMANDS: Mapping[str, Callable[[Drive402, Numbers], None]] = {
+ORDERS: Mapping[str, Callable[[Drive402, Numbers], None]] = {
     "enable": lambda drive, _: drive.enable(),
-    "disable": lambda drive, _: drive.disable(),
     "fault reset": lambda drive, _: drive.fault_reset(),
-    "quick stop": lambda drive, _: drive.quick_stop(),
-    "halt": lambda drive, _: drive.halt(),
     # None of them waits for the end of the motion: whoever wants to halt it must not wait for that, either.
     "home": lambda drive, said: drive.begin_home(said.get("method")),
     "move": lambda drive, said: drive.begin_move(said["position"], said.get("velocity")),
     "move by": lambda drive, said: drive.begin_move(said["distance"], said.get("velocity"), relative=True),
 }
+
+STOPS: Mapping[str, StopKind] = {
+    "halt": StopKind.HALT,
+    "quick stop": StopKind.QUICK_STOP,
+    "disable": StopKind.DISABLE,
+}
+"""Commands that end a motion; they wait for nothing."""
+
+MOVES = ("home", "move", "move by")
+"""Orders that move an axis until it is there."""
 
 JOGS: Mapping[str, Callable[[Drive402, int], None]] = {
     "velocity": lambda drive, value: setattr(drive, "velocity", value),
@@ -74,27 +121,15 @@ UNBOUNDED = DATA_TYPES[0x04]
 MOVING = (
     *(cia402.CONTROLWORD, cia402.TARGET_VL_VELOCITY, cia402.TARGET_TORQUE, cia402.TARGET_POSITION),
     *(cia402.TARGET_VELOCITY, cia402.INTERPOLATION_DATA, cia402.MODE),
-    *(cia402.POSITION_OFFSET, cia402.VELOCITY_OFFSET, cia402.TORQUE_OFFSET),
+    *(cia402.POSITION_OFFSET, cia402.VELOCITY_OFFSET, cia402.TORQUE_OFFSET, cia402.DIGITAL_OUTPUTS),
 )
-"""Objects of the first axis of which a new value may move something."""
+"""Objects of the first axis of which a new value may move something; the outputs have the brake."""
 
 
 def moves(address: Address) -> bool:
     """Tell whether a new value of an object may move a drive."""
     above = address[0] - cia402.FIRST_AXIS.start
     return above >= 0 and cia402.FIRST_AXIS.start + above % cia402.AXIS_STEP in MOVING
-
-
-class AxisAddress(NamedTuple):
-    """An axis of a drive, by its node-ID and its number from 1 on."""
-
-    node_id: int
-    number: int
-
-    @property
-    def offset(self) -> int:
-        """The difference of its objects' indices from those of the first axis."""
-        return (self.number - 1) * cia402.AXIS_STEP
 
 
 def axes_of(dictionary: Dictionary) -> list[AxisAddress]:
@@ -111,7 +146,7 @@ def drive_data(dictionary: Dictionary) -> dict[str, Any] | None:
     if not axes:
         return None
     suggested = dictionary.variable((cia402.PROFILE_VELOCITY, 0))
-    velocity = (suggested and suggested.default) or 100
+    velocity = suggested.default if suggested else None  # an empty field: nobody invents a velocity
     return {"axes": [_axis_data(dictionary, each) for each in axes], "velocity": velocity}
 
 
@@ -157,26 +192,65 @@ def machine_data() -> dict[str, Any]:
     }
 
 
-def quick_stops(master: Master, axes: Iterable[AxisAddress]) -> Iterator[Frame]:
-    """Yield the frames that write Quick stop into controlwords, for a caller that does not wait for transfers."""
-    content = UNSIGNED16.write(cia402.DriveCommand.QUICK_STOP.bits)
-    for each in axes:
-        data = carrying(ClientCommand.DOWNLOAD, (cia402.CONTROLWORD + each.offset, 0), content)
-        yield Frame(master.sdo_server(each.node_id).requests, data)
+class OrderMaster(Master):
+    """A master whose every frame passes a `gate`, which a stop closes."""
+
+    gate: Callable[[], AbstractContextManager[object]] = staticmethod(nullcontext)
+
+    def send(self, cob_id: int, data: bytes) -> None:
+        """Send a frame; raises BusError, and LocalError once the order is stopped."""
+        with self.gate():
+            super().send(cob_id, data)
+
+
+@dataclass
+class OrderedMotion:
+    """A motion by somebody's order, which goes on `until` a time in s; `end` sees the end of a move or a homing."""
+
+    who: object
+    until: float
+    end: MotionEnd | None = None
 
 
 class Drives:
-    """The drives of a network as the page commands them; `clock` gives the time in seconds.
+    """The drives of a network as the page commands them.
 
-    All methods but `hold` and `stopped` wait for the drive, and must be called one after the other.
+    Orders (`command`, `jog`) wait for the drive and are made one after the other; all other methods return at once, on
+    any thread. `send` sends a frame past everything else; `clock` gives the time in seconds. `wanted_id` is the node-ID
+    of our heartbeat. `wake` is called when there is something for `step` to do.
     """
 
-    def __init__(self, master: Master, dictionaries: Iterable[Dictionary], clock: Callable[[], float]) -> None:
-        self._master, self._clock = master, clock
+    def __init__(
+        self,
+        master: Master,
+        dictionaries: Iterable[Dictionary],
+        clock: Callable[[], float],
+        send: Callable[[Frame], object] | None = None,
+        wanted_id: int = 127,
+    ) -> None:
+        self._master, self._clock, self._wanted_id = master, clock, wanted_id
+        self._send = send or (lambda frame: master.send(*frame))
         self._dictionaries = {each.node_id: each for each in dictionaries}
         self.axes = [axis for each in self._dictionaries.values() for axis in axes_of(each)]
-        self._jogs: dict[AxisAddress, float] = {}
-        self._stops = 0
+        self.wake: Callable[[], object] = lambda: None
+        self._lock = threading.RLock()
+        self._outbox: deque[Frame] = deque()
+        self._motions: dict[AxisAddress, OrderedMotion] = {}
+        self._stops: dict[AxisAddress, AxisStop] = {}
+        self._nodes: dict[int, NodeStop] = {}
+        self._counts: dict[AxisAddress, int] = {}
+        self._held: dict[AxisAddress, tuple[object, float]] = {}
+        self._order: AxisAddress | None = None
+        self._is_revoked = False
+        self._broadcast: float | None = None
+        self._heard: set[int] = set()
+        self._lines: dict[int, Lifeline] = {}
+        self._accepted: set[int] = set()
+        self.own: int | None = None
+        self._beat = inf
+        self._said: dict[str, tuple[float, str]] = {}
+        if isinstance(master, OrderMaster):
+            master.gate = self._gate
 
     def axis(self, node_id: int, number: object) -> AxisAddress:
         """Return an axis; raises LocalError if there is none."""
@@ -186,60 +260,332 @@ class Drives:
         return found
 
     def _drive(self, axis: AxisAddress) -> Drive402:
-        node = self._master.node(axis.node_id)
-        return Drive402(node, self._dictionaries[axis.node_id], axis.number)
+        return Drive402(self._master.node(axis.node_id), self._dictionaries[axis.node_id], axis.number)
 
-    def command(self, axis: AxisAddress, name: str, numbers: Numbers = MappingProxyType({})) -> None:
-        """Carry out a command; raises UnknownName, LocalError for a target out of bounds, DriveError, and of SDO."""
-        act = look_up("command of a drive", name, COMMANDS)
+    def _objects(self, axis: AxisAddress) -> AxisObjects:
+        return AxisObjects(axis, self._master.sdo_server(axis.node_id), self._dictionaries[axis.node_id])
+
+    def _name(self, axis: AxisAddress) -> str:
+        several = sum(each.node_id == axis.node_id for each in self.axes) > 1
+        return f"{self._dictionaries[axis.node_id].name}{f', axis {axis.number}' if several else ''}"
+
+    def _node_name(self, node_id: int) -> str:
+        return self._dictionaries[node_id].name if node_id in self._dictionaries else f"node {node_id}"
+
+    # Orders
+
+    def ticket(self, axis: AxisAddress) -> int:
+        """Return a number that an order made now is carried out with: a stop after it makes it void."""
+        with self._lock:
+            return self._counts.get(axis, 0)
+
+    def command(
+        self,
+        axis: AxisAddress,
+        name: str,
+        numbers: Numbers = MappingProxyType({}),
+        who: object = None,
+        ticket: int | None = None,
+    ) -> None:
+        """Carry out an order; raises UnknownName, LocalError for a target out of bounds, DriveError, and of SDO."""
+        act = look_up("command of a drive", name, ORDERS)
         for target in LARGEST.keys() & numbers.keys():
             self._check(axis, target, numbers[target])
-        self._jogs.pop(axis, None)
-        self._unless_stopped(axis, lambda drive: act(drive, numbers))
+        with self._ordering(axis, ticket):
+            self._watch(axis, is_motion=name in MOVES)
+            if name in MOVES:
+                end = MotionEnd(self._objects(axis), self._clock() + HELD, name == "home")
+                self._enter(axis, OrderedMotion(who, self._clock() + HELD, end))
+            act(self._drive(axis), numbers)
 
     def _check(self, axis: AxisAddress, target: str, value: int) -> None:
         low, high = bounds(self._dictionaries[axis.node_id], axis, target)
         if not low <= value <= high:
             raise LocalError(f"{target} = {value} is not allowed; allowed: {low}..{high}")
 
-    def jog(self, axis: AxisAddress, value: int, target: str = "velocity") -> None:
+    def jog(
+        self, axis: AxisAddress, value: int, target: str = "velocity", who: object = None, ticket: int | None = None
+    ) -> None:
         """Turn with a velocity or torque in the drive's units while `hold` is called; LocalError if not enabled."""
         self._check(axis, target, value)
-        drive = self._drive(axis)
-        if (state := drive.state) is not State.ENABLED:
-            raise LocalError(f"enable the drive first: it is in {state.words if state else 'an unknown state'}")
-        # Entered before it turns: even if an answer is lost, it will be halted.
-        self._jogs[axis] = self._clock() + HELD
-        self._unless_stopped(axis, lambda each: JOGS[target](each, value))
+        if ticket is not None and self._held.get(axis, (who, -inf))[1] < self._clock() - HELD:
+            raise LocalError("the button was released before the drive could be asked: not carried out")
+        with self._ordering(axis, ticket):
+            drive = self._drive(axis)
+            if (state := drive.state) is not State.ENABLED:
+                raise LocalError(f"enable the drive first: it is in {state.words if state else 'an unknown state'}")
+            self._watch(axis, is_motion=True)
+            # Entered before it turns: even if an answer is lost, it will be halted.
+            self._enter(axis, OrderedMotion(who, self._clock() + HELD))
+            JOGS[target](drive, value)
 
-    def _unless_stopped(self, axis: AxisAddress, act: Callable[[Drive402], None]) -> None:
-        before, drive = self._stops, self._drive(axis)
+    @contextmanager
+    def _ordering(self, axis: AxisAddress, ticket: int | None) -> Iterator[None]:
+        """Carry out an order on an axis, unless it is stopped; one that fails on the way ends with a halt."""
+        with self._lock:
+            if ticket is not None and ticket != self._counts.get(axis, 0):
+                raise LocalError("it was stopped meanwhile: not carried out")
+            if axis in self._stops:
+                raise LocalError(f"{self._name(axis)} is still being stopped: {self._stops[axis].text(self._clock())}")
+            self._order, self._is_revoked = axis, False
         try:
-            act(drive)
+            yield
+        except BaseException:
+            if axis in self._motions:
+                self.stop(axis)
+            raise
         finally:
-            if self._stops != before:  # somebody has stopped the drive meanwhile
-                drive.quick_stop()
+            with self._lock:
+                self._order = None
 
-    def hold(self, axis: AxisAddress) -> None:
-        """Let a jog go on for a while; one that has ended is not resumed."""
-        if axis in self._jogs:
-            self._jogs[axis] = self._clock() + HELD
+    @contextmanager
+    def _gate(self) -> Iterator[None]:
+        """Let a frame of an order out; raises LocalError once the axis is being stopped. No stop begins meanwhile."""
+        with self._lock:
+            if self._order is not None and self._is_revoked:
+                raise LocalError("it was stopped meanwhile: not carried out")
+            yield
 
-    def stopped(self) -> None:
-        """Note that everything was stopped, past whatever is waiting."""
-        self._stops += 1
-        self._jogs.clear()
+    def _enter(self, axis: AxisAddress, motion: OrderedMotion) -> None:
+        with self._lock:
+            if self._is_revoked:
+                raise LocalError("it was stopped meanwhile: not carried out")
+            self._motions[axis] = motion
+        self.wake()
 
-    def overdue(self) -> bool:
-        """Tell whether a jog's button is no longer held."""
-        return any(end <= self._clock() for end in list(self._jogs.values()))
+    # The drive watches us
 
-    def end_overdue(self) -> None:
-        """Halt the axes whose button is no longer held; one that does not answer is asked again the next time."""
-        for axis, end in list(self._jogs.items()):
-            if end <= self._clock():
-                try:
-                    self._drive(axis).halt()
-                except EurobotError:
-                    continue
-                self._jogs.pop(axis, None)
+    def _watch(self, axis: AxisAddress, is_motion: bool) -> None:
+        """Have the drive watch our heartbeat; raises LocalError if it cannot, and nobody has accepted that."""
+        node, line = self._master.node(axis.node_id), self._lines.get(axis.node_id)
+        if line is None or not holds(node, line, self._beating()):
+            own = self._beating()
+            self._send(heartbeat(own))  # a drive watches from the first one on
+            offsets = [each.offset for each in self.axes if each.node_id == axis.node_id]
+            former = line.former if line else ()
+            line = arm(node, offsets, own)
+            # What was there before the first time counts, also after a reset of the drive.
+            self._lines[axis.node_id] = line._replace(former=former or line.former)
+        if is_motion and line.lacks and axis.node_id not in self._accepted:
+            raise LocalError(f"{self._name(axis)}: {GOES_ON}: {line.lacks}. Accept that first")
+
+    def _beating(self) -> int:
+        with self._lock:
+            if self.own is None:
+                self.own = free_id({*self._heard, *self._dictionaries}, self._wanted_id)
+                self._beat = self._clock()
+            return self.own
+
+    def accept(self, node_id: int) -> None:
+        """Note that a person knows that a drive goes on if this program fails."""
+        self._accepted.add(node_id)
+
+    # A motion goes on while somebody says so
+
+    def hold(self, axis: AxisAddress, who: object = None) -> None:
+        """Let a motion go on for a while; one that has ended is not resumed, and nobody else's goes on."""
+        with self._lock:
+            self._held[axis] = who, self._clock()
+            motion = self._motions.get(axis)
+            if motion is not None and motion.who is who:
+                motion.until = self._clock() + HELD
+
+    def left(self, who: object) -> None:
+        """Stop what somebody has ordered who is gone."""
+        with self._lock:
+            for axis in [axis for axis, motion in self._motions.items() if motion.who is who]:
+                self.stop(axis)
+
+    # Stops
+
+    def stop(self, axis: AxisAddress, kind: StopKind = StopKind.HALT) -> None:
+        """Begin to stop an axis, and let no order go on; `step` sends the frames."""
+        with self._lock:
+            now = self._clock()
+            self._counts[axis] = self._counts.get(axis, 0) + 1
+            self._motions.pop(axis, None)
+            self._is_revoked |= self._order == axis
+            before = self._stops.get(axis)
+            ranks = list(StopKind)
+            if before is None or ranks.index(kind) > ranks.index(before.kind) or before.has_failed(now):
+                known = self._master.controlwords.get(axis)
+                self._stops[axis] = AxisStop(self._objects(axis), now, kind, known)
+        self.wake()
+
+    def stop_all(self) -> str:
+        """Quick-stop all axes, and stop by NMT every node that is known or was heard; return what is done."""
+        with self._lock:
+            now, drives = self._clock(), {each.node_id for each in self.axes}
+            for axis in self.axes:
+                self.stop(axis, StopKind.QUICK_STOP)
+            unknown = self._heard - self._dictionaries.keys()
+            others = sorted((self._dictionaries.keys() | unknown) - drives)
+            self._nodes = {node_id: NodeStop(node_id, now) for node_id in others}
+            # Once the axes stand: a drive in Stopped could no longer say by SDO whether it does.
+            self._broadcast = now if unknown or not self.axes else None
+        self.wake()
+        axes = f"quick stop to {', '.join(map(self._name, self.axes))}" if self.axes else ""
+        nodes = f"NMT stop to {', '.join(map(self._node_name, others))}" if others else ""
+        why = f", and to all: no file describes {', '.join(map(self._node_name, sorted(unknown)))}" if unknown else ""
+        return "; ".join(filter(None, [axes, nodes + why])) or "NMT stop to all"
+
+    def post(self, frames: Iterable[Frame]) -> None:
+        """Have frames sent soon, past everything else."""
+        self._outbox.extend(frames)
+        self.wake()
+
+    def stopping(self, axis: AxisAddress) -> AxisStop | None:
+        """Return the stop of an axis that is under way, None if there is none."""
+        return self._stops.get(axis)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether anything moves by our order, or is being stopped."""
+        return bool(self._motions or self._stops or self._nodes or self._outbox or self._broadcast is not None)
+
+    # Frames and time
+
+    def hear(self, frame: Frame) -> bool:
+        """Take in a frame; return whether it answers a request of a stop, and nobody else waits for it."""
+        now, is_taken = self._clock(), False
+        node_id = frame.cob_id & 0x7F
+        if node_id in NODE_IDS and frame.cob_id - node_id in SENDERS and node_id != self.own:
+            self._heard.add(node_id)
+        if not self.is_busy:
+            return False
+        with self._lock:
+            for axis, stop in list(self._stops.items()):
+                more = stop.hear(frame, now)
+                is_taken |= more is not None
+                self._outbox.extend(more or ())
+                if stop.done:
+                    self._ended(axis, stop, now)
+            for node in list(self._nodes.values()):
+                node.hear(frame, now)
+            for motion in self._motions.values():
+                is_taken |= motion.end is not None and motion.end.hear(frame, now)
+        if self._outbox:
+            self.wake()
+        return is_taken
+
+    def _ended(self, axis: AxisAddress, stop: AxisStop, now: float) -> None:
+        del self._stops[axis]
+        self._master.controlwords[axis] = stop.word
+        kept = f", but it does not let {', '.join(f'0x{each:04X}' for each in sorted(stop.refused))} be written"
+        words = f"{self._name(axis)} stands, {now - stop.since:.2f} s after the {stop.kind.value}"
+        self._said[self._name(axis)] = now, words + (kept if stop.refused else "")
+
+    def step(self) -> float:
+        """Send what is due, and end what nobody wants any more; return the seconds until the next step."""
+        with self._lock:
+            now = self._clock()
+            self._end_motions(now)
+            frames = [*self._outbox, *(each for stop in self._stops.values() for each in stop.due(now))]
+            self._outbox.clear()
+            frames += self._broadcasts(now)
+            frames += [each for node in self._nodes.values() for each in node.due(now)]
+            frames += [each for m in self._motions.values() if m.end is not None for each in m.end.due(now)]
+            if now >= self._beat:
+                self._beat = max(self._beat + PERIOD, now)
+                frames.append(heartbeat(self._beating()))
+        for frame in frames:
+            with suppress(BusError):  # the next one may go out; the page shows that the bus is in trouble
+                self._send(frame)
+        return LOOK if self.is_busy else min(IDLE, max(self._beat - self._clock(), 0.0))
+
+    def _end_motions(self, now: float) -> None:
+        for axis, motion in list(self._motions.items()):
+            if motion.end is not None and motion.end.done:
+                del self._motions[axis]
+            elif motion.until <= now:
+                self.stop(axis)
+
+    def _broadcasts(self, now: float) -> list[Frame]:
+        """Return NMT stop to all, once the axes stand or have had their time; nodes that have confirmed are told."""
+        for node_id, node in list(self._nodes.items()):
+            if node.done:
+                del self._nodes[node_id]
+                self._said[self._node_name(node_id)] = now, f"{self._node_name(node_id)} is stopped (NMT)"
+        if self._broadcast is None or (self._stops and now - self._broadcast < LAST_STEP):
+            return []
+        self._broadcast = None
+        return [Frame(NMT_COB_ID, bytes([NmtCommand.STOP, ALL_NODES]))]
+
+    # What the page is told
+
+    def data(self) -> dict[str, Any]:
+        """Return what moves by our order, what stands, and in red what did not stop as far as is known."""
+        with self._lock:
+            now = self._clock()
+            self._said = {key: said for key, said in self._said.items() if now - said[0] < SHOWN_FOR}
+            wrong = [
+                f"{self._name(a)} is not known to stand: {s.text(now)}"
+                for a, s in self._stops.items()
+                if s.has_failed(now)
+            ]
+            for node_id, node in list(self._nodes.items()):
+                if node.has_failed(now):
+                    never = "it was never heard" if node_id not in self._heard else node.text(now)
+                    wrong.append(f"{self._node_name(node_id)} is not known to be stopped: {never}")
+                    if now - node.since > SHOWN_FOR:
+                        del self._nodes[node_id]
+            others = [
+                f"another client is asking {self._node_name(n)}"
+                for n, at in list(self._master.shared.items())
+                if self._master.clock() - at < SHOWN_FOR
+            ]
+            return {
+                "moving": [[self._dictionaries[each.node_id].name, each.number] for each in self._motions],
+                "said": [text for _, text in self._said.values()] + others,
+                "wrong": wrong,
+            }
+
+    # The end of the program
+
+    def begin_end(self) -> None:
+        """Begin to halt whatever may move by our order, before the program ends."""
+        with self._lock:
+            enabled = [
+                a for a, word in self._master.controlwords.items() if DriveCommand.of(word) is DriveCommand.ENABLE
+            ]
+            for axis in self.axes:
+                if axis in self._motions or (axis in enabled and axis not in self._stops):
+                    self.stop(axis)
+
+    @property
+    def may_end(self) -> bool:
+        """Whether nothing of ours moves any more, or its stop has had its time."""
+        now = self._clock()
+        return not self._motions and all(now - each.since >= GIVE_UP for each in list(self._stops.values()))
+
+    def put_back(self) -> None:
+        """Put back what was changed in the drives so that they watch us; those that do not answer stay as they are."""
+        for node_id, line in self._lines.items():
+            if any(axis.node_id == node_id for axis in self._stops):  # it stops as soon as our heartbeat ends
+                continue
+            with suppress(EurobotError):
+                disarm(self._master.node(node_id), line)
+        self._lines.clear()
+
+
+class MotionThread:
+    """Does the steps of drives on a thread of its own, which waits for nobody."""
+
+    def __init__(self, drives: Drives) -> None:
+        self._drives, self._woken, self._is_ended = drives, threading.Event(), False
+        self._thread = threading.Thread(target=self._run, name="motion", daemon=True)
+
+    def __enter__(self) -> MotionThread:
+        self._drives.wake = self._woken.set
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_ended = True
+        self._woken.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._is_ended:
+            self._woken.wait(self._drives.step())
+            self._woken.clear()

@@ -31,7 +31,7 @@ from eurobot_od.support.texts import encodable
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning, wrong
 from eurobot_od.traffic.monitor import MonitorRow, NodesHealth
-from eurobot_od.web.drives import axes_of, drive_data, machine_data, moves
+from eurobot_od.web.drives import axes_of, drive_data, machine_data
 from eurobot_od.web.events import BusEvents, PageEvent
 
 
@@ -121,9 +121,8 @@ def described(decoder: Decoder) -> dict[str, Any]:
 
 
 def _message(binding: Binding) -> dict[str, Any]:
-    is_moving, fields = any(moves(each.address) for each in binding.placed), [_field(binding, f) for f in binding.kinds]
     known = picked(binding, "name", "group", "senders", "receivers")
-    return known | {"id": binding.cob_id, "moves": is_moving, "fields": fields}
+    return known | {"id": binding.cob_id, "fields": [_field(binding, f) for f in binding.kinds]}
 
 
 def _node(device: Dictionary) -> dict[str, Any]:

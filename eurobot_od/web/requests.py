@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -19,10 +20,12 @@ from typing import Any, NamedTuple
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client.configure import read_object
+from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.client.master import Master, RemoteNode
+from eurobot_od.client.motion import GIVE_UP, AxisAddress
 from eurobot_od.client.streams import read_history
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand
-from eurobot_od.errors import EurobotError, LocalError, RemoteError, look_up
+from eurobot_od.errors import BusError, DriveError, EurobotError, LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.standard import REVISION
@@ -30,7 +33,8 @@ from eurobot_od.od.values import ALL_NODES, DOMAIN, NMT_COB_ID, NODE_IDS, Value,
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.web.drives import LOOK, AxisAddress, Drives, moves, quick_stops
+from eurobot_od.web.drives import LOOK, STALE, STOPS, Drives, MotionThread, OrderMaster
+from eurobot_od.web.guard import MotionGuard
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Sample, Session
 
 Arguments = Mapping[str, Any]
@@ -58,24 +62,35 @@ class Cyclic:
 COMMANDS = {COMMAND_NAMES[command]: command for command in NmtCommand}
 
 
+class MayMove(LocalError):
+    """What may move something and was not confirmed; the text says why it may."""
+
+
 class Requests:
     """Answers what browsers ask of a session; `control` tells whether they may act on the bus.
 
     `stop` is the message of the button Stop, empty for NMT stop of all nodes; recordings are written in `folder`.
+    `own_id` is the node-ID of the heartbeat that drives watch.
     """
 
-    def __init__(self, session: Session, folder: Path, control: bool = False, stop: str = "") -> None:
+    def __init__(
+        self, session: Session, folder: Path, control: bool = False, stop: str = "", own_id: int = OWN_ID
+    ) -> None:
         self.session, self.folder, self.control, self.stop_message = session, folder, control, stop
-        self.master = Master(session.tap)
-        for each in session.decoder.dictionaries:
+        self.master, orders = Master(session.tap), OrderMaster(session.orders)
+        dictionaries = session.decoder.dictionaries
+        for each in dictionaries:
             self.master.follow(each)
+            orders.follow(each)
         self._cyclic: dict[str, Cyclic] = {}
-        self.drives = Drives(self.master, session.decoder.dictionaries, lambda: session.now)
+        self.drives = Drives(orders, dictionaries, lambda: session.now, session.tap.send_frame, own_id)
+        session.first = self.drives.hear
+        self.guard = MotionGuard(dictionaries, makers=not session.panels)
         # An SDO frame does not say which transfer it belongs to: two at once would take each other's answers.
-        self._one_at_a_time = asyncio.Lock()
+        self._one_at_a_time, self._one_order = asyncio.Lock(), asyncio.Lock()
 
-    async def answer(self, text: str) -> str:
-        """Answer a request, both as JSON."""
+    async def answer(self, text: str, who: object = None) -> str:
+        """Answer a request of somebody, both as JSON; `asks` in an answer is a question to be confirmed by `sure`."""
         number: Any = None
         try:
             said = json.loads(text)
@@ -85,10 +100,14 @@ class Requests:
             function, way, acts = look_up("request", name[:40], REQUESTS)
             if acts and not self.control:
                 raise LocalError("this page is read-only: start the server with --control")
-            done = partial(function, self, said)
+            done = partial(function, self, {**said, "who": who})
             if way is Way.AT_ONCE:
                 return json.dumps({"re": number, "ok": done()})
+            if way is Way.ORDERS:
+                return json.dumps({"re": number, "ok": await done()})
             return json.dumps({"re": number, "ok": await (self._ask if way is Way.ASKS else asyncio.to_thread)(done)})
+        except MayMove as question:
+            return json.dumps({"re": number, "error": f"not sent: {question}", "asks": str(question)})
         except (ValueError, RecursionError):  # RecursionError: too many nested brackets
             return json.dumps({"re": number, "error": "a request is JSON"})
         except (EurobotError, OSError) as error:
@@ -98,6 +117,23 @@ class Requests:
         """Do something that talks to nodes, one transfer after the other; a stop never waits for that."""
         async with self._one_at_a_time:
             return await asyncio.to_thread(question)
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Send what ends motions while this goes on; at its end whatever we have ordered is halted first."""
+        with MotionThread(self.drives):
+            try:
+                yield
+            finally:
+                self._cyclic.clear()
+                self.drives.begin_end()
+                while not self.drives.may_end:
+                    await asyncio.sleep(LOOK)
+                await asyncio.to_thread(self.drives.put_back)
+
+    def left(self, who: object) -> None:
+        """Stop what somebody has ordered who is gone."""
+        self.drives.left(who)
 
     async def poll(self) -> None:
         """Read the polled objects again and again, as long as a page wants them."""
@@ -175,13 +211,20 @@ class Requests:
 
     # What acts on the bus
 
+    def _confirm(self, said: Arguments, reason: str) -> None:
+        """Raise MayMove for what may move something, unless the person is sure."""
+        if reason and said.get("sure") is not True:
+            raise MayMove(reason)
+
     def send(self, said: Arguments) -> str:
         """Send a message, with its fields as a person writes them."""
         fields = said.get("fields", {})
         if not isinstance(fields, dict) or not all(isinstance(each, str) for each in fields.values()):
             raise LocalError("fields are texts by name")
         protocol = self.session.decoder.protocol
-        message = parse(protocol.binding(_text(said, "message")), [f"{name}={value}" for name, value in fields.items()])
+        binding = protocol.binding(_text(said, "message"))
+        message = parse(binding, [f"{name}={value}" for name, value in fields.items()])
+        self._confirm(said, self.guard.of_cob_id(binding.cob_id))
         # One after the other, as a panel may wait for the answer of a node.
         for objection in (panel.objection(message, self) for panel in self.session.panels):
             if objection:
@@ -190,7 +233,9 @@ class Requests:
 
     def send_frame(self, said: Arguments) -> str:
         """Send a frame as it is written: `185#0102`."""
-        return self._send(Frame.parse(_text(said, "frame")))
+        frame = Frame.parse(_text(said, "frame"))
+        self._confirm(said, self.guard.of_frame(frame))
+        return self._send(frame)
 
     def cycle(self, said: Arguments) -> None:
         """Send a frame or a message again and again, for as long as the page says so: then it is asked `again`."""
@@ -251,43 +296,39 @@ class Requests:
         """Send an NMT command to a node, or to all."""
         command, node = _text(said, "command"), _text(said, "node")
         known = look_up("NMT command", command, COMMANDS)
-        return self._send_nmt(known, ALL_NODES if node == "all" else self._node_id(node))
+        node_id = ALL_NODES if node == "all" else self._node_id(node)
+        self._confirm(said, self.guard.of_nmt(known, node_id))
+        return self._send_nmt(known, node_id)
 
     def _send_nmt(self, command: NmtCommand, node_id: int) -> str:
         return self._send(Frame(NMT_COB_ID, bytes([command, node_id])))
 
     def stop(self, _: Arguments) -> str:
-        """Stop what can be stopped."""
+        """Stop what can be stopped, past whatever is waiting; raises BusError while the bus is lost."""
         self._cyclic.clear()
-        if not self.stop_message:
-            return self._stop_devices()
-        protocol, stop = self.session.decoder.protocol, {"message": self.stop_message}
-        plans = [protocol.binding(panel.plan) for panel in self.session.panels if panel.plan]
-        leaders = list(dict.fromkeys(node for plan in plans for node in plan.senders))  # who carry out a plan
-        if not leaders:
-            return self.send(stop)
-        self.send(stop)
-        for node in leaders:
-            # PRE-OPERATIONAL and not STOPPED: it does not send a plan's messages there either, but still answers SDO.
-            self._send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, self._node_id(node))
-        # Once more: what such a node had in its mailbox when it heard the command goes out after the first stop.
-        return f"{', '.join(leaders)} held until NMT start or reset; {self.send(stop)}"
+        done = self.drives.stop_all() if self.drives.axes or not self.stop_message else ""
+        done = "; ".join(filter(None, [self._stop_plan() if self.stop_message else "", done]))
+        if self.session.tap.trouble:
+            raise BusError(f"STOP cannot be sent: {self.session.tap.trouble}")
+        return done
 
-    def _stop_devices(self) -> str:
-        """Quick-stop the drives and stop all other nodes by NMT, which may not stop a motor (CiA 301, 7.3.2.2.4)."""
-        if not self.drives.axes:
-            return self._send_nmt(NmtCommand.STOP, ALL_NODES)
-        self.drives.stopped()
-        sent = [self._send(each) for each in quick_stops(self.master, self.drives.axes)]
-        drives = {each.node_id for each in self.drives.axes}
-        # The drives keep their NMT state: once stopped, they could no longer report by SDO whether they stand.
-        others = [each.node_id for each in self.session.decoder.dictionaries if each.node_id not in drives]
-        return ", ".join([*sent, *(self._send_nmt(NmtCommand.STOP, each) for each in others)])
+    def _stop_plan(self) -> str:
+        """Stop a robot by its message, and whoever carries out a plan by NMT; return what is sent."""
+        protocol = self.session.decoder.protocol
+        stop = protocol.encode(parse(protocol.binding(self.stop_message), []))
+        plans = [protocol.binding(panel.plan) for panel in self.session.panels if panel.plan]
+        leaders = list(dict.fromkeys(node for plan in plans for node in plan.senders))
+        # PRE-OPERATIONAL and not STOPPED: a node does not send a plan's messages there either, but still answers SDO.
+        held = [Frame(NMT_COB_ID, bytes([NmtCommand.ENTER_PRE_OPERATIONAL, self._node_id(node)])) for node in leaders]
+        # Once more: what such a node had in its mailbox when it heard the command goes out after the first stop.
+        self.drives.post([stop, *held, *([stop] if held else [])])
+        return f"{', '.join(leaders)} held until NMT start or reset; {stop}" if leaders else str(stop)
 
     def write(self, said: Arguments) -> None:
         """Write an object of a node; a value that its file does not allow is not sent."""
         node, thing = self._object(said)
         value = objects.parse(thing, _text(said, "value"))
+        self._confirm(said, self.guard.of_object(node.node_id, objects.address_of(thing)))
         if not objects.is_described(thing):
             raise LocalError(f"{label(objects.address_of(thing))} is not in an EDS, so its length is unknown")
         node.download(objects.address_of(thing), objects.encode(thing, value), thing.qualname)
@@ -297,30 +338,52 @@ class Requests:
     def _axis(self, said: Arguments) -> AxisAddress:
         return self.drives.axis(self._node_id(_text(said, "node")), said.get("axis"))
 
-    def drive(self, said: Arguments) -> None:
-        """Have a drive carry out a command."""
+    async def drive(self, said: Arguments) -> str | None:
+        """Have a drive carry out a command; of a stop it waits until the axis stands."""
         numbers = {name: _whole(said, name) for name in ("position", "distance", "velocity", "method") if name in said}
-        command = _text(said, "command")
+        command, axis = _text(said, "command"), self._axis(said)
+        if command in STOPS:
+            return await self._stop_axis(axis, command)
         missing = {"move": "position", "move by": "distance"}.get(command)
         if missing and missing not in numbers:
             raise LocalError(f"{missing} is missing")
-        self.drives.command(self._axis(said), command, numbers)
+        await self._order(said, axis, partial(self.drives.command, axis, command, numbers, said["who"]))
+        return None
 
-    def jog(self, said: Arguments) -> None:
+    async def _stop_axis(self, axis: AxisAddress, command: str) -> str:
+        self.drives.stop(axis, STOPS[command])
+        begun = self.session.now
+        while (stop := self.drives.stopping(axis)) is not None and self.session.now < begun + GIVE_UP:
+            await asyncio.sleep(LOOK)
+        if stop is not None:
+            raise DriveError(f"{command}: not known to stand: {stop.text(self.session.now)}")
+        return f"{command}: it stands"
+
+    async def _order(self, said: Arguments, axis: AxisAddress, order: Callable[..., None]) -> None:
+        """Carry out an order in its turn; one that comes too late, or that a stop has overtaken, is refused."""
+        seen = said.get("seen")
+        if isinstance(seen, (int, float)) and self.session.now - seen > STALE:
+            raise LocalError(f"the page was {self.session.now - seen:.1f} s behind the bus: not carried out")
+        ticket, asked = self.drives.ticket(axis), self.session.now
+        async with self._one_order:
+            if self.session.now - asked > STALE:
+                raise LocalError(f"other orders took {self.session.now - asked:.1f} s: not carried out")
+            await asyncio.to_thread(order, ticket=ticket)
+
+    async def jog(self, said: Arguments) -> None:
         """Turn a drive for as long as the page reports the button as held."""
-        target = "torque" if "torque" in said else "velocity"
-        self.drives.jog(self._axis(said), _whole(said, target), target)
+        target, axis = "torque" if "torque" in said else "velocity", self._axis(said)
+        value = _whole(said, target)
+        self.drives.hold(axis, said["who"])
+        await self._order(said, axis, partial(self.drives.jog, axis, value, target, said["who"]))
 
     def hold(self, said: Arguments) -> None:
-        """Report the button of a jog as still held."""
-        self.drives.hold(self._axis(said))
+        """Report a motion as still wanted: the button of a jog is held, the page of a move is seen."""
+        self.drives.hold(self._axis(said), said["who"])
 
-    async def end_jogs(self) -> None:
-        """Halt the drives whose button is no longer held, again and again."""
-        while True:
-            if self.drives.overdue():
-                await self._ask(self.drives.end_overdue)
-            await asyncio.sleep(LOOK)
+    def accept(self, said: Arguments) -> None:
+        """Accept that a drive goes on if this program fails."""
+        self.drives.accept(self._axis(said).node_id)
 
     # Recording
 
@@ -338,6 +401,7 @@ class Way(Enum):
 
     AT_ONCE = "in the session's own thread"
     SENDS = "beside all others: it waits for the driver at most"
+    ORDERS = "after all other orders to drives, and past all questions"
     ASKS = "after all others that ask: a node has to answer"
 
 
@@ -359,13 +423,14 @@ REQUESTS: Mapping[str, PageRequest] = {
     "diagnosis": PageRequest(Requests.diagnosis, Way.AT_ONCE),
     "send": PageRequest(Requests.send, Way.SENDS, acts=True),
     "nmt": PageRequest(Requests.nmt, Way.SENDS, acts=True),
-    "stop": PageRequest(Requests.stop, Way.SENDS, acts=True),
+    "stop": PageRequest(Requests.stop, Way.AT_ONCE, acts=True),
     "send frame": PageRequest(Requests.send_frame, Way.SENDS, acts=True),
     "cycle": PageRequest(Requests.cycle, Way.SENDS, acts=True),
     "end cycle": PageRequest(Requests.end_cycle, Way.AT_ONCE, acts=True),
     "write": PageRequest(Requests.write, acts=True),
-    "drive": PageRequest(Requests.drive, acts=True),
-    "jog": PageRequest(Requests.jog, acts=True),
+    "drive": PageRequest(Requests.drive, Way.ORDERS, acts=True),
+    "jog": PageRequest(Requests.jog, Way.ORDERS, acts=True),
+    "accept": PageRequest(Requests.accept, Way.AT_ONCE, acts=True),
     "hold": PageRequest(Requests.hold, Way.AT_ONCE, acts=True),
 }
 
@@ -377,7 +442,7 @@ def _described(thing: ODVariable) -> dict[str, Any]:
     is_limited = limits is not None and (thing.min, thing.max) != (None, None)  # those of the type tell nothing new
     low, high = limits if limits and is_limited else (None, None)
     default = "" if thing.default is None else objects.measured(thing, thing.default)
-    use = {"long": type_ == DOMAIN, "plots": limits is not None, "moves": moves(address)}
+    use = {"long": type_ == DOMAIN, "plots": limits is not None}
     return known | {"low": low, "high": high, "default": default} | use
 
 

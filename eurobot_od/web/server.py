@@ -9,7 +9,7 @@ import asyncio
 import errno
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
-from contextlib import asynccontextmanager, closing, suppress
+from contextlib import asynccontextmanager, closing, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -94,7 +94,9 @@ async def served(page: str, access: AccessRules, port: int, requests: Requests |
         except OSError as error:
             raise LocalError(f"cannot listen at {access.host}:{port}: {error.strerror}") from error
         with closing(listening):
-            yield access.address(listening.sockets[0].getsockname())
+            # Inside: whatever ends this, motions are ended while the bus is still read.
+            async with requests.running() if requests is not None else nullcontext():
+                yield access.address(listening.sockets[0].getsockname())
     finally:
         for task in tasks:
             task.cancel()
@@ -194,7 +196,7 @@ class _Server:
                 await asyncio.sleep(0 if session.poll() else LOOK)
 
         requests = self._requests
-        return [self._close_silent(), watch(), requests.poll(), requests.end_jogs(), requests.send_cyclic()]
+        return [self._close_silent(), watch(), requests.poll(), requests.send_cyclic()]
 
     async def _close_silent(self) -> None:
         while True:
@@ -244,6 +246,7 @@ class _Server:
             await browser.listen()
         finally:
             self._browsers.discard(socket)
+            self._requests.left(browser)
             feeding.cancel()
             await asyncio.gather(feeding, return_exceptions=True)
         return socket
@@ -281,7 +284,8 @@ class _Browser:
         stretch = self._session.history.since(self._shown)
         self._shown = stretch.next
         self._owed.append(self._turn)
-        return self._session.snapshot(since, stretch, control=self._requests.control)
+        more = {"control": self._requests.control, "motion": self._requests.drives.data()}
+        return self._session.snapshot(since, stretch, **more)
 
     async def listen(self) -> None:
         """Take in confirmations and requests until the browser leaves."""
@@ -297,6 +301,6 @@ class _Browser:
                 task.add_done_callback(self._pending.discard)
 
     async def _answer(self, text: str) -> None:
-        answer = await self._requests.answer(text)
+        answer = await self._requests.answer(text, self)
         with suppress(ConnectionError):
             await self._socket.send_str(answer)

@@ -198,7 +198,8 @@ class Session:
 
     `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
     `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames, and
-    `history` has the last of these. `diagnosis` says what the frames show to be wrong.
+    `history` has the last of these. `diagnosis` says what the frames show to be wrong. `tap` is for questions, `orders`
+    for a second master that they do not delay; `first` is called with each frame, and tells whether it keeps it.
     By its `name` a page notices that it is another session.
     """
 
@@ -229,7 +230,9 @@ class Session:
         self._started, self._began = clock(), round(time.time(), 3)
         self._origin: float | None = None
         self._source = BusSource(open_bus(), clock, open_bus)
-        self.tap = Tap(self._source.send, (SdoChannel.of(each).answers for each in decoder.dictionaries))
+        answers = [SdoChannel.of(each).answers for each in decoder.dictionaries]
+        self.tap, self.orders = Tap(self._source.send, answers), Tap(self._source.send, answers)
+        self.first: Callable[[Frame], bool] = lambda _: False
 
     @property
     def now(self) -> float:
@@ -253,7 +256,7 @@ class Session:
             if self._origin is None:  # a driver's clock may start anywhere
                 self._origin = min(self._source.now - self.now, frame_time)
             self._take(frame_time - self._origin, raw)
-        self.trouble = self.tap.trouble = self._source.trouble
+        self.trouble = self.tap.trouble = self.orders.trouble = self._source.trouble
         for event in self._watch.look(self.now, self._traffic.nodes):
             self._enter(event)
         self._load = self._traffic.load(self.now)
@@ -267,7 +270,9 @@ class Session:
         self.diagnosis.take_meaning(now, "", meaning, self._traffic.following)
         self._changed[raw[0]] = self.turn
         if isinstance(raw, Frame):
-            self.tap.give(raw)
+            if not self.first(raw):
+                self.tap.give(raw)
+                self.orders.give(raw)
             self.recording.write(now, raw)
         shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, wrong(meaning)]
         self.history.add(COMPACT(shown))
@@ -288,6 +293,7 @@ class Session:
         """Let go of the bus and end a recording; raises OSError if that cannot be finished, BusError."""
         with ExitStack() as leaving:  # if one fails, the others are still closed
             leaving.callback(self.tap.shutdown)
+            leaving.callback(self.orders.shutdown)
             leaving.callback(self._source.close)
             self.recording.stop()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,15 +12,17 @@ import pytest
 
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.bus.simulated.network import ON_TIME
+from eurobot_od.client.lifeline import LOST_AFTER
+from eurobot_od.client.motion import AxisAddress
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
-from eurobot_od.errors import NoAnswer
+from eurobot_od.errors import DriveError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of, units
+from eurobot_od.web.drives import HELD, STOPS, Drives, axes_of, units
 from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS
@@ -102,7 +104,7 @@ def test_values_are_told_in_the_units_of_the_factors_in_the_file(tmp_path: Path,
         assert live
         open_drives(window, served)
         window.wait("document.querySelector('.facts').textContent.includes('position0 (0.000 turns)')")
-        assert "velocity0 (0.000 1/min)" in window.text(".facts")
+        window.wait("document.querySelector('.facts').textContent.includes('velocity0 (0.000 1/min)')")
 
 
 def test_the_state_machine_shows_where_the_drive_is(tmp_path: Path, window: Page) -> None:
@@ -207,54 +209,164 @@ def test_a_jog_whose_page_has_gone_is_halted(tmp_path: Path) -> None:
         assert scene.state is State.ENABLED
 
 
-@pytest.fixture
-def jogged() -> Iterator[tuple[SimulatedNetwork, Drives]]:
+class Jogged(NamedTuple):
     """A drive in simulated time that is enabled, and what has it jog."""
+
+    network: SimulatedNetwork
+    drives: Drives
+
+    @property
+    def velocity(self) -> float:
+        return self.network.devices[5].axes[0].motor.velocity  # type: ignore[attr-defined, no-any-return]
+
+    def pass_time(self, seconds: float, held: bool = False) -> None:
+        """Let time pass as in a server: what is due is sent, what comes is heard."""
+        end = self.network.master.clock() + seconds
+        while self.network.master.clock() < end - 1e-9:
+            if held:
+                self.drives.hold(AXIS)
+            self.drives.step()
+            self.network.sleep(0.01)
+
+
+@pytest.fixture
+def jogged() -> Iterator[Jogged]:
     with simulated(SimulatedDrive(SERVO)) as network:
-        network[5].drive402.enable()
-        yield network, Drives(network.master, [SERVO], network.master.clock)
+        drives = Drives(network.master, [SERVO], network.master.clock)
+        network.master.observers += (lambda cob_id, data, _: drives.hear(Frame(cob_id, data)),)
+        drives.command(AXIS, "enable")
+        yield Jogged(network, drives)
 
 
-def test_a_drive_that_has_not_heard_its_halt_is_halted_again(jogged: tuple[SimulatedNetwork, Drives]) -> None:
-    network, drives = jogged
-    drives.jog(AXIS, 500)
-    network.sleep(HELD)
-    network.simulation.disturb = lambda _, frame: () if frame.cob_id == REQUESTS else ON_TIME
-    drives.end_overdue()
-    assert drives.overdue()
-    network.simulation.disturb = lambda *_: ON_TIME
-    assert network[5].drive402.velocity > 0
-    drives.end_overdue()
-    assert not drives.overdue()
-    network.sleep(1)
-    assert network[5].drive402.velocity == 0
+def lost(scene: Jogged, chance: Callable[[Frame], bool]) -> None:
+    """Have the bus lose the frames for which `chance` is true."""
+    scene.network.simulation.disturb = lambda _, frame: () if chance(frame) else ON_TIME
 
 
-def test_a_jog_whose_answer_is_lost_is_halted_all_the_same(jogged: tuple[SimulatedNetwork, Drives]) -> None:
-    network, drives = jogged
-    simulation = network.simulation
+def test_a_jog_goes_on_while_it_is_held_and_ends_when_it_is_not(jogged: Jogged) -> None:
+    jogged.drives.jog(AXIS, 500)
+    jogged.pass_time(3 * HELD, held=True)
+    assert jogged.velocity > 0
+    jogged.pass_time(HELD + 0.5)
+    assert abs(jogged.velocity) < 0.001
+    assert jogged.drives.data()["moving"] == []
+    assert jogged.network[5][0x60FF].value == 0
+
+
+def test_the_entry_of_a_jog_goes_only_when_the_drive_stands(jogged: Jogged) -> None:
+    jogged.drives.jog(AXIS, 500)
+    jogged.pass_time(HELD, held=True)
+    lost(jogged, lambda frame: frame.cob_id == REQUESTS)
+    jogged.drives.stop(AXIS)
+    jogged.pass_time(0.4)
+    assert jogged.velocity > 0
+    assert jogged.drives.stopping(AXIS)
+    lost(jogged, lambda _: False)
+    jogged.pass_time(0.5)
+    assert abs(jogged.velocity) < 0.001
+    assert jogged.drives.stopping(AXIS) is None
+
+
+def test_a_jog_whose_answer_is_lost_is_halted_all_the_same(jogged: Jogged) -> None:
+    simulation, network = jogged.network.simulation, jogged.network
 
     def hang(now: float, frame: Frame) -> None:
         if frame == Frame(REQUESTS, TURNS):  # it hears that, and neither answers nor hears the halt that follows
-            simulation.plan(now + 1e-6, lambda: simulation.freeze(network.stations[5], now + 3.0))
+            simulation.plan(now + 1e-6, lambda: simulation.freeze(network.stations[5], now + 5.0))
 
     simulation.observers.append(hang)
-    with pytest.raises(NoAnswer):
-        drives.jog(AXIS, 500)
+    jogged.drives.hold(AXIS)
+    with pytest.raises(DriveError, match="is not known to stand"):
+        jogged.drives.jog(AXIS, 500)
     simulation.observers.remove(hang)
-    network.sleep(3)
-    assert network[5].drive402.velocity > 0
-    drives.end_overdue()
-    network.sleep(1)
-    assert network[5].drive402.velocity == 0
+    jogged.pass_time(2.9)
+    assert jogged.drives.stopping(AXIS)
+    assert "is not known to stand" in jogged.drives.data()["wrong"][0]
+    jogged.pass_time(2)
+    assert abs(jogged.velocity) < 0.001
 
 
-def test_a_command_ends_a_jog(jogged: tuple[SimulatedNetwork, Drives]) -> None:
-    network, drives = jogged
-    drives.jog(AXIS, 500)
-    drives.command(AXIS, "halt")
-    network.sleep(HELD)
-    assert not drives.overdue(), "it has been halted, and need not be once more"
+def test_a_stop_makes_orders_before_it_void(jogged: Jogged) -> None:
+    ticket = jogged.drives.ticket(AXIS)
+    jogged.drives.hold(AXIS)
+    jogged.drives.stop(AXIS)
+    with pytest.raises(LocalError, match="it was stopped meanwhile"):
+        jogged.drives.jog(AXIS, 500, ticket=ticket)
+    jogged.pass_time(1)
+    assert jogged.velocity == 0
+
+
+def test_an_order_is_refused_while_its_axis_is_being_stopped(jogged: Jogged) -> None:
+    jogged.drives.stop(AXIS)
+    with pytest.raises(LocalError, match="servo is still being stopped"):
+        jogged.drives.jog(AXIS, 500)
+
+
+@rows("stop", ["halt", "quick stop", "disable"])
+def test_nothing_turns_when_it_is_enabled_after_a_stop(jogged: Jogged, stop: str) -> None:
+    """It turned at 1000 with nothing held: the target was still in the drive."""
+    for value, target in ((1000, "velocity"), (50, "torque")):
+        jogged.drives.command(AXIS, "enable")
+        jogged.drives.jog(AXIS, value, target)
+        jogged.pass_time(HELD, held=True)
+        assert jogged.velocity != 0
+        jogged.drives.stop(AXIS, STOPS[stop])
+        jogged.pass_time(1)
+        jogged.drives.command(AXIS, "enable")
+        jogged.pass_time(1)
+        assert abs(jogged.velocity) < 0.001
+
+
+def test_a_move_goes_on_while_its_page_is_seen(jogged: Jogged) -> None:
+    jogged.drives.command(AXIS, "move", {"position": 10_000_000, "velocity": 500})
+    jogged.pass_time(1, held=True)
+    assert jogged.velocity > 0
+    jogged.pass_time(HELD + 0.5)
+    assert abs(jogged.velocity) < 0.001
+
+
+def test_a_move_that_is_there_needs_nobody_any_more(jogged: Jogged) -> None:
+    jogged.drives.command(AXIS, "move", {"position": 2000})
+    jogged.pass_time(2, held=True)
+    assert jogged.drives.data()["moving"] == []
+    assert jogged.network[5].drive402.position == pytest.approx(2000, abs=50)
+
+
+def test_the_drive_stands_when_the_program_is_killed(jogged: Jogged) -> None:
+    jogged.drives.jog(AXIS, 1000)
+    jogged.pass_time(1, held=True)
+    assert jogged.velocity > 0
+    jogged.network.sleep(LOST_AFTER + 0.3)  # nobody does a step
+    assert abs(jogged.velocity) < 0.001
+
+
+def test_what_makes_the_drive_watch_us_is_put_back(jogged: Jogged) -> None:
+    drive, before = jogged.network[5], (0, 1)
+    jogged.drives.jog(AXIS, 100)
+    assert (drive[0x1016, 1].value >> 16, drive[0x6007].value) == (127, 3)
+    jogged.drives.begin_end()
+    jogged.pass_time(0.5)
+    assert jogged.drives.may_end
+    jogged.drives.put_back()
+    assert (drive[0x1016, 1].value, drive[0x6007].value) == before
+    assert abs(jogged.velocity) < 0.001
+
+
+def test_a_drive_that_cannot_watch_us_has_to_be_accepted_once(tmp_path: Path) -> None:
+    file = tmp_path / "blind.eds"
+    file.write_text(EDS.read_text().replace("6007", "6106"))  # its 0x6007 is somewhere else
+    blind = Dictionary.load(file, 5, "servo")
+    with simulated(SimulatedDrive(blind)) as network:
+        scene = Jogged(network, Drives(network.master, [blind], network.master.clock))
+        scene.drives.command(AXIS, "enable")
+        said = "servo: this drive goes on if this program or its adapter fails: it has no 0x6007"
+        with pytest.raises(LocalError, match=said):
+            scene.drives.jog(AXIS, 500)
+        assert scene.velocity == 0
+        scene.drives.accept(5)
+        scene.drives.jog(AXIS, 500)
+        scene.pass_time(0.3, held=True)
+        assert scene.velocity > 0
 
 
 def test_stop_is_a_quick_stop_and_ends_a_jog(tmp_path: Path, window: Page) -> None:
@@ -264,7 +376,8 @@ def test_stop_is_a_quick_stop_and_ends_a_jog(tmp_path: Path, window: Page) -> No
         scene.ask(do="jog", node="servo", axis=1, velocity=500)
         window.press("Escape")
         until(lambda: scene.state is State.DISABLED)
-        window.wait("document.querySelector('#toast').textContent.startsWith('stop sent: 605#2B40600002000000')")
+        window.wait("document.querySelector('#toast').textContent === 'stop sent: quick stop to servo'")
+        window.wait("document.querySelector('.alarm').textContent.startsWith('servo stands, ')")
         window.wait(f"{NOW} === 'Switch on disabled'")
         scene.ask(do="hold", node="servo", axis=1)
         assert abs(scene.velocity) < 0.001

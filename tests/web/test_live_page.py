@@ -165,7 +165,7 @@ def test_stop_ends_a_whole_plan_until_go(tmp_path: Path, window: Page) -> None:
         refused = window.run(f"connection.ask({json.dumps(goto)}).catch(error => error.message)")
         assert refused == "no goto: an Emergency Shutdown has ended all of them until a Start Configuration Set"
         assert true_place(world) == stood
-        window.run("connection.ask({do: 'nmt', command: 'reset', node: 'core'})")
+        window.run("connection.ask({do: 'nmt', command: 'reset', node: 'core', sure: true})")
         window.wait("[...sources[0].health].find(each => each.name === 'core').state === 'operational'")
         names = ("enemies", "confederates", "enemy_1_diameter", "enemy_2_diameter")
         fields = {"team_colour": "red", **dict.fromkeys(names, "0")}
@@ -229,14 +229,14 @@ def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene
     page.run("""(() => {
         const ask = connection.ask;
         connection.ask = function (what) {
-            if (['send', 'nmt'].includes(what.do)) window.sends = (window.sends ?? 0) + 1;
+            if (what.do === 'send') window.sends = (window.sends ?? 0) + 1;
             return ask.call(this, what);
         };
         const chosen = document.querySelector('form.send select');
         chosen.value = 'Goto XY';
         chosen.dispatchEvent(new Event('change'));
     })()""")
-    button = "[...document.querySelectorAll('form.send .main')].find(each => !each.hidden)"
+    button = "[...document.querySelectorAll('form.send .main')].find(each => each.offsetParent)"
     for _ in range(2):
         page.run(f"{button}.click()")
     page.wait("document.querySelector('.answer').textContent === 'not sent: x, y, angle, speed are empty'")
@@ -251,12 +251,13 @@ def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene
     page.run(f"{button}.click()")
     page.wait("document.querySelector('.answer').textContent.startsWith('sent 008#')")
     assert sends(page) == 1
-    for view, button in (("send", ".card > .buttons button"), ("nodes", ".card .buttons button:nth-child(4)")):
+    for view, button in (("send", ".card > .buttons button"), ("nodes", ".card .sure:nth-child(4) button")):
         page.click(f"#tab-{view}")
         page.wait(f"document.querySelector('#view-{view} {button}')?.offsetParent")
         page.click(f"#view-{view} {button}")
-        assert page.text(f"#view-{view} {button}").endswith(": press again"), "to all nodes; a reset"
-    assert sends(page) == 1
+        page.wait(f"document.querySelector('#view-{view} {button}').textContent.endsWith(': press again')")
+        assert page.text(f"#view-{view} .reason:not([hidden])").startswith(("NMT start lets all nodes", "a reset of "))
+    assert not page.run("sources[0].rows.has(0)"), "no NMT command is on the bus"
 
 
 def test_a_plot_ends_with_the_last_value(scene: Scene) -> None:

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
+from eurobot_od.device.device import Reaction
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.objects import OnTold
 from eurobot_od.device.profiles.axis import DriveAxis
@@ -204,10 +205,13 @@ class ProfileDevice(SimulatedDevice):
     def _connection_lost(self) -> None:
         """Do what the profile says about a lost heartbeat, a lost bus, and the state Stopped."""
 
-    def halted(self) -> None:
-        super().halted()
+    _is_stopped = False
+
+    def _react(self, reaction: Reaction) -> None:
+        super()._react(reaction)
         # In Pre-operational a master can still reach it by SDO; in Stopped nobody can.
-        if self.device.state is NmtState.STOPPED:
+        was_stopped, self._is_stopped = self._is_stopped, self.device.state is NmtState.STOPPED
+        if self._is_stopped and not was_stopped:
             self._connection_lost()
 
     def heartbeat_lost(self, node_id: int) -> None:

@@ -89,6 +89,27 @@ function askedTwice(text, act, attributes) {  // a button for what moves somethi
   }, onblur: () => { if (timer) disarm(); }}, text);
   return button;
 }
+// A button for what the server may ask about: `act` is given what it has to add once the person is sure. While a reason
+// is shown the button is armed, and only a second click on it carries it out.
+function sureButton(text, act, attributes = {}) {
+  let timer = 0;
+  const disarm = () => { clearTimeout(timer); timer = 0; say(button, text); say(reason, ""); show(reason, false); button.classList.remove("armed"); };
+  const arm = why => {
+    say(button, `${text}: press again`);
+    say(reason, why);
+    show(reason, true);
+    button.classList.add("armed");
+    timer = setTimeout(disarm, ARMED);
+  };
+  const button = h("button", {type: "button", ...attributes, onclick: async event => {
+    event.preventDefault();
+    const sure = timer ? {sure: true} : {};
+    if (timer) disarm();
+    try { await act(sure); } catch (error) { if (error.asks) arm(error.asks); else toast(error.message, true); }
+  }, onblur: () => { if (timer) disarm(); }}, text);
+  const reason = h("small", {class: "reason", role: "alert", hidden: true});
+  return h("span", {class: "sure"}, button, reason);
+}
 function kept(name, otherwise, storage = localStorage) {  // what this browser, or this window, remembers of the page
   try { return JSON.parse(storage.getItem(`canopen-page ${name}`)) ?? otherwise; } catch { return otherwise; }
 }

@@ -1,7 +1,8 @@
 "use strict";
 // Drives of CiA 402: the state machine with the state that a drive is in, where it is and how fast, and its buttons.
 //
-// Rule of this file: a jog goes on only while its button is held, and the page keeps telling the server so.
+// Rule of this file: a jog goes on only while its button is held, and a move only while its page is seen; the page keeps
+// telling the server so. Nothing above the controls changes its height: they do not move under the pointer.
 
 const driven = live ? sources[0].nodes.filter(each => each.drive) : [];
 
@@ -63,6 +64,7 @@ const STATUS_BITS = ["ready to switch on", "switched on", "operation enabled", "
 const SHOWN_VALUES = ["position", "velocity", "torque", "following error"];
 const MOTOR = {position: "turns", velocity: "1/min"};
 const HOLDING = 150;                        // ms between two words that a button is still held
+const BEGINS = 3000;                        // ms in which a move that was ordered begins
 const STEP_SPAN = 3;                        // s of a step response
 
 class AxisView {
@@ -74,15 +76,40 @@ class AxisView {
     this.facts = h("dl", {class: "facts"});
     this.bits = h("p", {class: "bits", "aria-label": "bits of the statusword"});
     this.plots = [new Plot(150), new Plot(150)];
+    this.alarm = h("ul", {class: "alarm", role: "alert", "aria-label": "stops"});
+    this.accepting = h("p", {class: "alarm is-wrong", role: "alert"});
     this.control = h("div", {hidden: true}, this.stateButtons(), this.jogs(), this.moves());
-    this.element = h("div", {class: "drive"}, h("div", {}, h("p", {}, this.state), this.machine.element, this.bits),
-      h("div", {}, this.facts, this.control, ...this.plots.map(each => each.element)));
+    this.element = h("div", {class: "drive"}, h("div", {class: "controls"}, this.control, this.alarm, this.accepting, this.facts, ...this.plots.map(each => each.element)),
+      h("div", {}, h("p", {class: "drive-line"}, this.state), this.machine.element, this.bits));
+    for (const gone of ["pagehide", "blur", "freeze"]) addEventListener(gone, () => this.leave());
+    document.addEventListener("visibilitychange", () => { if (document.hidden) this.leave(); });
+  }
+  leave() {                                 // nobody sees the drive any more
+    if (this.holding) { this.end(this.held); return; }
+    if (this.attending) { this.attend(false); this.order("halt"); }
   }
   get named() { return {node: this.node.name, axis: this.number + 1}; }
 
   // Controls
 
-  order(command, numbers = {}, words = `${command}: done`) { return quietly(request({do: "drive", ...this.named, command, ...numbers}, words)); }
+  order(command, numbers = {}, words = answer => answer ?? `${command}: done`) {
+    const said = request({do: "drive", ...this.named, command, seen: connection.state?.time, ...numbers}, words);
+    return quietly(said.catch(error => this.ask(error)));
+  }
+  ask(error) {                              // a drive that does not watch us: a person has to know, once
+    if (!error.message.endsWith("Accept that first")) return;
+    this.accepting.replaceChildren(h("span", {}, error.message.replace(/\. Accept that first$/, ". ")),
+      h("button", {onclick: () => quietly(request({do: "accept", ...this.named}, "accepted").then(() => this.accepting.replaceChildren()))}, "I know: let it move"));
+  }
+  attend(wanted) {                          // a move goes on while this page is seen
+    clearInterval(this.attending);
+    this.attending = wanted ? setInterval(() => quietly(connection.ask({do: "hold", ...this.named})), HOLDING) : 0;
+  }
+  move(command, numbers, words) {
+    this.attend(true);
+    this.begun = performance.now();
+    return this.order(command, numbers, words);
+  }
   stateButtons() {
     const command = name => h("button", {class: name === "quick stop" ? "halt" : "", onclick: () => this.order(name)},
       name === "quick stop" ? "STOP this drive" : name[0].toUpperCase() + name.slice(1));
@@ -101,7 +128,7 @@ class AxisView {
   jogs() {
     this.most = h("input", {type: "text", inputmode: "numeric", size: 9, value: kept(`limit ${this.node.name} ${this.number}`, ""), placeholder: "none",
       onchange: () => keep(`limit ${this.node.name} ${this.number}`, this.most.value)});
-    const velocity = this.field("velocity", "velocity", this.node.drive.velocity);
+    const velocity = this.field("velocity", "velocity", this.node.drive.velocity ?? "");
     this.velocity = velocity.input;
     const torque = this.field("torque", "torque ‰"), hasTorque = "torque" in this.axis.objects;
     const row = (target, field, words) => h("div", {class: "buttons jog"}, this.jogButton(-1, `◀ ${words} −`, target, field), this.jogButton(1, `${words} + ▶`, target, field), field.label);
@@ -114,11 +141,11 @@ class AxisView {
     const numbers = (name, field) => ({[name]: field.read(), ...(velocity.input.value.trim() === "" ? {} : {velocity: velocity.amount()})});
     const careful = (words, act) => askedTwice(words, () => { try { act(); } catch (error) { toast(error.message, true); } }, {});
     this.save = h("button", {hidden: true, onclick: () => this.saveStep()}, "Save step as CSV");
-    return h("div", {}, h("h3", {}, "Move"), h("div", {class: "buttons"}, position.label, careful("Move to", () => this.order("move", numbers("position", position), "on its way"))),
-      h("div", {class: "buttons"}, distance.label, careful("Move by", () => this.order("move by", numbers("distance", distance), "on its way")),
+    return h("div", {}, h("h3", {}, "Move"), h("div", {class: "buttons"}, position.label, careful("Move to", () => this.move("move", numbers("position", position), "on its way"))),
+      h("div", {class: "buttons"}, distance.label, careful("Move by", () => this.move("move by", numbers("distance", distance), "on its way")),
         careful("Step response", () => this.beginStep(numbers("distance", distance))), this.save, velocity.label),
       h("div", {class: "buttons"}, h("label", {}, "homing method", method),
-        careful("Home", () => this.order("home", method.value.trim() === "" ? {} : {method: wholeNumber("method", method.value, -128, 127)}, "homing"))));
+        careful("Home", () => this.move("home", method.value.trim() === "" ? {} : {method: wholeNumber("method", method.value, -128, 127)}, "homing"))));
   }
   jogButton(sign, text, target, field) {
     const press = event => { event.preventDefault(); button.setPointerCapture?.(event.pointerId); this.begin(button, sign, target, field); };
@@ -135,8 +162,9 @@ class AxisView {
     let amount;
     try { amount = field.amount(); } catch (error) { toast(error.message, true); return; }
     button.classList.add("held");
+    this.held = button;
     this.holding = setInterval(() => quietly(connection.ask({do: "hold", ...this.named})), HOLDING);
-    request({do: "jog", ...this.named, [target]: sign * amount}).catch(() => this.end(button));
+    request({do: "jog", ...this.named, [target]: sign * amount, seen: connection.state?.time}).catch(error => { this.ask(error); this.end(button); });
   }
   end(button) {
     if (!this.holding) return;
@@ -150,7 +178,7 @@ class AxisView {
 
   async beginStep(numbers) {
     this.step = {from: clock.time, to: clock.time + STEP_SPAN, distance: numbers.distance};
-    await this.order("move by", numbers, `a step of ${numbers.distance}: recorded for ${STEP_SPAN} s`);
+    await this.move("move by", numbers, `a step of ${numbers.distance}: recorded for ${STEP_SPAN} s`);
   }
   saveStep() {
     const series = SHOWN_VALUES.map(name => this.series(name)).filter(Boolean), {from, to} = this.step;
@@ -206,7 +234,17 @@ class AxisView {
     this.facts.replaceChildren(...facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value ?? "–"))));
     this.bits.replaceChildren(...STATUS_BITS.map((name, bit) => h("span", {class: word >> bit & 1 ? "bit on" : "bit"}, name)));
   }
+  tellMotion() {                            // what the server says of motions and stops
+    const motion = connection.state?.motion || {moving: [], said: [], wrong: []};
+    const moves = motion.moving.some(([name, number]) => name === this.node.name && number === this.number + 1);
+    if (this.attending && !moves && performance.now() - this.begun > BEGINS) this.attend(false);
+    const lines = [...motion.wrong.map(text => ({text, wrong: true})), ...motion.said.map(text => ({text, wrong: false}))];
+    if (JSON.stringify(lines) === this.said) return;
+    this.said = JSON.stringify(lines);
+    this.alarm.replaceChildren(...lines.map(each => h("li", {class: each.wrong ? "is-wrong" : ""}, each.text)));
+  }
   show(time) {
+    this.tellMotion();
     const word = this.value("statusword");
     this.tellState(word, !connection.trouble);
     this.tellFacts(word);

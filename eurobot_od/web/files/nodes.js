@@ -3,9 +3,9 @@
 
 const NMT = ["start", "stop", "pre-operational", "reset", "reset communication"];
 
-function nmtButton(command, node, words) {  // a reset, and what goes to all, asks first
-  const act = () => quietly(request({do: "nmt", command, node}, `${command} sent to ${node === "all" ? "all nodes" : node}`));
-  return node === "all" || command === "reset" ? askedTwice(words, act, {}) : h("button", {onclick: act}, words);
+function nmtButton(command, node, words) {  // what may move something asks first, and so does what goes to all
+  const act = async sure => { await connection.ask({do: "nmt", command, node, ...sure}); toast(`${command} sent to ${node === "all" ? "all nodes" : node}`); };
+  return node === "all" && command === "pre-operational" ? askedTwice(words, () => act({}).catch(error => toast(error.message, true)), {}) : sureButton(words, act);
 }
 
 class NodeCard {

@@ -23,8 +23,8 @@ class ObjectLine {                          // one object: what was read of it, 
     this.value = h("span", {class: "read"});
     this.was = h("small", {class: "hint"});
     this.input = h("input", {"aria-label": `new value of ${object.name}`, size: 10, placeholder: this.limits,
-      onkeydown: event => { if (event.key === "Enter") this.write(); }});
-    const write = object.moves ? askedTwice("Write", () => this.write(), {"aria-label": `Write ${object.name}`}) : button("Write", () => this.write());
+      onkeydown: event => { if (event.key === "Enter") write.querySelector("button").click(); }});
+    const write = sureButton("Write", sure => this.write(sure), {"aria-label": `Write ${object.name}`});
     this.form = h("span", {class: "write", hidden: true}, this.input, write);
     this.made = h("tr", {}, h("td", {class: "id"}, object.object), h("th", {scope: "row"}, object.name.split(".").at(-1)), h("td", {}, object.type),
       h("td", {}, object.access), h("td", {class: "limits"}, this.limits), h("td", {class: "read-cell"}, this.value, " ", this.was),
@@ -50,13 +50,11 @@ class ObjectLine {                          // one object: what was read of it, 
     this.tell();
     return found;
   }
-  async write() {
-    try {
-      if (this.input.value.trim() === "") throw new Error(`${this.object.name}: the field is empty${this.limits ? `; allowed: ${this.limits}` : ""}`);
-      await connection.ask({do: "write", ...this.named, value: this.input.value});
-      toast(`${this.object.name} written`);
-      await this.fetch();
-    } catch (error) { toast(error.message, true); }
+  async write(sure) {
+    if (this.input.value.trim() === "") throw new Error(`${this.object.name}: the field is empty${this.limits ? `; allowed: ${this.limits}` : ""}`);
+    await connection.ask({do: "write", ...this.named, value: this.input.value, ...sure});
+    toast(`${this.object.name} written`);
+    await this.fetch();
   }
   async plot() {
     const key = await request({do: "watch", ...this.named}, answer => `${answer} is in the plot`);

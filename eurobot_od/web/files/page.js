@@ -74,6 +74,17 @@ function toggleFreeze() {
 // Stop
 
 const stopNow = () => request({do: "stop"}, answer => `stop sent: ${answer}`);
+function stopFailures() {                   // in every view: what did not stop, as far as is known
+  const list = h("ul", {id: "not-stopped", role: "alert", hidden: true});
+  let told = "";
+  return {element: list, show() {
+    const wrong = connection.state?.motion?.wrong || [], words = wrong.join("\n");
+    if (words === told) return;
+    told = words;
+    show(list, wrong.length > 0);
+    list.replaceChildren(...wrong.map(text => h("li", {}, text)));
+  }};
+}
 function stopButton() {                     // it says beforehand that it cannot be sent
   const button = h("button", {id: "stop", hidden: true, title: "Stop: Escape", onclick: () => quietly(stopNow())});
   return {element: button, show() {
@@ -134,7 +145,7 @@ class Tabs {                                // which view is shown; a panel has 
   begins() { return Math.min(...this.made.map(each => each.begins ? each.begins() : Infinity)); }
 }
 
-function assembled(tabs, status, line, stop, alarms) {
+function assembled(tabs, status, line, stop, failures, alarms) {
   const header = h("header", {}, h("div", {class: "top"}, h("h1", {}, content.title), status.element, stop.element),
     h("nav", {role: "tablist", "aria-label": "views"}, ...tabs.tabs));
   const footer = h("footer", {}, line && line.element), measured = {"--header": header, "--foot": footer};
@@ -142,7 +153,7 @@ function assembled(tabs, status, line, stop, alarms) {
     for (const [name, each] of Object.entries(measured)) document.body.style.setProperty(name, `${each.getBoundingClientRect().height}px`);
   });
   for (const each of Object.values(measured)) observer.observe(each);
-  return [header, h("main", {}, ...tabs.sections), footer, toastLine, alarms];
+  return [header, h("main", {}, ...tabs.sections), footer, toastLine, failures.element, alarms];
 }
 
 function reopen(begins) {                   // a log opens where there is something to see, or where this window has left it
@@ -157,9 +168,9 @@ function start() {
     panel: true, make: () => perSource(source => panelMakers.get(each.name)(each.setup, source))}));
   const tabs = new Tabs([...panels, ...VIEWS.filter(view => view.if !== false)]);
   if (!live) reopen(tabs.begins());
-  const status = statusLine(), line = live ? null : timeline(), stop = stopButton();
+  const status = statusLine(), line = live ? null : timeline(), stop = stopButton(), failures = stopFailures();
   const alarms = h("div", {id: "alarms", class: "heard-only", role: "alert"});
-  document.body.append(...assembled(tabs, status, line, stop, alarms));
+  document.body.append(...assembled(tabs, status, line, stop, failures, alarms));
   tabs.layout();
   keyboard(tabs);
   let drawn = 0, controlled = false;
@@ -175,7 +186,7 @@ function start() {
       document.body.classList.toggle("control", connection.control);
       tabs.draw(time, tables);
       if (line) line.show(time);
-      if (tables) { stop.show(); status.show(time); say(alarms, faults(time).join("; ")); }
+      if (tables) { stop.show(); failures.show(); status.show(time); say(alarms, faults(time).join("; ")); }
       document.body.dataset.time = time.toFixed(3);
     }
     requestAnimationFrame(frame);

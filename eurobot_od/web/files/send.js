@@ -2,11 +2,12 @@
 // The view to send: messages by a form made of their mapping, frames as bytes, either of them again and again; lists
 // that this browser keeps.
 //
-// Rule of this file: nothing has a value that nobody has typed or the file does not give, and what moves something is
-// asked twice. What goes on by itself ends with the page: it says each second that it is still wanted.
+// Rule of this file: nothing has a value that nobody has typed or the file does not give. What may move something is
+// asked twice: the server says what that is, and why. What goes on by itself ends with the page: it says each second that
+// it is still wanted.
 
 const STILL = 1000;                         // ms between two words that a frame is still to be sent
-const moving = message => message.moves || content.panels.some(each => each.plan === message.name);
+const isPlan = message => content.panels.some(each => each.plan === message.name);
 
 class MessageForm {                         // the fields of a message; `request` throws what is wrong with them
   constructor(message) {
@@ -56,8 +57,8 @@ class SendList {                            // what is kept to be sent again: on
     this.draw();
     setInterval(() => this.again(), STILL);
   }
-  add(request, period, moves) {
-    this.items.push({request, period, moves});
+  add(request, period) {
+    this.items.push({request, period});
     keep("send list", this.items);
     this.draw();
   }
@@ -67,9 +68,12 @@ class SendList {                            // what is kept to be sent again: on
     keep("send list", this.items);
     this.draw();
   }
-  begin(item) {
+  async begin(item, sure) {
     const {request: {do: _, ...what}, period} = item, key = `page ${this.items.indexOf(item)} ${Math.random()}`;
-    quietly(request({do: "cycle", key, period, ...what}, `sent each ${period} ms`).then(() => { this.cycles.set(item, {key, period, ...what}); this.draw(); }));
+    await connection.ask({do: "cycle", key, period, ...what, ...sure});
+    toast(`sent each ${period} ms`);
+    this.cycles.set(item, {key, period, ...what, ...sure});
+    this.draw();
   }
   end(item) {
     const cycle = this.cycles.get(item);
@@ -83,12 +87,13 @@ class SendList {                            // what is kept to be sent again: on
     }
   }
   draw() {
-    const once = item => quietly(request(item.request, answer => `sent ${answer}`));
-    const act = (item, words, done) => item.moves ? askedTwice(words, () => done(item), {}) : h("button", {onclick: () => done(item)}, words);
+    const once = async (item, sure) => toast(`sent ${await connection.ask({...item.request, ...sure})}`);
+    const act = (item, words, done) => item.request.message && isPlan({name: item.request.message})
+      ? askedTwice(words, () => done(item, {}).catch(error => toast(error.message, true)), {}) : sureButton(words, sure => done(item, sure));
     this.list.replaceChildren(...this.items.map(item => h("li", {class: this.cycles.has(item) ? "running" : ""}, h("span", {}, wordsOf(item.request)),
       h("span", {class: "buttons"}, act(item, "Send", once), !item.period ? null
         : this.cycles.has(item) ? h("button", {class: "main", onclick: () => this.end(item)}, `End (each ${item.period} ms)`)
-          : act(item, `Each ${item.period} ms`, () => this.begin(item)),
+          : act(item, `Each ${item.period} ms`, (each, sure) => this.begin(each, sure)),
       h("button", {onclick: () => this.remove(item), "aria-label": `remove ${wordsOf(item.request)}`}, "×")))));
   }
 }
@@ -100,30 +105,31 @@ function sendView() {
   const chosen = h("select", {"aria-label": "message", onchange: () => build()}, h("option", {value: ""}, "choose a message"),
     ...[RAW, SYNC, ...source.messages.keys()].map(name => h("option", {}, name)));
   const period = h("input", {type: "text", inputmode: "numeric", size: 6, "aria-label": "period in ms, empty for once", placeholder: "once"});
-  const once = h("button", {class: "main", type: "submit"}, "Send");
+  const once = sureButton("Send", sure => send(sure), {class: "main", type: "submit"});
   const keepIt = h("button", {type: "button", onclick: () => tried(() => {
-    list.add(form.request(), period.value.trim() === "" ? 0 : wholeNumber("period", period.value, 5, 60000), isMoving());
+    list.add(form.request(), period.value.trim() === "" ? 0 : wholeNumber("period", period.value, 5, 60000));
     return "kept in the list";
   })}, "Keep in list");
   let form = null, careful = null;
-  const isMoving = () => Boolean(form.message && moving(form.message));
+  const isMoving = () => Boolean(form.message && isPlan(form.message));
   async function tried(act) {
     try {
       say(answer, await act());
       answer.classList.remove("is-wrong");
     } catch (error) {
+      if (error.asks) throw error;
       say(answer, error.message);
       answer.classList.add("is-wrong");
     }
   }
-  const send = () => tried(async () => `sent ${await connection.ask(form.request())}`);
+  const send = sure => tried(async () => `sent ${await connection.ask({...form.request(), ...sure})}`);
   function build() {
     const message = source.messages.get(chosen.value);
     form = chosen.value === RAW ? new FrameForm() : chosen.value === SYNC ? new FrameForm("080") : message ? new MessageForm(message) : null;
-    careful = form && isMoving() ? askedTwice("Send", send, {class: "main", type: "button"}) : null;
+    careful = form && isMoving() ? askedTwice("Send", () => send({}), {class: "main", type: "button"}) : null;
     say(answer, careful ? "This moves something: Send has to be pressed twice." : "");
     answer.classList.remove("is-wrong");
-    once.disabled = keepIt.disabled = !form;
+    once.querySelector("button").disabled = keepIt.disabled = !form;
     show(once, !careful);
     acts.replaceChildren(...[once, careful, h("label", {}, "period in ms", period), keepIt].filter(Boolean));
     place.replaceChildren(...(form ? [form.element] : []));
@@ -132,7 +138,7 @@ function sendView() {
   build();
   const submit = event => {                 // Enter in a field
     event.preventDefault();
-    if (form && !careful) send(); else if (careful) careful.click();
+    if (form) (careful || once.querySelector("button")).click();
   };
   const all = h("div", {class: "buttons"}, ...NMT.slice(0, 4).map(command => nmtButton(command, "all", `${command} all nodes`)));
   return {element: h("div", {class: "card"}, h("form", {class: "send", novalidate: true, onsubmit: submit},

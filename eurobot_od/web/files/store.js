@@ -286,7 +286,7 @@ const connection = {
       const {done, fail} = this.waiting.get(said.re) || {};
       this.waiting.delete(said.re);
       if (!done) return;
-      if ("error" in said) fail(new Error(said.error)); else done(said.ok);
+      if ("error" in said) fail(Object.assign(new Error(said.error), {asks: said.asks})); else done(said.ok);
       return;
     }
     if (!this.up) this.begin(said);

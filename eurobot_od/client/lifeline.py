@@ -1,0 +1,155 @@
+"""A drive that watches its master: it makes a quick stop when our heartbeat is lost, whatever has become of us.
+
+Theory of operation. We send a heartbeat under a node-ID of our own, and have the drive consume it: a free entry of
+0x1016 (CiA 301, 7.5.2.19), with quick stop as the abort connection option code 0x6007 (CiA 402-2, clause 8.4.4). Both
+are read first and put back at the end. A drive without one of them goes on when this program or its adapter fails, and
+whoever orders a motion has to be told before. The heartbeat comes from the thread that also ends motions, or stops
+when nobody says any more that the program is alive: a program that hangs must not look alive.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import NamedTuple
+
+from eurobot_od.client.master import Master, Procedure, RemoteNode
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.errors import BusError, NodeRefused
+from eurobot_od.frame import Frame
+from eurobot_od.od import cia402
+from eurobot_od.od.values import ERROR_CONTROL_BASE, UNSIGNED32, Address
+
+OWN_ID = 127
+"""Node-ID under which we send the heartbeat, unless it is heard on the bus."""
+
+PERIOD = 0.1
+"""Time between two heartbeats, in s."""
+
+LOST_AFTER = 0.5
+"""Time without a heartbeat after which the drive stops, in s."""
+
+CONSUMERS = 0x1016
+ERROR_BEHAVIOUR: Address = (0x1029, 1)
+STOPPED_ON_ERROR = b"\2"
+"""Value of 0x1029:1 with which a communication error takes the node to Stopped (CiA 301, 7.5.2.32)."""
+
+QUICK_STOP_ON_LOSS = 3
+"""The abort connection option code of a quick stop."""
+
+GOES_ON = "this drive goes on if this program or its adapter fails"
+
+
+class Lifeline(NamedTuple):
+    """How a drive watches us: the `former` contents that were changed, in the order in which they are put back.
+
+    `lacks` says why the drive does not, or not surely, stop when our heartbeat is lost; it is empty if it does.
+    """
+
+    entry: Address | None
+    former: tuple[tuple[Address, bytes], ...]
+    lacks: str
+
+
+def free_id(heard: Iterable[int], wanted: int = OWN_ID) -> int:
+    """Return the node-ID for our heartbeat: the one that is wanted, or the next lower one that nobody else has."""
+    taken = set(heard)
+    return next((each for each in (*range(wanted, 0, -1), *range(OWN_ID, wanted, -1)) if each not in taken), wanted)
+
+
+def heartbeat(node_id: int) -> Frame:
+    """Return our heartbeat."""
+    return Frame(ERROR_CONTROL_BASE + node_id, bytes([NmtState.OPERATIONAL]))
+
+
+@Procedure
+async def arm(node: RemoteNode, offsets: Iterable[int], own: int) -> Lifeline:
+    """Have a drive watch our heartbeat, which has to be sent already; `offsets` are those of its axes.
+
+    Raises NoAnswer, BusError; what the drive refuses is in the result.
+    """
+    former: list[tuple[Address, bytes]] = []
+    entry = await _free_entry(node, own)
+    if entry is None:
+        return Lifeline(None, (), "it has no free entry in 0x1016")
+    lacks = ""
+    for offset in offsets:
+        if not await _set(node, (cia402.ABORT_CONNECTION + offset, 0), bytes([QUICK_STOP_ON_LOSS, 0]), former):
+            lacks = f"it has no 0x{cia402.ABORT_CONNECTION + offset:04X}, which would say to make a quick stop then"
+    if lacks:  # Stopped may or may not stop a motor: better than to go on commanded
+        await _set(node, ERROR_BEHAVIOUR, STOPPED_ON_ERROR, former)
+    before = await node.upload.steps(entry)
+    watched = UNSIGNED32.write(own << 16 | round(LOST_AFTER * 1000))
+    try:
+        await node.download.steps(entry, watched)
+    except NodeRefused as refused:
+        return Lifeline(None, tuple(former), f"it refuses an entry in 0x1016: {refused}")
+    is_left = before[2:3] == bytes([own])  # by one of us that was killed
+    return Lifeline(entry, ((entry, bytes(4) if is_left else before), *former), lacks)
+
+
+async def _free_entry(node: RemoteNode, own: int) -> Address | None:
+    try:
+        most = (await node.upload.steps((CONSUMERS, 0)))[0]
+        entries = [await node.upload.steps((CONSUMERS, sub)) for sub in range(1, most + 1)]
+    except NodeRefused:
+        return None
+    mine = [sub for sub, content in enumerate(entries, 1) if content[2:3] == bytes([own])]
+    free = [sub for sub, content in enumerate(entries, 1) if content[:2] == b"\0\0" or content[2:3] == b"\0"]
+    return (CONSUMERS, (mine + free)[0]) if mine + free else None
+
+
+async def _set(node: RemoteNode, address: Address, content: bytes, former: list[tuple[Address, bytes]]) -> bool:
+    """Write an object unless it is so already, and keep what it was; return False if the drive does not let us."""
+    try:
+        before = (await node.upload.steps(address))[: len(content)]
+        if before != content:
+            await node.download.steps(address, content)
+            former.append((address, before))
+    except NodeRefused:
+        return False
+    return True
+
+
+@Procedure
+async def holds(node: RemoteNode, line: Lifeline, own: int) -> bool:
+    """Return whether the drive still watches us: a reset, or another master, may have changed that."""
+    return line.entry is not None and (await node.upload.steps(line.entry))[2:3] == bytes([own])
+
+
+@Procedure
+async def disarm(node: RemoteNode, line: Lifeline) -> None:
+    """Put back what was changed; raises NoAnswer, BusError. What the drive refuses stays as it is."""
+    for address, content in line.former:
+        with suppress(NodeRefused):
+            await node.download.steps(address, content)
+
+
+class HeartbeatThread:
+    """Sends our heartbeat for a blocking program, as long as `kick` is called at least each `patience` seconds."""
+
+    def __init__(self, master: Master, own: int, patience: float) -> None:
+        self._master, self._frame, self._patience = master, heartbeat(own), patience
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="heartbeat", daemon=True)
+        self.kick()
+
+    def kick(self) -> None:
+        """Say that the program is alive."""
+        self._alive_until = self._master.clock() + self._patience
+
+    def __enter__(self) -> HeartbeatThread:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            if self._master.clock() < self._alive_until:
+                with suppress(BusError):  # whoever talks to the drive hears of it
+                    self._master.send(*self._frame)
+            self._ended.wait(PERIOD)

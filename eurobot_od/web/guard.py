@@ -1,0 +1,115 @@
+"""What may move something: the one guard of all ways in which the page sends.
+
+Rule of this file: it says why, in words for the person who has to press again; an empty text lets a frame or a write
+pass. What cannot be known, such as what a node without a file does with a frame, counts as moving.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.pdos import Pdo, unheard
+from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID, Address, PdoDirection, label
+from eurobot_od.sdo import wire
+from eurobot_od.sdo.wire import ClientCommand, Initiate
+from eurobot_od.web.drives import axes_of, moves
+
+MAKERS = range(0x2000, 0x6000)
+"""Objects of the device's maker (CiA 301, 7.4.1)."""
+
+RPDO_PARAMETERS = range(0x1400, 0x1800)
+"""Communication and mapping of RPDOs: another COB-ID has a drive obey other frames."""
+
+PDO_COB_IDS = range(0x180, 0x580)
+"""COB-IDs of PDOs by default (CiA 301, 7.3.3)."""
+
+NMT_REASONS = {
+    NmtCommand.START: "NMT start lets {} obey PDOs, with the targets that they have",
+    NmtCommand.RESET_NODE: "a reset of {} ends what it is doing, and starts it anew",
+    NmtCommand.RESET_COMMUNICATION: "a reset of the communication of {} ends its heartbeat watch, and starts it anew",
+}
+
+
+class MotionGuard:
+    """Says of frames and SDO writes why they may move something.
+
+    Without `makers`, objects of a maker move nothing but drives: a robot knows itself which of its messages do.
+    """
+
+    def __init__(self, dictionaries: Iterable[Dictionary], makers: bool = True) -> None:
+        self._dictionaries, self._makers = {each.node_id: each for each in dictionaries}, makers
+        self._drives = {each.node_id for each in self._dictionaries.values() if axes_of(each)}
+        self._servers = {SdoChannel.of(each).requests: node_id for node_id, each in self._dictionaries.items()}
+        pdos = [(node_id, pdo) for node_id, each in self._dictionaries.items() for pdo in _pdos(each)]
+        self._described = {pdo.cob_id for _, pdo in pdos}
+        received = [(pdo, self._of_pdo(node_id, pdo)) for node_id, pdo in pdos if pdo.direction is PdoDirection.RPDO]
+        self._received = {pdo.cob_id: reason for pdo, reason in received if reason}
+        awaiting = any(reason and pdo.is_synchronous for pdo, reason in received)
+        self._sync = "SYNC has a drive obey the targets that it was sent" if awaiting else ""
+
+    def _name(self, node_id: int) -> str:
+        if node_id == ALL_NODES:
+            return "all nodes"
+        return self._dictionaries[node_id].name if node_id in self._dictionaries else f"node {node_id}"
+
+    def of_object(self, node_id: int, address: Address) -> str:
+        """Return why a write to an object may move something, empty if it does not."""
+        where = f"{label(address)} of {self._name(node_id)}"
+        if moves(address):
+            return f"{where} commands a drive"
+        if node_id in self._drives and address[0] in RPDO_PARAMETERS:
+            return f"{where} has the drive obey other frames"
+        if node_id in self._drives and address[0] in MAKERS:
+            return f"{where} is an object of the drive's maker: what it moves no file says"
+        return ""
+
+    def _of_pdo(self, node_id: int, pdo: Pdo) -> str:
+        """Return why an RPDO may move something: an object that it carries to the device does."""
+        is_guarded = self._makers or node_id in self._drives
+        if pdo.multiplex is not None and is_guarded:
+            return f"each frame of {self._name(node_id)}.{pdo.name} names the object that it writes"
+        for address in (each.address for each in pdo.mapping if not each.is_padding):
+            if moves(address):
+                return f"it carries {label(address)} to {self._name(node_id)}, which commands a drive"
+            if is_guarded and address[0] in MAKERS:
+                return f"it carries {label(address)} of the maker of {self._name(node_id)}: what it moves no file says"
+        return ""
+
+    def of_cob_id(self, cob_id: int) -> str:
+        """Return why the frames of a PDO or of SYNC may move something."""
+        if cob_id == SYNC_COB_ID:
+            return self._sync
+        if cob_id in PDO_COB_IDS and cob_id not in self._described:
+            return f"no file says what a node does with {cob_id:03X}"
+        return self._received.get(cob_id, "")
+
+    def of_nmt(self, command: int, node_id: int) -> str:
+        """Return why an NMT command may move something."""
+        reason = NMT_REASONS.get(NmtCommand(command)) if command in set(NmtCommand) else None
+        return reason.format(self._name(node_id)) if reason else ""
+
+    def of_frame(self, frame: Frame) -> str:
+        """Return why a frame may move something."""
+        cob_id, data = frame.cob_id, frame.data
+        if cob_id == NMT_COB_ID:
+            return self.of_nmt(*data) if len(data) == 2 else ""
+        node_id = self._servers.get(cob_id, cob_id - 0x600)
+        if cob_id in self._servers or node_id in NODE_IDS:
+            return self._of_request(node_id, data)
+        return self.of_cob_id(cob_id)
+
+    def _of_request(self, node_id: int, data: bytes) -> str:
+        command = data[0] >> 5 if data else -1
+        if len(data) == wire.LENGTH and command in (ClientCommand.DOWNLOAD, ClientCommand.BLOCK_DOWNLOAD):
+            return self.of_object(node_id, Initiate.of(data).address)
+        if command == ClientCommand.DOWNLOAD_SEGMENT and len(data) == wire.LENGTH:
+            return f"it goes on with a write to {self._name(node_id)}, of an object that the frame does not name"
+        return ""
+
+
+def _pdos(dictionary: Dictionary) -> list[Pdo]:
+    # What is wrong with a PDO was said when the file was read: its frames are then described by no file.
+    return [pdo for pdo in dictionary.read_pdos(dictionary.default, unheard) if pdo.valid]
