@@ -286,8 +286,10 @@ class Binding:
             word |= self.layout.place(field, raw) if field in self.limits else 0
         # 255 mm, 255 mm is a real place, but with the angle's code it would be read as "unknown": better not sent.
         if unknown and word & unknown.mask == unknown.code:
-            field = next(iter(unknown.codes))
-            raise FieldError(self.name, field, values[field], "another place: with an unknown angle it means unknown")
+            field, *_ = unknown.codes
+            alone = " and ".join(each for each in unknown.codes if values[each] is None)
+            allowed = f"another value: with {alone} unknown all would be unknown"
+            raise FieldError(self.name, field, values[field], allowed)
         return Frame(self.cob_id, self._to_bytes(word))
 
 

@@ -8,20 +8,24 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import REAL32, Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity, Real
-from eurobot_od.robot.model.messages import Angle, BarrierFlags, Coordinate, Heading, Remaining
-from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source, TeamColour
 from tests.rows import rows
+
+
+class Colour(IntEnum):
+    YELLOW, RED = range(2)
+
+
+class Source(IntEnum):
+    INTERNAL, CONFEDERATE, ENEMY_1, ENEMY_2 = range(4)
+
 
 X = Limits(0, 3000)
 ANY = Limits(0, 0xFFFFFF)
 
-PERCENT, SPARE = Kind("%"), Kind()
-ANGLE, HEADING = Angle("deg"), Heading("deg")
-MILLIMETRES, TIME = Coordinate("mm"), Remaining("ms")
-COLOUR, SOURCE, BARRIERS = Choice(TeamColour), Choice(Source), BarrierFlags()
+PERCENT, SPARE, MILLIMETRES = Kind("%"), Kind(), Kind("mm")
+COLOUR, SOURCE = Choice(Colour), Choice(Source)
 
 
 class Reading(IntEnum):
@@ -48,16 +52,6 @@ BOTH_WAYS: list[Row] = [
     (PERCENT, Limits(0, 100), 0, 0),
     (PERCENT, Limits(0, 100), 100, 100),
     (PERCENT, Limits(5, 10), 5, 5),
-    (ANGLE, ANY, 359, 359),
-    (HEADING, ANY, 0, 0),
-    (HEADING, ANY, 0x3FF, None),
-    (MILLIMETRES, X, 0xFF, 255),  # a real place: unknown only together with y and the angle
-    (MILLIMETRES, X, 3000, 3000),
-    (TIME, ANY, 0, 0),
-    (TIME, ANY, 0x0FFFFE, 0x0FFFFE),
-    (TIME, ANY, 0x0FFFFF, None),
-    (TIME, ANY, 0xFFFFFE, GotoFault.BLOCKED),
-    (TIME, ANY, 0xFFFFFF, GotoFault.NOT_POSSIBLE),
     (DISTANCE, SIGNED, 1500, 1500),
     (DISTANCE, SIGNED, 0x7FF, Reading.NOTHING),
     (DISTANCE, SIGNED, -1, Reading.TOO_NEAR),
@@ -66,21 +60,13 @@ BOTH_WAYS: list[Row] = [
     (TENTHS, SIGNED, 0x7FF, Sight.NOTHING),
     (DOUBLES, Limits(-5, 5), -5, -10.0),
     (FORCE, ANY, 0x3F000000, 0.5),
-    (COLOUR, Limits(0, 1), 1, TeamColour.RED),
+    (COLOUR, Limits(0, 1), 1, Colour.RED),
     (SOURCE, Limits(0, 3), 2, Source.ENEMY_1),
-    (BARRIERS, Limits(0, 0xFFFF), 0xA5C3, Barriers(0xA5C3)),
 ]
 
 OUT_OF_RANGE: list[tuple[Kind, Limits, int]] = [
     (PERCENT, Limits(0, 100), 101),
     (PERCENT, Limits(5, 10), 4),
-    (ANGLE, ANY, 360),
-    (ANGLE, ANY, 0x3FF),  # a goto has no unknown angle
-    (HEADING, ANY, 360),
-    (HEADING, ANY, 0x3FE),
-    (MILLIMETRES, X, 3001),
-    (TIME, ANY, 0x100000),
-    (TIME, ANY, 0xFFFFFD),
     (DISTANCE, SIGNED, 1800),  # between the range and the code
     (DISTANCE, SIGNED, -2),
     (TENTHS, SIGNED, 1501),
@@ -90,12 +76,8 @@ OUT_OF_RANGE: list[tuple[Kind, Limits, int]] = [
 ]
 
 WRITTEN: list[Row] = [
-    (ANGLE, ANY, 0, 360),
-    (ANGLE, ANY, 359, -1),
-    (HEADING, ANY, 270, -450),
     (PERCENT, X, 7, 7.0),  # a whole number all the same
     (COLOUR, X, 1, 1),
-    (TIME, ANY, 0xFFFFFE, 0xFFFFFE),
     (TENTHS, SIGNED, 123, 12.34),  # the nearest step
     (TENTHS, SIGNED, 1500, 150),
 ]
@@ -108,16 +90,10 @@ NOT_WRITTEN: list[tuple[Kind, Limits, Any]] = [
     (PERCENT, Limits(0, 100), None),
     (PERCENT, Limits(0, 100), float("nan")),
     (PERCENT, Limits(0, 100), float("inf")),
-    (ANGLE, ANY, float("-inf")),
-    (ANGLE, ANY, None),
-    (HEADING, ANY, 0.5),
-    (MILLIMETRES, X, None),  # not alone
     (MILLIMETRES, X, OutOfRange(7)),  # what was flagged once does not go on
-    (TIME, ANY, 0x0FFFFF),  # the code of unknown, which is None
-    (TIME, ANY, -1),
     (DISTANCE, SIGNED, 1800),
     (DISTANCE, SIGNED, 0x7FF),  # a code is sent by its name
-    (DISTANCE, SIGNED, TeamColour.RED),  # of another enum
+    (DISTANCE, SIGNED, Colour.RED),  # of another enum
     (DISTANCE, SIGNED, 0.5),
     (TENTHS, SIGNED, 150.1),
     (TENTHS, SIGNED, "1.5"),
@@ -129,33 +105,18 @@ NOT_WRITTEN: list[tuple[Kind, Limits, Any]] = [
     (COLOUR, Limits(0, 1), 2),
     (COLOUR, Limits(0, 1), "red"),
     (SOURCE, Limits(0, 3), OutOfRange(4)),
-    (BARRIERS, Limits(0, 0xFFFF), 0x10000),
 ]
 
 PARSED: list[tuple[Kind, str, Any]] = [
     (PERCENT, "75", 75),
     (PERCENT, "0x4B", 75),
-    (ANGLE, "-90", -90),
-    (HEADING, "unknown", None),
-    (HEADING, "90", 90),
-    (MILLIMETRES, "unknown", None),
-    (MILLIMETRES, "1500", 1500),
-    (TIME, "unknown", None),
-    (TIME, "blocked", GotoFault.BLOCKED),
-    (TIME, "not possible", GotoFault.NOT_POSSIBLE),
-    (TIME, "1500", 1500),
     (DISTANCE, "too near", Reading.TOO_NEAR),
     (DISTANCE, "0x10", 16),
     (TENTHS, "-1.5", -1.5),
     (TENTHS, "nothing", Sight.NOTHING),
-    (COLOUR, "red", TeamColour.RED),
-    (COLOUR, "0", TeamColour.YELLOW),
+    (COLOUR, "red", Colour.RED),
+    (COLOUR, "0", Colour.YELLOW),
     (SOURCE, "enemy 1", Source.ENEMY_1),
-    (BARRIERS, "none", Barriers(0)),
-    (BARRIERS, "0xA5C3", Barriers(0xA5C3)),
-    (BARRIERS, "fire-1:forced", Barriers.of({1: Passage.FORCED})),
-    (BARRIERS, "fire-1:forced,pool 2:normal", Barriers.of({1: Passage.FORCED, 8: Passage.NORMAL})),
-    (BARRIERS, "fire-3", Barriers.of({3: Passage.NORMAL})),
 ]
 
 NOT_PARSED: list[tuple[Kind, str]] = [
@@ -163,25 +124,16 @@ NOT_PARSED: list[tuple[Kind, str]] = [
     (PERCENT, "unknown"),
     (PERCENT, "1.5"),
     (PERCENT, " "),
-    (ANGLE, "unknown"),
-    (HEADING, "north"),
-    (TIME, "soon"),
     (DISTANCE, "1.5"),
     (TENTHS, "far"),
     (COLOUR, "green"),
     (COLOUR, "2"),
-    (BARRIERS, "0y"),
-    (BARRIERS, "fire-1:closed"),
 ]
 
 SHOWN: list[tuple[Kind, Any, str]] = [
     (PERCENT, 75, "75 %"),
     (SPARE, 2, "2"),
-    (HEADING, None, "unknown"),
     (MILLIMETRES, OutOfRange(4000), "4000 mm (out of range)"),
-    (TIME, 1500, "1500 ms"),
-    (TIME, None, "unknown"),
-    (TIME, GotoFault.NOT_POSSIBLE, "not possible"),
     (TENTHS, 0.1 + 0.2, "0.3 mm"),
     (DISTANCE, Reading.TOO_NEAR, "too near"),
     (TENTHS, OutOfRange(1800), "1800 x 0.1 mm (out of range)"),
@@ -189,25 +141,15 @@ SHOWN: list[tuple[Kind, Any, str]] = [
     (FORCE, 0.5, "0.5 N"),
     (SOURCE, Source.ENEMY_2, "enemy 2"),
     (SOURCE, OutOfRange(9), "9 (out of range)"),
-    (BARRIERS, Barriers(0x0002), "fire 1:forced"),
 ]
 
 ALLOWED = [
     (PERCENT, Limits(0, 100), "0..100 %"),
     (SPARE, Limits(0, 2), "0..2"),
-    (ANGLE, ANY, "any whole angle in degrees"),
-    (HEADING, ANY, "any whole angle in degrees, None for unknown"),
-    (MILLIMETRES, X, "0..3000 mm, or x, y and angle None for unknown"),
-    (TIME, ANY, "0..1048574 ms, None for unknown, blocked, not possible"),
     (DISTANCE, SIGNED, "0..1500 mm, nothing (2047), too near (-1)"),
     (TENTHS, SIGNED, "-20..150 mm in steps of 0.1, nothing (2047)"),
     (DOUBLES, Limits(-5, 5), "-10..10 in steps of 2"),
     (COLOUR, Limits(0, 1), "yellow (0), red (1)"),
-    (
-        BARRIERS,
-        Limits(0, 65535),
-        "0..65535, or fire-1, fire-2, fire-3, fire-4, fire-5, fire-6, pool-1, pool-2 with :free or normal or forced",
-    ),
 ]
 
 
@@ -247,12 +189,6 @@ def test_does_not_parse(kind: Kind, text: str) -> None:
         kind.parse(text)
 
 
-@pytest.mark.parametrize("text", ["wall:forced", "fire-9", "fire-1:forced,"])
-def test_does_not_parse_an_unknown_barrier(text: str) -> None:
-    with pytest.raises(UnknownName):
-        BARRIERS.parse(text)
-
-
 @rows("kind, value, text", SHOWN)
 def test_writes_for_a_person(kind: Kind, value: Any, text: str) -> None:
     assert kind.text(value) == text
@@ -263,7 +199,7 @@ def test_says_what_is_allowed(kind: Kind, limits: Limits, text: str) -> None:
     assert kind.allowed(limits) == text
 
 
-@rows("kind, meaning", [(kind, value) for kind, *_, value in BOTH_WAYS if kind is not BARRIERS])
+@rows("kind, meaning", [(kind, value) for kind, *_, value in BOTH_WAYS])
 def test_parses_what_it_writes_for_a_person(kind: Kind, meaning: Any) -> None:
     assert kind.parse(kind.text(meaning).removesuffix(f" {kind.unit}")) == meaning
 

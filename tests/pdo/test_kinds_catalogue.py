@@ -12,7 +12,7 @@ from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.values import UNSIGNED8, PdoDirection
 from eurobot_od.pdo.kinds import Catalogue, Kind, field_name, first_free, made_type
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
+from tests.kit import lift
 from tests.rows import rows
 
 LAMP = Catalogue()
@@ -47,12 +47,12 @@ def pdo(name: str, cob_id: int, *objects: str, direction: PdoDirection = PdoDire
     return Pdo(direction, direction.value + number - 1, name, cob_id, True, 254, mapping)
 
 
-DRIVE = dialects.load("drive")
-CORE = dialects.load("core")
+CABIN = lift.dictionary("cabin")
+PANEL = lift.dictionary("panel")
 
 
 def protocol(*pdos: Pdo, other: tuple[Pdo, ...] = ()) -> Protocol:
-    return Protocol([(DRIVE, pdos), (CORE, other)], LAMP)
+    return Protocol([(CABIN, pdos), (PANEL, other)], LAMP)
 
 
 def test_a_pdo_of_the_catalogue_has_its_type() -> None:
@@ -72,9 +72,9 @@ def test_any_other_pdo_is_a_message_of_plain_numbers() -> None:
 # Name of the communication record; the message's name.
 NAMES = [
     ("Battery state", "Battery state"),
-    ("TPDO communication parameter", "drive.TPDO3"),
-    ("Transmit PDO 1 Parameter", "drive.TPDO3"),
-    ("", "drive.TPDO3"),
+    ("TPDO communication parameter", "cabin.TPDO3"),
+    ("Transmit PDO 1 Parameter", "cabin.TPDO3"),
+    ("", "cabin.TPDO3"),
 ]
 
 
@@ -87,13 +87,13 @@ def test_sender_and_receiver_of_a_cob_id_are_those_of_one_message() -> None:
     received = pdo("RPDO communication parameter", 0x182, "Remote charge", direction=PdoDirection.RPDO)
     both = protocol(pdo("TPDO communication parameter", 0x182, "Charge"), other=(received,))
     (binding,) = both.bindings
-    assert (binding.name, binding.senders, binding.receivers) == ("drive.TPDO1", ["drive"], ["core"])
+    assert (binding.name, binding.senders, binding.receivers) == ("cabin.TPDO1", ["cabin"], ["panel"])
     assert binding.layout.fields == ("charge",)
 
 
 def test_sender_and_receiver_of_different_lengths_are_refused() -> None:
     received = pdo("RPDO communication parameter", 0x182, "Charge", "More", direction=PdoDirection.RPDO)
-    with pytest.raises(MappingError, match=r"mapping differs from that in drive\.eds 0x1A00"):
+    with pytest.raises(MappingError, match=r"mapping differs from that in cabin\.eds 0x1A00"):
         protocol(pdo("TPDO communication parameter", 0x182, "Charge"), other=(received,))
 
 
@@ -125,4 +125,4 @@ def test_objects_of_one_name_are_told_apart() -> None:
 
 
 def test_a_type_may_be_made_of_any_name() -> None:
-    assert made_type('drive.TPDO1"\n', {"a": Kind()}).__name__ == 'drive.TPDO1"\n'
+    assert made_type('cabin.TPDO1"\n', {"a": Kind()}).__name__ == 'cabin.TPDO1"\n'
