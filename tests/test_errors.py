@@ -34,7 +34,7 @@ from eurobot_od.errors import (
     WrongAnswer,
     YamlError,
 )
-from eurobot_od.robot.model.values import Direction
+from tests.kit.lift import Doors
 from tests.rows import rows
 
 ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
@@ -76,15 +76,15 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     ),
     (UnknownName("barrier", 9, ["1", "2"]), LocalError, "unknown barrier 9; known: 1, 2"),
     (
-        FieldError("Goto XY", "x", 5000, "0..3000 mm"),
+        FieldError("Move To", "height", 5000, "0..3000 mm"),
         LocalError,
-        "Goto XY: x = 5000 is not allowed; allowed: 0..3000 mm",
+        "Move To: height = 5000 is not allowed; allowed: 0..3000 mm",
     ),
-    (FieldError("Goto XY", "x", "a", "0..9"), LocalError, "Goto XY: x = 'a' is not allowed; allowed: 0..9"),
+    (FieldError("Move To", "height", "a", "0..9"), LocalError, "Move To: height = 'a' is not allowed; allowed: 0..9"),
     (
-        FieldError("Goto XY", "direction", Direction.BACKWARD, "forward"),
+        FieldError("Move To", "doors", Doors.OPEN, "closed"),
         LocalError,
-        "Goto XY: direction = backward is not allowed; allowed: forward",
+        "Move To: doors = open is not allowed; allowed: closed",
     ),
     (ListenerError("lamp: too late"), LocalError, "lamp: too late"),
     (StateError("not now"), LocalError, "not now"),
@@ -97,9 +97,9 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (MappingError("drive.eds", 0x1603, "65 bits"), DictionaryError, "drive.eds: 0x1603: 65 bits"),
     # a peer's, or the wire's
     (UnknownIdentifier(0x7), RemoteError, "no message has the identifier 0x007"),
-    (FrameLengthError("Goto XY", 8, 7, "6 or 8"), RemoteError, "Goto XY (0x008): 7 bytes of data, expected 6 or 8"),
+    (FrameLengthError("Move To", 8, 7, "6 or 8"), RemoteError, "Move To (0x008): 7 bytes of data, expected 6 or 8"),
     (FrameLengthError("TPDO1", 0x38012345, 2, "8"), RemoteError, "TPDO1 (0x18012345): 2 bytes of data, expected 8"),
-    (NoAnswer("GotoXY", "GotoConfirm", 6, 0.5), RemoteError, "no GotoConfirm after 6 x GotoXY (500 ms each)"),
+    (NoAnswer("MoveTo", "MoveConfirm", 6, 0.5), RemoteError, "no MoveConfirm after 6 x MoveTo (500 ms each)"),
     (
         NodeRefused(2, "write 0x1017:0", 0x06090030, "value range exceeded"),
         RemoteError,

@@ -19,9 +19,6 @@ from eurobot_od.device.objects import FileStore
 from eurobot_od.device.simulated import ObjectName, SimulatedDevice
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.od.values import NOT_VALID
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CATALOGUE, Enemy1PositionResponse, GotoXY, KalmanPositionResponse
-from eurobot_od.robot.model.values import Source
 from eurobot_od.sdo.server import TIMEOUT
 from eurobot_od.sdo.wire import (
     ABORT,
@@ -44,6 +41,8 @@ from eurobot_od.sdo.wire import (
 from tests.device import io_module
 from tests.device.io_module import LABEL, ON_CHANGE, TEMPERATURE
 from tests.eds_text import record, variable
+from tests.kit import lift
+from tests.kit.lift import CATALOGUE, CheckDoorResponse, MoveTo, PlaceResponse, Sensor
 from tests.rows import rows
 
 
@@ -135,14 +134,14 @@ class Choosy(SimulatedDevice):
     WRITERS: ClassVar[Mapping[ObjectName, Callable[[Any, Any], object]]] = {(0x2100, 0): _never, (0x2303, 0): _busy}
 
 
-class Robot(SimulatedDevice):
-    """A drive of the robot that measures what no frame can say, and has an object of a message it has no PDO for."""
+class Measuring(SimulatedDevice):
+    """A cabin that measures what no frame can say, and has an object of a message it has no PDO for."""
 
     CATALOGUE = CATALOGUE
     OBJECTS: ClassVar[Mapping[str, BoundObject]] = {
-        "Kalman position": BoundObject(read=lambda _: KalmanPositionResponse(-1, 0, 0, Source.INTERNAL)),
-        "Goto state": BoundObject(read=lambda _: Enemy1PositionResponse(0, 0, 0, Source.ENEMY_1)),
-        "Goto XY": BoundObject(write=GotoXY),
+        "Place": BoundObject(read=lambda _: PlaceResponse(-1, 0, 0, Sensor.BELT)),
+        "State": BoundObject(read=lambda _: CheckDoorResponse()),
+        "Move to": BoundObject(write=MoveTo),
     }
 
 
@@ -152,12 +151,12 @@ def module(folder: Path) -> SimulatedDevice:
     return Choosy(dictionary, store=FileStore(folder / "no such folder" / "module.dcf", dictionary))
 
 
-def drive(_: Path) -> SimulatedDevice:
-    return Robot(dialects.load("drive"))
+def cabin(_: Path) -> SimulatedDevice:
+    return Measuring(lift.dictionary("cabin"))
 
 
-def old_drive(_: Path) -> SimulatedDevice:
-    return Robot(dialects.load("drive", "firmware2014"))
+def reversed_cabin(_: Path) -> SimulatedDevice:
+    return Measuring(lift.dictionary("cabin", lift.REVERSED))
 
 
 # What is sent to them
@@ -220,7 +219,7 @@ PROVOKED: Mapping[Reason, tuple[Made, Sequence[bytes | NmtCommand]]] = {
     Reason.PDO_COB_ID: (module, [write(ON_CHANGE, 1, NOT_VALID | 1 << 29 | 0x185)]),
     Reason.COB_ID_TAKEN: (module, [off(ON_CHANGE, 0x185), write(ON_CHANGE, 1, 0x605)]),
     Reason.TRANSMISSION_TYPE: (module, [write(ON_CHANGE, 2, 241, size=2)]),
-    Reason.RPDO_INHIBITED: (drive, [write(0x1400, 3, 10, size=2)]),
+    Reason.RPDO_INHIBITED: (cabin, [write(0x1400, 3, 10, size=2)]),
     Reason.MAPPING_USED: (module, [off(ON_CHANGE, 0x185), write(0x1A00, 1, TEMPERATURE)]),
     Reason.MAPPED_MISSING: (module, [off(ON_CHANGE, 0x185), write(0x1A00, 0, 0, size=1), write(0x1A00, 1, 0x29990008)]),
     Reason.NOT_MAPPABLE: (module, [off(ON_CHANGE, 0x185), write(0x1A00, 0, 0, size=1), write(0x1A00, 1, 0x23050008)]),
@@ -231,21 +230,21 @@ PROVOKED: Mapping[Reason, tuple[Made, Sequence[bytes | NmtCommand]]] = {
     ),
     Reason.PDO_CONFLICT: (module, [off(ON_CHANGE, 0x185), write(ON_CHANGE, 1, 0x285)]),
     Reason.TOO_FEW_BITS: (
-        drive,
+        cabin,
         [
-            off(0x1802, 0x100),
+            off(0x1802, 0x205),
             write(0x1A02, 0, 0, size=1),
-            write(0x1A02, 1, 0x20110108),  # 8 of the 12 bits of x
+            write(0x1A02, 1, 0x20110108),  # 8 of the 12 bits of the height
             write(0x1A02, 0, 4, size=1),
-            write(0x1802, 1, 0x100),
+            write(0x1802, 1, 0x205),
         ],
     ),
-    Reason.WRONG_STATE: (drive, [NmtCommand.ENTER_PRE_OPERATIONAL, write(0x2000, 5, 0, size=2)]),
-    Reason.COMMAND_VALUES: (old_drive, [write(0x3000, 1, 0xFF, size=1), write(0x3000, 12, 0, size=1)]),
+    Reason.WRONG_STATE: (cabin, [NmtCommand.ENTER_PRE_OPERATIONAL, write(0x2000, 4, 0, size=2)]),
+    Reason.COMMAND_VALUES: (reversed_cabin, [write(0x3000, 1, 0xFF, size=1), write(0x3000, 8, 0, size=1)]),
     Reason.REFUSED_NOW: (module, [write(0x2303, 0, 0x41, size=1)]),
     Reason.REFUSED_VALUE: (module, [write(0x2100, 0, 1, size=2)]),
-    Reason.NO_MESSAGE: (drive, [read(0x2002, 1)]),
-    Reason.MEASURED_VALUE: (drive, [read(0x2011, 1)]),
+    Reason.NO_MESSAGE: (cabin, [read(0x2002, 1)]),
+    Reason.MEASURED_VALUE: (cabin, [read(0x2011, 1)]),
 }
 
 
@@ -306,10 +305,10 @@ from contextlib import suppress
 from eurobot_od import simulated
 from eurobot_od.errors import NodeRefused
 
-with simulated("eds/canopen/drive.eds") as network:
+with simulated("docs/motor.eds", node_id=5) as network:
     with suppress(NodeRefused):
-        network[2][0x1800, 2].raw = 0
-    print(network.devices[2].device.aborted.reason.name)  # TRANSMISSION_TYPE
+        network[5][0x1800, 2].raw = 0
+    print(network.devices[5].device.aborted.reason.name)  # TRANSMISSION_TYPE
 ```
 
 The page is made from the table in `eurobot_od/sdo/wire.py` by `.venv/bin/python -m tests.sdo.test_wire`, and a test

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.cli import main
-from eurobot_od.robot.dialects import eds_folder
 from eurobot_od.support import progress
 from eurobot_od.support import progress as module
 from eurobot_od.support.progress import ENDLESS, LONG, PERCENT, REDRAWN, bar, columns, counted, folded, line, unwatched
 from tests.cli.console import Terminal
+from tests.kit.devices import MOTOR
 
 
 @pytest.mark.parametrize(
@@ -84,8 +84,8 @@ def test_who_reads_much_tells_a_terminal_how_far_it_is(
 ) -> None:
     if "mcap" in words:
         pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
-    names = {"LOG": tmp_path / "some.log", "OUT": tmp_path / "out", "EDS": eds_folder() / "canopen" / "core.eds"}
-    names["LOG"].write_text("(1.000000) can0 008#D27423592C01C3A5\n" * 500)
+    names = {"LOG": tmp_path / "some.log", "OUT": tmp_path / "out", "EDS": MOTOR}
+    names["LOG"].write_text("(1.000000) can0 185#D27423592C01C3A5\n" * 500)
     terminal = Terminal()
     monkeypatch.setattr(module, "SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)

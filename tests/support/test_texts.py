@@ -19,7 +19,6 @@ from eurobot_od.lint.diff import EdsDifference
 from eurobot_od.lint.findings import Finding
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
-from eurobot_od.robot import dialects
 from eurobot_od.support import svg
 from eurobot_od.support.texts import (
     DurationError,
@@ -33,6 +32,7 @@ from eurobot_od.support.texts import (
     text,
 )
 from eurobot_od.support.yaml_places import Place
+from tests.kit.devices import MOTOR
 from tests.rows import rows
 
 EVIL = "a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
@@ -74,7 +74,7 @@ def test_no_cell_is_a_formula(value: Any, written: Any) -> None:
 
 
 def decoded(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    assert cli.main(["decode", *arguments]) == 0
+    assert cli.main(["decode", "--eds", f"5={MOTOR}", *arguments]) == 0
     said = capsys.readouterr()
     return said.out + said.err
 
@@ -83,7 +83,7 @@ def decoded(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def log(tmp_path: Path) -> Path:
     """Give a log whose channel and name would like to be more than that."""
     file = tmp_path / "=a\x1b[31m\nb.log"
-    file.write_text("(1.000000) =c\x1b[2Jan0 00C#\n(2.000000) can0 00C#FF\x1b\n")
+    file.write_text("(1.000000) =c\x1b[2Jan0 185#0000000000000000\n(2.000000) can0 185#FF\x1b\n")
     return file
 
 
@@ -93,14 +93,13 @@ def test_channels_and_names_of_logs(log: Path, form: list[str], capsys: pytest.C
     assert all(line.isprintable() for line in said.split("\n"))
 
 
-@pytest.mark.parametrize("command", [["field", "-o", "match.html"], ["archive", "-o", "season"]], ids=str)
 def test_a_log_whose_name_is_not_utf_8(
-    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     log = Path(os.fsdecode(b"a\xff.log"))
-    log.write_text("(1.000000) can0 008#D27423592C01C3A5\n")
-    assert cli.main([*command, str(log)]) == 0
+    log.write_text("(1.000000) can0 185#D27423592C01C3A5\n")
+    assert cli.main(["archive", "-o", "season", "--eds", f"5={MOTOR}", str(log)]) == 0
     assert "\udcff" not in capsys.readouterr().err
 
 
@@ -147,12 +146,11 @@ def test_svg_is_xml() -> None:
 
 
 def test_a_device_name_with_line_ends_injects_no_section_into_a_dcf(tmp_path: Path) -> None:
-    drive = dialects.load("drive")
-    named = Dictionary.load(drive.file, drive.node_id, "x\n[2101sub6]\nParameterValue=0")
+    named = Dictionary.load(MOTOR, 5, "x\n[2000sub3]\nParameterValue=0")
     FileStore(tmp_path / "stored.dcf", named).save({}, 2)
     written = parse((tmp_path / "stored.dcf").read_text("latin-1"))
     assert written.text("devicecomissioning", "nodename") == ""
-    assert "parametervalue" not in written.sections["2101sub6"].entries
+    assert "parametervalue" not in written.sections["2000sub3"].entries
 
 
 # Amounts

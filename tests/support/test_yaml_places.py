@@ -90,7 +90,10 @@ def test_a_copy_has_the_place_as_well(value: PlacedText | PlacedNumber) -> None:
 # libyaml's parser and Python's
 
 
-OURS = sorted(Path(__file__).parents[2].glob("eds/*.yaml"))
+OURS = [
+    *sorted(Path(__file__).parents[2].glob("docs/**/*.yaml")),
+    *sorted(Path(__file__).parents[1].glob("kit/**/*.yaml")),
+]
 LOOK_ALIKE = [
     "a: 'b'\nc: \"d\"\n",
     "a: 01\nb: off\nc: 12:30\n",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -71,3 +72,13 @@ def test_the_points_of_a_match_are_in_what_is_drawn_of_its_log(
     assert cli.main(["field", str(log), "-o", str(page)]) == 0
     assert "match.log.truth.json: of another log than match.log; its points are left out" in capsys.readouterr().err
     assert '"kind":"points"' not in page.read_text()
+
+
+def test_a_log_whose_name_is_not_utf_8(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = Path(os.fsdecode(b"a\xff.log"))
+    log.write_text("(1.000000) can0 008#D27423592C01C3A5\n")
+    assert cli.main(["field", "-o", "match.html", str(log)]) == 0
+    assert "\udcff" not in capsys.readouterr().err
