@@ -63,21 +63,17 @@ def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> Exi
         row.update(files.get(row["node_id"], NO_FILE).as_data())
     lines = columns(found_rows(found, names, files)) if found else ["no node answers"]
     missed = [one_line(f"missing: {', '.join(f'{names[each]} ({each})' for each in missing)}")] * bool(missing)
-    also = [f"node {node_id}: also of this product: {each.further}" for node_id, each in files.items() if each.others]
+    also = [f"node {node_id}: {each.further}" for node_id, each in files.items() if each.further]
     give(as_json, rows, (*lines, *map(one_line, also), *missed))
     return ExitStatus.FINE if found and not missing else ExitStatus.FOUND
 
 
 class ScannedFile(NamedTuple):
-    """The file of a node that was found, and `others` that fit it less."""
+    """The file of a node that was found, `others` of its product, and what is to be said about them."""
 
     file: Path | None
     others: Sequence[Path] = ()
-
-    @property
-    def further(self) -> str:
-        """The names of the others."""
-        return ", ".join(each.name for each in self.others)
+    further: str = ""
 
     def as_data(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -97,7 +93,9 @@ def _library_files(devices: Devices, known: Iterable[Dictionary], found: Iterabl
         describe.check(each.node_id, each.identity, named.get(each.node_id))
         fit = None if each.node_id in named else devices.known_library.find(each.identity, each.device_type)
         if fit is not None:
-            fitting[each.node_id] = ScannedFile(fit.entry.path, [other.path for other in fit.others])
+            others = [other.path for other in fit.others]
+            also = f"also of this product: {', '.join(other.name for other in others)}" if others else ""
+            fitting[each.node_id] = ScannedFile(fit.entry.path, others, fit.doubt or also)
     return fitting
 
 

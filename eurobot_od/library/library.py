@@ -55,12 +55,23 @@ def contradiction(said: Identity, device: Identity) -> str | None:
 class Fit(NamedTuple):
     """The file that fits a device best, and `others` of the same product, better ones first.
 
-    `difference` says in what the best one is for another version; empty if it is for this one.
+    `difference` says in what the best one is for another version; empty if it is for this one. `alike` counts the files
+    that fit as well as the best one: which of them counts is chance.
     """
 
     entry: LibraryEntry
     others: tuple[LibraryEntry, ...] = ()
     difference: str = ""
+    alike: int = 1
+
+    @property
+    def doubt(self) -> str:
+        """Why another file may be the right one; empty if this one is."""
+        if self.alike > 1:
+            alike = ", ".join(each.path.name for each in self.others[: self.alike - 1])
+            return f"{self.entry.path} is taken; as well fit {alike}"
+        also = f"; also of this product: {', '.join(each.path.name for each in self.others)}" if self.others else ""
+        return f"{self.entry.path} is for another version: it has {self.difference}{also}" if self.difference else ""
 
 
 class Library:
@@ -93,11 +104,16 @@ class Library:
             fitting = [each for each in fitting if each.device_type == device_type is not None]
         if not fitting:
             return None
-        best, *others = sorted(fitting, key=lambda each: _distance(each, identity, device_type))
-        return Fit(best, tuple(others), contradiction(best.identity, identity) or "")
+
+        def distance(entry: LibraryEntry) -> tuple[int, ...]:
+            return _distance(entry, identity, device_type)
+
+        best, *others = sorted(fitting, key=lambda each: (distance(each), each.path))
+        alike = [distance(each) for each in fitting].count(distance(best))
+        return Fit(best, tuple(others), contradiction(best.identity, identity) or "", alike)
 
 
-def _distance(entry: LibraryEntry, identity: Identity, device_type: int | None) -> tuple[object, ...]:
+def _distance(entry: LibraryEntry, identity: Identity, device_type: int | None) -> tuple[int, ...]:
     """Return how far a file is from a device of its product, for sorting."""
     revision = entry.revision or identity.revision
     is_typed = entry.device_type is not None and device_type is not None
@@ -108,7 +124,6 @@ def _distance(entry: LibraryEntry, identity: Identity, device_type: int | None) 
         revision > identity.revision,
         abs(revision - identity.revision),
         entry.path.suffix.lower() in (".dcf", ".xdc"),  # of one device, where an EDS is of all
-        entry.path,
     )
 
 
@@ -155,6 +170,8 @@ class LibraryDevices:
         fit = self._library.find(identity, numbers.get(standard.DEVICE_TYPE))
         if fit is None:
             return None
+        if fit.doubt and (standard.IDENTITY, 3) in numbers:  # the revision, which may come later, decides
+            self._tell_once(node_id, f"node {node_id}: {fit.doubt}")
         key = node_id, fit.entry.path
         if key not in self._made:
             self._made[key] = self._loaded(node_id, fit)
@@ -162,9 +179,6 @@ class LibraryDevices:
 
     def _loaded(self, node_id: int, fit: Fit) -> Dictionary | None:
         file = fit.entry.path
-        if fit.difference:
-            others = f"; also of this product: {', '.join(each.path.name for each in fit.others)}" if fit.others else ""
-            self._tell_once(node_id, f"{file} is for another version: node {node_id} has {fit.difference}{others}")
         try:
             return Dictionary.load(file, node_id, f"{file.stem}_{node_id}")
         except DictionaryError as error:

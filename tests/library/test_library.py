@@ -146,8 +146,17 @@ def test_another_version_is_told_once_with_both_names_and_the_rest(tmp_path: Pat
     describe(5, numbers(0x30000))
     (line,) = told
     assert line.endswith(
-        "b.eds is for another version: node 5 has major revision 0x3, not 0x2; also of this product: a.eds"
+        "b.eds is for another version: it has major revision 0x3, not 0x2; also of this product: a.eds"
     )
+
+
+def test_files_that_fit_alike_are_told_once(tmp_path: Path) -> None:
+    told: list[str] = []
+    folder = library_of(tmp_path / "lib", a=at(0x10000), b=at(0x10000), c=at(0x20000))
+    found = LibraryDevices(Library([folder]), told.append)(5, numbers(0x10000))
+    assert found
+    assert found.file.name == "a.eds"
+    assert told == [f"node 5: {folder / 'a.eds'} is taken; as well fit b.eds"]
 
 
 def test_a_named_file_that_is_for_another_device_is_told_and_kept(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ a command opens no other is counted too.
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -152,6 +153,48 @@ def started(command: Command, files: Mapping[str, Path]) -> Figures:
     return until_first_line(words) if command.goes_on else run(words)
 
 
+# A library
+
+LIBRARY = 500
+"""Files of a library."""
+
+SCANNED = "".join(
+    f"({sub}.0) can0 601#401810{sub:02X}00000000\n({sub}.1) can0 581#431810{sub:02X}01000000\n" for sub in (1, 2, 3)
+)
+"""A log in which node 1 says that its vendor-ID, product code and revision are 1."""
+
+
+@contextmanager
+def library(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give a log decoded by a file that is named, and by the same one of a library, whose index is made beforehand."""
+    with tempfile.TemporaryDirectory() as name, variable_set("XDG_CACHE_HOME", name):
+        makers, log = Path(name, "makers"), Path(name, "scan.log")
+        makers.mkdir()
+        log.write_text(SCANNED)
+        device = make_eds(MINIMAL_OBJECTS, 0)
+        for product in range(1, scale.of(LIBRARY, 20) + 1):
+            text = device.replace("[1018sub2]\n", f"[1018sub2]\nParameterValue={product}\n")
+            (makers / f"{product}.eds").write_text(text)
+        words: list[str | Path] = [*OURS, "decode", log, "--robot", "none"]
+        run([*words, "--library", makers])
+        yield {
+            "named": partial(run, [*words, "--eds", f"1={makers / '1.eds'}"]),
+            "library": partial(run, [*words, "--library", makers]),
+        }
+
+
+@contextmanager
+def variable_set(name: str, value: str) -> Iterator[None]:
+    """Set an environment variable, which programs that are started inherit."""
+    before = os.environ.get(name)
+    os.environ[name] = value
+    try:
+        yield
+    finally:
+        os.environ.pop(name)
+        os.environ.update({name: before} if before is not None else {})
+
+
 # A file, within a program that has both
 
 
@@ -220,6 +263,12 @@ SERIES = (
             Claim(f"start of {each.name}: {peer(each.needs)}", each.name, peer(each.needs), Way.RATIO, each.wanted)
             for each in COMMANDS
         ),
+    ),
+    Series(
+        "startup",
+        "a library of devices",
+        library,
+        (Claim(f"decode by a library of {LIBRARY} files: by a named file", "library", "named", Way.DIFFERENCE, 0.020),),
     ),
     Series(
         "startup",
