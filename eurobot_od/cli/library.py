@@ -53,8 +53,10 @@ def devices(
         raise LocalError(f"--{'fix' if fix else 'replace'} is for `devices add`")
     known = Devices(library=library).known_library
     if action:
-        for added in [_checked(each, known.folders[0], fix, replace) for each in files]:
+        checked = [_checked(each, known.folders[0], fix, replace) for each in files]
+        for added in checked:
             added.put()
+        for added in checked:  # beside all that are there now
             print("\n".join(map(one_line, added.lines(known))))
         return ExitStatus.FINE
     entries = known.entries

@@ -75,8 +75,15 @@ def test_add_puts_a_file_below_its_maker_with_what_the_maker_says(
     assert said.out.startswith("own/A-Maker/axis.eds: 0x0000029C:0x00001001:0x00020003 A Maker Axis")
     assert (tmp_path / "own/A-Maker/axis.eds").read_bytes() == (tmp_path / "makers/axis.eds").read_bytes()
     assert (tmp_path / "own/A-Maker/axis.device.yaml").is_file()
-    said = run(capsys, "devices", "add", "makers/axis-old.eds", "--library", "own")
-    assert said.out.splitlines()[-1] == "own/A-Maker/axis-old.eds: also of this product: axis.eds"
+
+
+def test_add_names_the_other_files_of_a_product(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "own").mkdir()
+    said = run(capsys, "devices", "add", "makers/axis.eds", "makers/axis-old.eds", "--library", "own")
+    assert [line for line in said.out.splitlines() if "also" in line] == [
+        "own/A-Maker/axis.eds: also of this product: axis-old.eds",
+        "own/A-Maker/axis-old.eds: also of this product: axis.eds",
+    ]
 
 
 def test_add_makes_the_users_own_library(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
