@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, Target
+from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, LibraryFolders, Target
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
@@ -26,6 +26,7 @@ from eurobot_od.client.watch import NodeChange, NodeEvent, NodeWatch, watch_node
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.library.library import Library
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
@@ -405,25 +406,30 @@ def lss(
     alone: Annotated[bool, Option(either="device")] = False,
     settings: Settings,
     timeout: Seconds = 0.1,
+    library: LibraryFolders = (),
     bus: BusOptions,
 ) -> ExitStatus:
     """Find CANopen devices that have no node-ID yet by LSS, and set node-ID and bit rate (CiA 305).
 
-    `find` lists the devices without a node-ID, or prints the node-ID of the one with --identity. `set` is for that one,
-    for the only device on the bus (--alone), or else for the first without a node-ID. Exit status 1 if there is no such
-    device.
+    `find` lists the devices without a node-ID, each with the file of the library that fits it, or prints the node-ID of
+    the one with --identity. `set` is for that one, for the only device on the bus (--alone), or else for the first
+    without a node-ID. Exit status 1 if there is no such device.
 
+    action: find: list devices, or print a device's node-ID; set: node-ID, bit rate, and to store them
     identity: the device with this identity (0x1018)
     alone: the device is the only one on the bus
     timeout: longest wait for an answer (100 ms)
 
     $ lss find -i socketcan -c can0
+    $ lss find --alone -i socketcan -c can0
     $ lss set --node-id 6 --store -i socketcan -c can0
+    $ lss set --bit-rate 250 --store --activate 2s --alone -i socketcan -c can0
     """
+    known = Devices(library=library).known_library
     wanted = list(settings.services())  # checked before the first frame goes out
     if action == "set" and not wanted:
         raise LocalError("nothing to set: give --node-id, --bit-rate, --store or --activate")
-    steps = _find(identity, alone) if action == "find" else _set(identity, alone, wanted)
+    steps = _find(identity, alone, known) if action == "find" else _set(identity, alone, wanted)
     with Master(bus.open(), timeout) as master:
         try:
             with bar(f"lss {action}", unit=REQUESTS, after=SHORT) as progress:
@@ -435,10 +441,11 @@ def lss(
     return ExitStatus.FINE if lines else ExitStatus.FOUND
 
 
-def _find(identity: Identity | None, alone: bool) -> LssSteps[list[str]]:
+def _find(identity: Identity | None, alone: bool, library: Library) -> LssSteps[list[str]]:
     if not (identity or alone):
         found = yield from services.find_all()
-        return [f"{each}  no node-ID" for each in found]
+        files = {each: fit.entry.path.name for each in found if (fit := library.find(each))}
+        return [one_line(f"{each}  no node-ID  {files.get(each, '')}").rstrip() for each in found]
     device = yield from _selected(identity, alone)
     node_id = yield from services.inquire_node_id()
     return [f"{device}  {node_id_words(node_id)}"]

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.bus.live import Live
+from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from tests.cli.console import Said, run
@@ -154,6 +155,15 @@ def test_scan_complains_of_a_file_for_another_device(capsys: pytest.CaptureFixtu
     said = scanned(capsys, bus, *ALONE, "--library", "makers", "--eds", "5=makers/other.eds")
     assert said.complaint.endswith("makers/other.eds is for another device: node 5 has product code 0x1001, not 0x1002")
     assert said.err.count("another device") == 1
+
+
+def test_lss_says_which_file_fits_a_device_without_a_node_id(capsys: pytest.CaptureFixture[str]) -> None:
+    channel = new_channel()
+    dictionary = Dictionary.read(device_text().encode(), Path("axis.eds"), 127)
+    device = SimulatedDevice(dictionary, lss=LssSlave.of(dictionary, Commissioning(), 7))
+    with Live.node(open_bus(channel), device):
+        said = run(capsys, "lss", "find", "--timeout", "50 ms", "--library", "makers", "-i", "virtual", "-c", channel)
+    assert said.out == "0x0000029C:0x00001001:0x00020003:0x00000007  no node-ID  axis.eds\n"
 
 
 # A command, and what it prints that only a file knows.
