@@ -20,7 +20,7 @@ from steps import Step, python, run
 
 SEED = str(date.today().toordinal())
 LONG = ("-m", "long")
-CAMPAIGN = ("--hypothesis-profile=campaign", "tests/properties")
+CAMPAIGN = ("--hypothesis-profile=campaign", "tests/properties", "tests/robot/properties")
 """Properties on 300 inputs each instead of 16; the profile is in tests/conftest.py."""
 
 SOCKETCAN = ("-p", "no:cacheprovider", "-m", "socketcan", "tests/bus/live/test_socketcan.py")

@@ -14,23 +14,22 @@ from hypothesis import strategies as st
 from eurobot_od.errors import FrameLengthError, UnknownIdentifier
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import flagged_fields
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import CsvOutput, Decoding, JsonOutput, Output, TextOutput
 from eurobot_od.traffic.entries import Damage, Foreign, Raw, shortened
 from eurobot_od.traffic.meaning import Decoder
+from tests.kit import lift
 from tests.rows import rows
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 LINES = st.binary(max_size=80).map(lambda line: line.replace(b"\n", b""))
 WORDS = st.sampled_from(
-    ["(1.000000)", "(1.5)", "can0", "008", "#", "00", "180#1B796C2008", "00C#", " ", "\n", "(", ")", "R"]
+    ["(1.000000)", "(1.5)", "can0", "108", "#", "00", "205#1B796C2008", "10C#", " ", "\n", "(", ")", "R"]
 )
 LOGS = st.lists(
     st.one_of(
         FRAMES.map(lambda frame: f"(1396.123456) can0 {frame}\n"),
-        st.just("(1396.123456) can0 180#1B796C2008\n"),
+        st.just("(1396.123456) can0 205#1B796C2008\n"),
         WORDS,
     ),
     max_size=12,
@@ -39,7 +38,7 @@ LOGS = st.lists(
 
 @cache
 def decoder(dialect: str) -> Decoder:
-    return robot_decoder(dialect)
+    return Decoder(lift.dictionaries(dialect), lift.CATALOGUE)
 
 
 def read(content: bytes, form: str) -> list[Raw]:
@@ -63,7 +62,7 @@ def test_every_line_of_a_candump_log_is_an_entry_unless_it_is_empty_or_a_comment
 @given(log=LOGS)
 def test_every_entry_is_a_line_of_text_and_damage_is_counted(log: str) -> None:
     log = f"(0.5) can0 700#00\n{log}"  # without a frame that can be read a log is refused
-    decoding = Decoding(decoder(dialects.DEFAULT), TextOutput())
+    decoding = Decoding(decoder(lift.DIALECT), TextOutput())
     lines = "".join(decoding.lines(io.BytesIO(log.encode()), "x", "log")).splitlines()
     assert len(lines) == sum(1 for line in log.split("\n") if line.strip() and line.strip()[0] != "#")
     assert decoding.damage.total >= sum("! " in line for line in lines)
@@ -99,7 +98,7 @@ def test_a_blf_file_that_is_cut_off_gives_a_beginning_of_its_frames(
     assert found == frames[: len(found)]
 
 
-@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize("dialect", [lift.DIALECT, lift.REVERSED])
 @given(frame=FRAMES)
 def test_any_frame_has_a_meaning_and_it_is_the_protocols(dialect: str, frame: Frame) -> None:
     decode = decoder(dialect)
@@ -115,10 +114,10 @@ def test_any_frame_has_a_meaning_and_it_is_the_protocols(dialect: str, frame: Fr
 
 @pytest.mark.parametrize(
     "output",
-    [TextOutput(), JsonOutput(), CsvOutput(["x", "time", "team_colour"])],
+    [TextOutput(), JsonOutput(), CsvOutput(["height", "time", "building"])],
     ids=lambda each: type(each).__name__,
 )
 @given(raw=st.one_of(FRAMES, st.builds(Foreign, st.sampled_from(list(Damage)), st.text().map(shortened))))
 def test_any_meaning_is_one_line(output: Output, raw: Raw) -> None:
-    row = output.row(decoder(dialects.DEFAULT)(raw))
+    row = output.row(decoder(lift.DIALECT)(raw))
     assert output.line_writer("bus.log")(1, 2.0, "can0", row).splitlines(keepends=True)[1:] == []

@@ -17,6 +17,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from tests.kit import lift
+from tests.kit.lift import CATALOGUE
+
 pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 
@@ -28,14 +31,12 @@ from eurobot_od.client.program import load
 from eurobot_od.device.objects import FileStore
 from eurobot_od.errors import BusError, DictionaryError, ProgramError
 from eurobot_od.od.values import Address, Value
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.archive import BEGUN, Archived, DecodedNetwork, archive
 from eurobot_od.support import connections
 from tests.client.flash import NODE_ID, FlashDevice, Trouble
 from tests.client.wired import wired
 
-NETWORK = DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE)
+NETWORK = DecodedNetwork(tuple(lift.dictionaries()), CATALOGUE)
 
 EXAMPLES = settings().max_examples
 FEW = settings(max_examples=EXAMPLES // 4, stateful_step_count=12)
@@ -46,7 +47,7 @@ MANY = settings(max_examples=EXAMPLES * 3, stateful_step_count=25)
 class StoredSettings(RuleBasedStateMachine):
     """A device's file has what was saved last, whatever went wrong with a later saving; damage is refused by name."""
 
-    DRIVE = dialects.load("drive")
+    CABIN = lift.dictionary("cabin")
     VALUES = st.fixed_dictionaries(
         {}, optional={(0x2101, 1): st.integers(1, 1000), (0x1017, 0): st.integers(0, 0xFFFF), (0x2100, 1): st.just(9)}
     )
@@ -54,14 +55,14 @@ class StoredSettings(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self._folder = tempfile.TemporaryDirectory()
-        self._file = Path(self._folder.name, "drive.dcf")
+        self._file = Path(self._folder.name, "cabin.dcf")
         self._saved: dict[Address, Value] = {}
         self._damaged = False
 
     @property
     def store(self) -> FileStore:
         """What a device has that was just switched on."""
-        return FileStore(self._file, self.DRIVE)
+        return FileStore(self._file, self.CABIN)
 
     @rule(values=VALUES)
     def save(self, values: dict[Address, Value]) -> None:
@@ -285,7 +286,7 @@ class ProgramDownloads(RuleBasedStateMachine):
 class ArchivedLogs(RuleBasedStateMachine):
     """Logs put into a season, broken off, and damaged there: what was archived last without an error is there once."""
 
-    LOGS = (b"", b"(0.1) can0 008#0000000000000000\n", b"(0.1) can0 008#0000000000000000\n(0.2) can0 00C#\nnoise\n")
+    LOGS = (b"", b"(0.1) can0 108#0000000000\n", b"(0.1) can0 108#0000000000\n(0.2) can0 10C#\nnoise\n")
 
     def __init__(self) -> None:
         super().__init__()

@@ -9,11 +9,11 @@ from eurobot_od.client.configure import ChangedObject, ChangePlan, in_order, pro
 from eurobot_od.od.dcf import Write
 from eurobot_od.od.objects import undescribed
 from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address, pdo_of
-from eurobot_od.robot import dialects
+from tests.kit import lift
 
 PDOS = (0x1400, 0x1401, 0x1800)
 ENTRIES = 3
-DRIVE = dialects.load("drive", "canopen")
+CABIN = lift.dictionary("cabin")
 
 
 class StrictDevice:
@@ -87,7 +87,7 @@ def test_from_wherever_the_writing_ends_there_is_a_way_back(
     device = StrictDevice(before)
     wanted = {address: data for address, data in counting(after).items() if before[address] != data}
     changes = tuple(ChangedObject(undescribed(address), before[address], data) for address, data in wanted.items())
-    plan = ChangePlan(DRIVE, changes, {address: before[address] for address in procedure_objects(wanted)})
+    plan = ChangePlan(CABIN, changes, {address: before[address] for address in procedure_objects(wanted)})
     done = plan.writes()[: round(share * len(plan.writes()))]
     for write in [*done, *plan.way_back(done)]:
         device.write(write)

@@ -12,47 +12,35 @@ from eurobot_od.errors import FrameLengthError, RemoteError
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import EmergencyStop, GotoStateResponse, GotoXY, StartConfigurationSet
-from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Route, Source, TeamColour
-from eurobot_od.robot.protocol import EurobotProtocol
+from tests.kit import lift
+from tests.kit.lift import Brake, Building, Configure, Doors, MoveTo, NoTime, Ride, Sensor, StateResponse, Trouble
 from tests.rows import rows
 
-PROTOCOLS = {name: EurobotProtocol.load(name) for name in dialects.names()}
+PROTOCOLS = {name: lift.protocol(name) for name in (lift.DIALECT, lift.REVERSED)}
 BINDINGS = [(protocol, binding) for protocol in PROTOCOLS.values() for binding in protocol.bindings]
 
-# A place on the field with or without a heading, or nothing known; 255, 255 without a heading cannot be said.
-HEADINGS = st.none() | st.integers(0, 359)
-PLACES = st.tuples(st.integers(0, 3000), st.integers(0, 2000), HEADINGS).filter(lambda place: place != (255, 255, None))
+# A place with or without a turn, or nothing known; 255, 255 without a turn cannot be said.
+TURNS = st.none() | st.integers(0, 359)
+PLACES = st.tuples(st.integers(0, 3000), st.integers(0, 2000), TURNS).filter(lambda place: place != (255, 255, None))
 POSITIONS = st.just((None, None, None)) | PLACES
 
 # What the limits in the EDS do not say; a message that is not here has plain numbers.
 MEANINGS: dict[type[Message], st.SearchStrategy[Any]] = {
-    EmergencyStop: st.tuples(st.sampled_from(Obstacle)),
-    GotoXY: st.tuples(
-        st.integers(0, 3000),
-        st.integers(0, 2000),
-        st.integers(0, 359),
-        st.integers(0, 100),
-        st.integers(0, 0xFFFF).map(Barriers),
-    ),
-    GotoStateResponse: st.tuples(st.none() | st.integers(0, 0x0FFFFE) | st.sampled_from(GotoFault)),
-    StartConfigurationSet: st.tuples(
-        st.sampled_from(TeamColour), st.integers(0, 2), st.integers(0, 1), st.integers(0, 50), st.integers(0, 50)
-    ),
+    Brake: st.tuples(st.sampled_from(Trouble)),
+    MoveTo: st.tuples(st.integers(0, 3000), st.sampled_from(Ride), st.integers(0, 100), st.integers(0, 600)),
+    StateResponse: st.tuples(st.integers(0, 60000) | st.sampled_from(NoTime)),
+    Configure: st.tuples(st.sampled_from(Building), st.integers(0, 2), st.integers(0, 1), st.integers(0, 50)),
 }
 
 
 def meanings(binding: Binding) -> st.SearchStrategy[Message]:
     """Messages that may be sent, as the binding maps them."""
     make: Any = binding.type
-    if "source" in binding.kinds:
-        return st.tuples(POSITIONS, st.sampled_from(Source)).map(lambda parts: make(*parts[0], parts[1]))
-    if {"direction", "route"} <= set(binding.layout.fields):
-        extra = st.tuples(st.sampled_from(Direction), st.sampled_from(Route))
-        return st.tuples(MEANINGS[binding.type], extra).map(lambda parts: make(*parts[0], *parts[1]))
-    numbers = st.tuples(*(st.integers(*limits) for limits in binding.limits.values()))
-    return MEANINGS.get(binding.type, numbers).map(lambda values: make(*values))
+    if "sensor" in binding.kinds:
+        return st.tuples(POSITIONS, st.sampled_from(Sensor)).map(lambda parts: make(*parts[0], parts[1]))
+    if binding.type is MoveTo and "doors" in binding.layout.fields:
+        return st.tuples(MEANINGS[MoveTo], st.sampled_from(Doors)).map(lambda parts: make(*parts[0], parts[1]))
+    return MEANINGS.get(binding.type, st.just(())).map(lambda values: make(*values))
 
 
 def raw_values(binding: Binding) -> st.SearchStrategy[dict[str, int]]:

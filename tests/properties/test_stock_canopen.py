@@ -8,6 +8,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, TypeAlias
 
 import canopen
@@ -22,8 +23,8 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import DATA_TYPES, MAX_BITS, REALS, PdoDirection
 from eurobot_od.pdo.codec import Layout, Slot, reader, writer
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
 from tests.eds_text import CODES, DEVICE_TYPE, pdo, variable
+from tests.kit import lift
 from tests.properties.test_codec import column
 from tests.rows import rows
 
@@ -73,10 +74,17 @@ def cases_of(dictionary: Dictionary, objects: Any) -> Iterator[Case]:
         )
 
 
-def shipped_cases(dialect: str) -> Iterator[Case]:
-    """Give the PDOs of the files of a dialect, each read by canopen alone."""
-    for file in sorted(dialects.folder(dialect).glob("*.eds")):
+def cases_in(folder: Path) -> Iterator[Case]:
+    """Yield the PDOs of the EDS files in a folder, each read by canopen alone."""
+    for file in sorted(folder.rglob("*.eds")):
         yield from cases_of(Dictionary.load(file, NODE_ID), canopen.import_od(str(file), NODE_ID))
+
+
+def made_cases() -> Iterator[Case]:
+    """Yield the PDOs of the files that are made from the lift's table, in CiA 301's order of bits and in the other."""
+    with TemporaryDirectory() as folder:
+        lift.write(Path(folder))
+        yield from cases_in(Path(folder))
 
 
 def foreign_cases() -> Iterator[Case]:
@@ -184,9 +192,8 @@ def test_there_are_pdos_to_compare() -> None:
 
 
 def comparable() -> Iterator[Case]:
-    """Give the PDOs of all files that canopen can hold; ours all are."""
-    for dialect in dialects.names():
-        yield from shipped_cases(dialect)
+    """Yield the PDOs of all files that canopen can hold; those that we make all are."""
+    yield from made_cases()
     yield from (case for case in foreign_cases() if is_held(case.stock))
 
 
