@@ -1,20 +1,19 @@
 #!/usr/bin/env python3
 """Makes docs/lint-rules.md: every rule of the EDS checker, and what dcfchk and odg say about the same seeded defects.
 
-The rules come from the rule tables, the defects from the tests. `odg` is the command of objdictgen; a program that is
-not installed is said to be so in its column. `--check` compares the document instead of writing it, except for what
-other programs say.
+The rules come from the rule tables, the defects from the tests. `odg` is the command of objdictgen. `make_pages.py`
+asks the programs about defects only that the page does not have; this asks them about all, those that are installed.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from shutil import which
 from typing import NamedTuple
@@ -45,7 +44,7 @@ PARTS = {
 HEAD = """# Rules of `eurobot-od lint`
 
 This page lists every rule of `eurobot-od lint` with its source, and then compares which defects other checkers find. It
-is made by `tools/lint_mutants.py` from the tables of rules and the tests' table of defects; change it there.
+is made by `tools/make_pages.py` from the tables of rules and the tests' table of defects; change it there.
 
 The letter of a code is the severity: E error, W warning, I info. "Public" names a source that anybody can read, for
 rules that do not follow from the standard's text alone.
@@ -105,13 +104,30 @@ def _ask(program: Program, name: str, data: bytes) -> Verdict:
         return program(file)
 
 
-def all_verdicts() -> dict[str, list[str]]:
-    """Let every program judge every defect."""
+Known = Mapping[tuple[str, str], Sequence[str]]
+"""What the programs are known to say, in their order, by a defect's code and what it is."""
+
+
+def _known() -> Known:
+    """Return what the page says that the programs say."""
+    rows = re.findall(r"^\| ([EWI]\d{3}) \| (.*?) \| ([^|]*) \| ([^|]*) \|$", OUTPUT.read_text("utf-8"), re.MULTILINE)
+    return {(code, what): verdicts for code, what, *verdicts in rows}
+
+
+def all_verdicts(known: Known) -> dict[str, list[str]]:
+    """Have every program judge every defect that it is not known to have judged."""
     with ThreadPoolExecutor() as pool:
-        return {
-            name: list(pool.map(lambda defect, ask=program: say(ask, defect), DEFECTS))
-            for name, program in PROGRAMS.items()
-        }
+        return {name: [*pool.map(partial(_verdict, known, place), DEFECTS)] for place, name in enumerate(PROGRAMS)}
+
+
+def _verdict(known: Known, place: int, defect: Defect) -> str:
+    said = known.get((defect.code, _cell(defect.what)))
+    return said[place] if said else say([*PROGRAMS.values()][place], defect)
+
+
+def page(known: Known | None = None) -> str:
+    """Return the page; `known` are verdicts that nobody is asked for, by default those of the page."""
+    return rules_text() + "\n" + defects_text(all_verdicts(_known() if known is None else known))
 
 
 def rule_table(rules: Iterable[Rule]) -> Iterator[str]:
@@ -161,26 +177,5 @@ def _summary(verdicts: Sequence[str]) -> str:
     return f"{verdicts.count('flagged')} flagged, {verdicts.count('traceback')} tracebacks"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the document, or check that the one that is there has the rules and defects of today."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="check the document instead of writing it")
-    options = parser.parse_args(arguments)
-    if options.check:
-        return check()
-    OUTPUT.parent.mkdir(exist_ok=True)
-    OUTPUT.write_text(rules_text() + "\n" + defects_text(all_verdicts()), "utf-8")
-    return 0
-
-
-def check() -> int:
-    """Return 0 if the document's rules and defects are today's, 1 if not."""
-    text = OUTPUT.read_text("utf-8")
-    rows = re.findall(r"^\| ([EWI]\d{3}) \| (.*?) \| [^|]* \| [^|]* \|$", text, flags=re.MULTILINE)
-    is_today = text.startswith(rules_text()) and rows == [(each.code, _cell(each.what)) for each in DEFECTS]
-    print(f"{OUTPUT.name}: {'up to date' if is_today else 'out of date; run tools/lint_mutants.py'}")
-    return 0 if is_today else 1
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    OUTPUT.write_text(page({}), "utf-8")

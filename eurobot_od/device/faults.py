@@ -1,8 +1,9 @@
 """Faults on demand: what can be wrong with a device, each as a class of node that does just that; and their hooks.
 
 A hook returns a class to be put between a node's class and `Node`, where it overrides what `Node` offers to everybody:
-`handle`, `outgoing`, `reset`, `setting`, `receive`. The node's own class is as it is and knows nothing of faults.
-Several hooks can stand in front of one node: what arrives passes the first of them first, what leaves the last.
+`handle`, `reset`, `setting`, `receive`; what leaves a node goes through `Leaving.outgoing`. The node's own class is as
+it is and knows nothing of faults. Several hooks can stand in front of one node: what arrives passes the first of them
+first, what leaves the last.
 
 Every fault names the step of a suite that finds it. Here are those of any device, and of drives (CiA 402). What can be
 wrong with the nodes of one network only, such as the robot's, stands with those nodes, made of the same hooks.
@@ -166,20 +167,49 @@ def _cob_id(node: Node, which: Which) -> int | None:
 # Hooks
 
 
+class Leaving(Node):
+    """A node whose frames to send go through `outgoing`, whichever of its methods returns them."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        """Return the frames that really leave."""
+        return frames
+
+    def start(self, now: float) -> list[Frame]:
+        return self.outgoing(super().start(now))
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        return self.outgoing(super().receive(frame, now))
+
+    def requested(self, cob_id: int, now: float) -> list[Frame]:
+        return self.outgoing(super().requested(cob_id, now))
+
+    def tick(self, now: float) -> list[Frame]:
+        return self.outgoing(super().tick(now))
+
+    def restart(self, now: float) -> list[Frame]:
+        return self.outgoing(super().restart(now))
+
+    def bus_lost(self, now: float) -> list[Frame]:
+        return self.outgoing(super().bus_lost(now))
+
+    def failed(self, error: BaseException, now: float) -> list[Frame]:
+        return self.outgoing(super().failed(error, now))
+
+
 def leaving(which: Which, change: FrameChange) -> Mixin:
     """Have `change` applied to frames that leave the node."""
 
-    class Leaving(Node):
+    class Changed(Leaving):
         def outgoing(self, frames: list[Frame]) -> list[Frame]:
             return _changed(super().outgoing(frames), _cob_id(self, which), lambda frame: change(self, frame))
 
-    return Leaving
+    return Changed
 
 
 def numbered(which: Which, change: Callable[[int], FrameChange]) -> Mixin:
     """Have frames that leave the node changed by their number, from 1 on with each start or reset of the node."""
 
-    class Numbered(Node):
+    class Numbered(Leaving):
         def reset(self) -> None:
             super().reset()
             self._numbers = count(1)
@@ -194,7 +224,7 @@ def numbered(which: Which, change: Callable[[int], FrameChange]) -> Mixin:
 def late(which: Which, seconds: float) -> Mixin:
     """Hold frames back for some seconds before they leave the node."""
 
-    class Late(Node):
+    class Late(Leaving):
         def reset(self) -> None:
             super().reset()
             self._due: list[Frame] = []
@@ -381,7 +411,7 @@ class WritesForgotten(Node):
         return super().receive(frame, now)
 
 
-class NoTpdos(Node):
+class NoTpdos(Leaving):
     """Sends no TPDO."""
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:

@@ -171,24 +171,23 @@ class Node:
         return self._attend(lambda: self.device.restart(now), now)
 
     def _react(self, reaction: Reaction) -> None:
-        frames, message, reset, lost, answer, booted, synchronous = reaction
-        self._out += frames
+        self._out += reaction.frames
         if self._operational is not self.device.operational:
             self._operational = self.device.operational
             if not self._operational:
                 self.halted()
-        if reset:
+        if reaction.reset:
             self.reset()
-        for node_id in lost:
+        for node_id in reaction.lost:
             self.heartbeat_lost(node_id)
-        if booted is not None:
-            self.booted(booted)
-        if message is not None:
-            self.handle(message)
-        for each in synchronous:
+        if reaction.booted is not None:
+            self.booted(reaction.booted)
+        if reaction.message is not None:
+            self.handle(reaction.message)
+        for each in reaction.synchronous:
             self.handle(each)
-        if answer is not None:
-            self.answered(answer)
+        if reaction.answer is not None:
+            self.answered(reaction.answer)
 
     def _call(self) -> None:
         """Wake whoever runs the node, unless they are at work on it already."""
@@ -270,8 +269,7 @@ class Node:
         """Report by EMCY that an error is gone."""
         self.device.emergencies.cleared(what)
 
-    # Hooks for faults: what a faulty node does differently, without knowing how a healthy one works (`reset` is one,
-    # too)
+    # What it does with messages
 
     def setting(self, name: str) -> int:
         """Return the number that a setting has now, by its ParameterNames; a node's class has them as attributes.
@@ -326,12 +324,8 @@ class Node:
         handler = self.HANDLERS.get(type(message))
         return handler(self, message) if handler is not None else None
 
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
-        """Return the frames that really leave: all of them, unless the node is faulty."""
-        return frames
-
     def _flush(self) -> list[Frame]:
         frames, self._out = self._out, []
         if not self.device.emergencies.quiet:
             frames += self.device.emergency_frames(self.now)
-        return self.outgoing(frames)
+        return frames

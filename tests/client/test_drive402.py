@@ -11,7 +11,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
-from eurobot_od.device.faults import DRIVE_FAULTS
+from eurobot_od.device.faults import DRIVE_FAULTS, Leaving
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
 from eurobot_od.frame import Frame
@@ -110,7 +110,7 @@ def test_what_a_drive_does_not_do_is_an_error(fault: str, call: Callable[[Any], 
         call(network[5].drive402)
 
 
-class Hindered(SimulatedDrive):
+class Hindered(Leaving, SimulatedDrive):
     """Shows one of its objects as it is not."""
 
     SHOWN = (0x6041, 0)

@@ -31,7 +31,6 @@ from eurobot_od.sdo.wire import (
     ServerCommand,
     block,
     carrying,
-    code_and_reason,
     initiate,
     part_in,
     reason,
@@ -102,9 +101,6 @@ def test_a_block_is_numbered_and_ends_with_the_last_of_all() -> None:
     assert [each[0] for each in block(content, 6 * 7, 127)] == [1, 0x82]
     assert [each[0] for each in block(b"", 0, 127)] == [0x81]
 
-
-ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "aborts.md"
 
 # The devices
 
@@ -279,7 +275,7 @@ WRITERS = {
 
 
 def test_nobody_else_writes_aborts() -> None:
-    package = ROOT / "eurobot_od"
+    package = Path(__file__).parents[2] / "eurobot_od"
     found = (file for file in package.rglob("*.py") if re.search(r"(?<!def )\baborted\(", file.read_text("utf-8")))
     assert {file.relative_to(package).as_posix() for file in found} <= WRITERS
 
@@ -287,49 +283,3 @@ def test_nobody_else_writes_aborts() -> None:
 def test_an_abort_says_the_code_in_words_and_why() -> None:
     assert str(Abort(Reason.NO_OBJECT)) == "0x06020000 Object does not exist: the EDS has no object with this index"
     assert str(Abort(Reason.TOO_FEW_BITS, "too few bits for x")).endswith(" reason: too few bits for x")
-
-
-# The page
-
-HEAD = """# Why did my SDO abort?
-
-This page lists every abort that our devices send: the robot's nodes, and any device that `canopen-workbench node` or
-`simulated()` runs from its EDS. A client sees only the code. Look it up here, and see which of its reasons fits what
-you read or wrote. Clauses are those of CiA 301.
-
-In Python a simulated device also tells the reason:
-
-```python
-from contextlib import suppress
-
-from eurobot_od import simulated
-from eurobot_od.errors import NodeRefused
-
-with simulated("docs/motor.eds", node_id=5) as network:
-    with suppress(NodeRefused):
-        network[5][0x1800, 2].raw = 0
-    print(network.devices[5].device.aborted.reason.name)  # TRANSMISSION_TYPE
-```
-
-The page is made from the table in `eurobot_od/sdo/wire.py` by `.venv/bin/python -m tests.sdo.test_wire`, and a test
-provokes each row. The name leads to the line that sends it: `grep -rn Reason.PDO_VALID eurobot_od/`. A device that was
-given a fault may send other codes: that is the fault.
-
-| code | sent when | clause | name |
-|---|---|---|---|
-"""
-
-
-def page() -> str:
-    """Return the page, sorted by code."""
-    rows = sorted(Reason, key=lambda each: each.code)  # stable: reasons with one code keep the order of the table
-    lines = (f"| {code_and_reason(each.code)} | {each.when} | {each.clause} | `{each.name}` |" for each in rows)
-    return HEAD + "".join(f"{line}\n" for line in lines)
-
-
-def test_the_page_lists_the_table() -> None:
-    assert PAGE.read_text("utf-8") == page()
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(), "utf-8")

@@ -286,7 +286,7 @@ class SimulatedModule(ProfileDevice):
         # Each TPDO is sent once when it may first be sent, whatever causes it later (CiA 301, 7.2.2.4).
         allowed = None if operational and not self._begun else partial(self._may_go, caused)
         self._begun = operational
-        return self.outgoing(self.device.changed(self.now, allowed))
+        return self.device.changed(self.now, allowed)
 
     def _may_go(self, caused: set[Address], binding: Binding) -> bool:
         mapped = {each.address for each in binding.pdo.mapping}

@@ -13,6 +13,7 @@ from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, StepResult, changed
 from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.suite import Report
+from eurobot_od.device.faults import Leaving
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
@@ -105,7 +106,7 @@ class NoEmptyEntries(SimulatedDevice):
         return super().receive(frame, now)
 
 
-class Commanding(SimulatedDevice):
+class Commanding(Leaving, SimulatedDevice):
     """Sends garbage on 0x000 whenever it boots."""
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:
@@ -125,7 +126,7 @@ class OwnError(SimulatedDevice):
         return [] if started else super().receive(frame, now)
 
 
-class NoBootUp(SimulatedDevice):
+class NoBootUp(Leaving, SimulatedDevice):
     """Sends no boot-up."""
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:

@@ -18,6 +18,7 @@ from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Nmt, SdoRead, SdoWrite, Step, Suite
+from eurobot_od.device.faults import Leaving
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
@@ -366,7 +367,7 @@ def test_a_device_that_only_says_that_it_stores_or_restores_is_red(address: byte
 # Devices that are no help
 
 
-class Mute(SimulatedDevice):
+class Mute(Leaving, SimulatedDevice):
     """A device whose plug is out."""
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:

@@ -12,6 +12,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.bus.simulated.network import Simulation
+from eurobot_od.device.faults import Leaving
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError
 from eurobot_od.frame import Frame
@@ -344,7 +345,7 @@ SYNC_COB_ID = 0x0F0
 """An identifier that no message of the robot has; CANopen's own, 0x080, is that of Navi Position Response."""
 
 
-class Witness(Drive):
+class Witness(Leaving, Drive):
     """A drive that notes with each frame that leaves it where it was then."""
 
     def __init__(self, dialect: str) -> None:

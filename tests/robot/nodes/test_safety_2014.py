@@ -10,6 +10,7 @@ from concurrent.futures import Future
 import pytest
 
 from eurobot_od.bus.simulated.network import ON_TIME, Simulation
+from eurobot_od.device.faults import Leaving
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import StopDrive
@@ -26,7 +27,7 @@ PROTOCOL = EurobotProtocol.load(DIALECT)
 IDENTIFIERS = {PROTOCOL.cob_id(name) for name in NAMES}
 
 
-class Old(RobotNode):
+class Old(Leaving, RobotNode):
     """Neither sends nor hears anything but the protocol's messages."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:

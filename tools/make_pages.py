@@ -1,0 +1,171 @@
+#!/usr/bin/env python3
+"""Makes the reference pages and lists that are committed, from the code: `.venv/bin/python tools/make_pages.py`.
+
+`--check` compares them instead of writing them, and names those that are out of date.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from enum import Enum
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the defects of the rules of lint are the tests'
+
+import lint_mutants  # noqa: E402
+
+from eurobot_od.lint.findings import LEVELS  # noqa: E402
+from eurobot_od.robot.check.diagnosis import EurobotRule  # noqa: E402
+from eurobot_od.sdo.wire import Reason, code_and_reason  # noqa: E402
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule  # noqa: E402
+from eurobot_od.traffic.diagnosis.rules import BusRule  # noqa: E402
+
+# docs/aborts.md
+
+ABORTS_HEAD = """# Why did my SDO abort?
+
+This page lists every abort that our devices send: the robot's nodes, and any device that `canopen-workbench node` or
+`simulated()` runs from its EDS. A client sees only the code. Look it up here, and see which of its reasons fits what
+you read or wrote. Clauses are those of CiA 301.
+
+In Python a simulated device also tells the reason:
+
+```python
+from contextlib import suppress
+
+from eurobot_od import simulated
+from eurobot_od.errors import NodeRefused
+
+with simulated("docs/motor.eds", node_id=5) as network:
+    with suppress(NodeRefused):
+        network[5][0x1800, 2].raw = 0
+    print(network.devices[5].device.aborted.reason.name)  # TRANSMISSION_TYPE
+```
+
+The page is made from the table in `eurobot_od/sdo/wire.py` by `tools/make_pages.py`, and a test
+provokes each row. The name leads to the line that sends it: `grep -rn Reason.PDO_VALID eurobot_od/`. A device that was
+given a fault may send other codes: that is the fault.
+
+| code | sent when | clause | name |
+|---|---|---|---|
+"""
+
+
+def aborts() -> str:
+    """Return the page of all aborts, sorted by code."""
+    rows = sorted(Reason, key=lambda each: each.code)  # stable: reasons with one code keep the order of the table
+    lines = (f"| {code_and_reason(each.code)} | {each.when} | {each.clause} | `{each.name}` |" for each in rows)
+    return ABORTS_HEAD + "".join(f"{line}\n" for line in lines)
+
+
+# docs/diagnosis-rules.md
+
+DIAGNOSIS_HEAD = """# Rules of `diagnose`
+
+This page lists what [`diagnose`](diagnose.md) looks for: what must not be, its likely cause, what to do, and the clause
+or source. It is made from the tables in `eurobot_od/traffic/diagnosis/rules.py` and
+`eurobot_od/robot/check/diagnosis.py` by `tools/make_pages.py`. For each rule
+`tests/traffic/diagnosis/defects.py` has a log that breaks it, and one that nearly does.
+
+Of incidents of one level those further up in the table are shown first: they are more often the cause of the others.
+"""
+
+
+def diagnosis_rules() -> str:
+    """Return the page of the rules of `diagnose`."""
+    ours, robots = "\n".join(incident_rules(BusRule)), "\n".join(incident_rules(EurobotRule))
+    return f"{DIAGNOSIS_HEAD}\n## Any bus\n\n{ours}\n\n## The robot of 2014\n\n{robots}\n"
+
+
+def incident_rules(rules: Iterable[IncidentRule]) -> Iterator[str]:
+    """Yield the lines of a table of rules."""
+    yield "| rule | level | what must not be | likely cause | what to do | source |"
+    yield "|---|---|---|---|---|---|"
+    for each in rules:
+        texts = (each.what, each.cause, each.remedy, each.clause)
+        yield f"| `{each.id}` | {LEVELS[each.severity]} | {' | '.join(text.replace('|', '&#124;') for text in texts)} |"
+
+
+# tests/public_names.txt
+
+MODULES = ("eurobot_od", "eurobot_od.errors", "eurobot_od.robot", "eurobot_od.robot.model.messages")
+"""What programs may rely on: the names in `__all__` of these."""
+
+NAMES = ROOT / "tests" / "public_names.txt"
+
+
+def public_names() -> str:
+    """Return the public names with their signatures, one a line."""
+    return "".join(f"{line}\n" for line in names())
+
+
+def names() -> Iterator[str]:
+    """Yield a line for each public name, and for each public member of a public class."""
+    for module in map(import_module, MODULES):
+        for name in sorted({*module.__all__, *getattr(module, "_EXTRAS", ())}):
+            if inspect.ismodule(thing := getattr(module, name)):
+                continue
+            yield described(f"{module.__name__}.{name}", thing)
+            if inspect.isclass(thing):
+                yield from members(f"{module.__name__}.{name}", thing)
+
+
+def members(name: str, kind: type) -> Iterator[str]:
+    """Yield the members that a class has from this package, private ones and Python's own left out."""
+    for member in sorted(each for each in dir(kind) if not each.startswith("_")):
+        home = next(base for base in kind.__mro__ if member in vars(base))
+        if home.__module__.startswith("eurobot_od"):
+            yield described(f"{name}.{member}", inspect.getattr_static(kind, member))
+
+
+def described(name: str, thing: Any) -> str:
+    """Return a name with its signature, or with what it is."""
+    if isinstance(thing, (classmethod, staticmethod)):
+        thing = thing.__func__
+    if isinstance(thing, property):
+        return f"{name}: property"
+    if isinstance(thing, type) and issubclass(thing, Enum):  # whose own signature is another with each Python
+        return f"{name}: enumeration"
+    if not callable(thing) or not (inspect.isroutine(thing) or inspect.isclass(thing)):
+        return f"{name}: attribute"
+    try:
+        signature = str(inspect.signature(thing))
+    except ValueError:
+        return name
+    # Types of named tuples that nobody has looked up yet: Python 3.14 has them as they are written.
+    signature = re.sub(r"""ForwardRef\((['"])(.*?)\1\)""", r"\2", signature)
+    return name + re.sub(" at 0x[0-9a-f]+", "", signature)
+
+
+MADE: Mapping[Path, Callable[[], str]] = {
+    ROOT / "docs" / "aborts.md": aborts,
+    ROOT / "docs" / "diagnosis-rules.md": diagnosis_rules,
+    lint_mutants.OUTPUT: lint_mutants.page,
+    NAMES: public_names,
+}
+"""Each file that is made, and what makes its text."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the files, or return 1 if one is out of date."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare the files instead of writing them")
+    options = parser.parse_args(arguments)
+    outdated = {file: text for file, make in MADE.items() if file.read_text("utf-8") != (text := make())}
+    for file, text in outdated.items():
+        print(f"{file.relative_to(ROOT)}: {'out of date; run tools/make_pages.py' if options.check else 'written'}")
+        if not options.check:
+            file.write_text(text, "utf-8")
+    return 1 if options.check and outdated else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
