@@ -8,6 +8,8 @@ import lint_mutants
 import make_pages
 import pytest
 
+from tests.lint.mutations import DEFECTS
+
 
 @pytest.mark.parametrize("file", make_pages.MADE, ids=lambda file: file.name)
 def test_what_is_made_is_up_to_date(file: Path) -> None:
@@ -30,7 +32,7 @@ def test_a_file_that_is_out_of_date_is_named_and_written(
 def test_other_programs_are_asked_only_about_defects_that_the_page_does_not_have(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    first, *others = lint_mutants.DEFECTS
+    first, *others = DEFECTS
     monkeypatch.setattr(lint_mutants, "DEFECTS", [first._replace(what="of today"), *others])
     monkeypatch.setattr(lint_mutants, "say", lambda _, defect: f"asked about {defect.what}")
     asked = {line for line in lint_mutants.page().splitlines() if "asked about" in line}
