@@ -13,17 +13,16 @@ import pytest
 from junitparser import JUnitXml
 
 from eurobot_od import cli
-from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document
 from tests.cli.console import run
 from tests.client.servo import DOCS
 from tests.device import io_module
 from tests.rows import rows
 
-GREEN = document("- send: Check Drive Request\n- expect: Check Drive Response", HEAD + "tags: [quick, first]\n")
-RED = document("- expect: Goto Confirm\n- send: Stop Drive", HEAD.replace("a suite", "red") + "tags: slow\n")
+GREEN = document("- send: Check Lift Request\n- expect: Check Lift Response", HEAD + "tags: [quick, first]\n")
+RED = document("- expect: Move Confirm\n- send: Halt Lift", HEAD.replace("a suite", "red") + "tags: slow\n")
 WRONG = document("- send: Stop Drove\n- wait: 1")
-FOREIGN = document("- send: Stop Drive", HEAD + "dialect: firmware2014\n")
+FOREIGN = document("- send: Halt Lift", HEAD + "dialect: packed\n")
 GUIDE = Path(__file__).parents[2] / "docs" / "checks.md"
 
 
@@ -48,14 +47,14 @@ CALLS = {
     "by tag": ("red.yaml green.yaml --simulate --tag first", 0, "1 suite: 2 ok in 0.0 s of bus time"),
     "by tags": ("red.yaml green.yaml --simulate --tag first --tag slow", 1, "2 suites: 2 ok, 1 FAILED, 1 skipped in"),
     "by step": ("green.yaml --simulate --step SEND", 0, "1 suite: 1 ok in 0.0 s of bus time"),
-    "by step behind a red one": ("red.yaml --simulate --step STOP", 1, "1 suite: 1 FAILED, 1 skipped in 1.0 s"),
+    "by step behind a red one": ("red.yaml --simulate --step HALT", 1, "1 suite: 1 FAILED, 1 skipped in 1.0 s"),
     # repeated
     "repeated": ("green.yaml --simulate --repeat 3", 0, "3 suites: 6 ok in 0.0 s of bus time"),
     # faults
-    "with a fault": ("green.yaml --simulate --fault drive-check-not-answered", 1, "1 suite: 1 ok, 1 FAILED in"),
+    "with a fault": ("green.yaml --simulate --fault check-lift-response-not-sent", 1, "1 suite: 1 ok, 1 FAILED in"),
     # dialects
-    "of another dialect": ("foreign.yaml --simulate --dialect canopen", 0, "1 suite: no steps in 0.0 s of bus time"),
-    "of its dialect": ("foreign.yaml --simulate --dialect firmware2014", 0, "1 suite: 1 ok in"),
+    "of another dialect": ("foreign.yaml --simulate --dialect plain", 0, "1 suite: no steps in 0.0 s of bus time"),
+    "of its dialect": ("foreign.yaml --simulate --dialect packed", 0, "1 suite: 1 ok in"),
     "of its own dialect": ("foreign.yaml --simulate", 0, "1 suite: 1 ok in"),
     # on a bus where nobody is
     "nobody there": ("green.yaml -i virtual -c nobody", 1, "1 suite: 1 ok, 1 FAILED in "),
@@ -78,7 +77,7 @@ REFUSALS = {
     "written suite": ("green.yaml -o copy.yaml", 2, "eurobot-od: --output needs --conformance"),
     "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is not a duration"),
     "no file": ("nothing.yaml --simulate", 2, "nothing.yaml:1:1: No such file or directory"),
-    "no suite": ("nothing --simulate", 2, "eurobot-od: unknown suite 'nothing'; known: "),
+    "no suite": ("nothing --simulate", 2, "eurobot-od: unknown suite 'nothing'"),
     "no tag": (
         "green.yaml red.yaml --simulate --tag x",
         2,
@@ -117,12 +116,12 @@ def test_a_wrong_file_ends_it_before_anything_is_done(capsys: pytest.CaptureFixt
 def test_prints_what_is_red_as_it_comes_and_why_at_the_end(capsys: pytest.CaptureFixture[str]) -> None:
     out = run(capsys, "check", "red.yaml", "--simulate", "--seed", "7").out.splitlines()
     assert out[0] == "red.yaml: red (simulated, seed 7)"
-    assert out[1] == "  FAILED          0.000 s    1000.0 ms     6  expect Goto Confirm"
+    assert out[1] == "  FAILED          0.000 s    1000.0 ms     6  expect Move Confirm"
     assert out[2] == "  1 skipped"
     assert out[3:7] == [
-        "red.yaml:6: expect Goto Confirm (simulated, seed 7)",
-        "    no Goto Confirm within 1 s",
-        "      expected  Goto Confirm",
+        "red.yaml:6: expect Move Confirm (simulated, seed 7)",
+        "    no Move Confirm within 1 s",
+        "      expected  Move Confirm",
         "      came      nothing",
     ]
 
@@ -138,14 +137,7 @@ def test_green_steps_are_counted_and_with_v_shown(capsys: pytest.CaptureFixture[
 def test_quietly_it_prints_what_is_red_and_the_last_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(run(capsys, "check", "green.yaml", "--simulate", "-q").out.splitlines()) == 1
     out = run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "-q").out.splitlines()
-    assert out[0] == "red.yaml:6: expect Goto Confirm (simulated, seed 1)"
-
-
-@pytest.mark.usefixtures("folder")
-def test_a_step_is_done_with_those_that_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "check", "drive", "--simulate", "--step", "the time falls")
-    assert said.status == 0, said.out
-    assert "FAILED" not in said.out
+    assert out[0] == "red.yaml:6: expect Move Confirm (simulated, seed 1)"
 
 
 @pytest.mark.usefixtures("folder")
@@ -169,33 +161,16 @@ def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_suite_with_a_dialect_has_its_files_whatever_else_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    motor = str(Path(__file__).parents[1] / "lint" / "samples" / "clean.eds")
-    said = run(capsys, "check", "foreign.yaml", "--list", "--eds", f"5={motor}", "--robot", "eurobot2014")
-    assert (said.status, said.out.split()[0]) == (0, "foreign"), said
-
-
-def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:
-    lines = run(capsys, "check", "--list").out.splitlines()
-    assert {line.split()[0] for line in lines} == set(ROBOT.shipped_suites())
-
-
-@pytest.mark.usefixtures("folder")
 def test_a_listed_suite_says_for_what_it_is_and_its_tags(capsys: pytest.CaptureFixture[str]) -> None:
     (green,) = run(capsys, "check", "green.yaml", "--list").out.splitlines()
     (foreign,) = run(capsys, "check", "foreign.yaml", "--list").out.splitlines()
-    assert green == f"{'green':24}    2 steps  a suite (drive; any dialect)  [quick, first]"
-    assert foreign == f"{'foreign':24}    1 steps  a suite (drive; firmware2014)"
+    assert green == f"{'green':24}    2 steps  a suite (lift; any dialect)  [quick, first]"
+    assert foreign == f"{'foreign':24}    1 steps  a suite (lift; packed)"
 
 
 def test_the_guide_explains_every_option(capsys: pytest.CaptureFixture[str]) -> None:
     options = set(re.findall(r"--[a-z-]+", run(capsys, "check", "--help").out)) - BUS_OPTIONS
     assert {option for option in options if f"`{option}" not in GUIDE.read_text()} == set()
-
-
-@pytest.mark.usefixtures("folder")
-def test_takes_a_shipped_suite_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(capsys, "check", "drive", "--list").out.startswith("drive ")
 
 
 # Conformance
@@ -273,8 +248,8 @@ class InterruptedAt(io.StringIO):
 
 @pytest.mark.usefixtures("folder")
 def test_ctrl_c_ends_with_teardown_and_report() -> None:
-    endless = "- {name: begun, send: Stop Drive}\n- repeat: 100000\n  steps:\n    - wait: 1 ms\n"
-    Path("endless.yaml").write_text(document(endless) + "teardown:\n  - {name: tidy, send: Stop Drive}\n")
+    endless = "- {name: begun, send: Halt Lift}\n- repeat: 100000\n  steps:\n    - wait: 1 ms\n"
+    Path("endless.yaml").write_text(document(endless) + "teardown:\n  - {name: tidy, send: Halt Lift}\n")
     before = signal.getsignal(signal.SIGINT)
     with redirect_stdout(InterruptedAt("begun")) as output:
         assert cli.main(["check", "endless.yaml", "green.yaml", "--simulate", "-v"]) == 130
@@ -285,9 +260,9 @@ def test_ctrl_c_ends_with_teardown_and_report() -> None:
 
 
 def test_a_thousand_steps_are_a_suite_like_any_other(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    steps = "\n".join(["- send: Check Drive Request", "- expect: Check Drive Response"] * 500)
+    steps = "\n".join(["- send: Check Lift Request", "- expect: Check Lift Response"] * 500)
     (folder / "long.yaml").write_text(document(steps))
-    assert run(capsys, "check", "long.yaml", "--simulate").out.splitlines()[-1].startswith("1 suite: 1000 ok in 0.2 s")
+    assert run(capsys, "check", "long.yaml", "--simulate").out.splitlines()[-1].startswith("1 suite: 1000 ok in 0.1 s")
 
 
 def test_a_device_that_is_none_of_the_robots_is_run_from_its_file(tmp_path: Path) -> None:
@@ -308,14 +283,6 @@ steps:
     (tmp_path / "suite.yaml").write_text(text, encoding="ascii")
     words = ["check", str(tmp_path / "suite.yaml"), "--simulate", "--network", str(tmp_path / "network.yaml")]
     assert (cli.main(words), cli.main([*words, "--fault", "sdo-not-answered"])) == (0, 1)
-
-
-def test_a_suite_whose_nodes_have_to_share_a_world_is_skipped_by_name_on_a_bus(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    done = run(capsys, "check", "flows", "-i", "virtual", "-c", "apart")
-    assert done.status == 0
-    assert "skipped: its nodes have to share a world (--shared-world: they do)" in done.out
 
 
 IO, SERVO = f"5={DOCS / 'io.eds'}", f"5={DOCS / 'servo.eds'}"

@@ -15,30 +15,29 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
-from eurobot_od.robot.model.values import Barriers, Passage, Source
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.plugin import VARIABLE
 from tests.cli.console import run
 from tests.client.wired import WiredBus
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.rows import rows
 
-PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
-GOTO = PROTOCOL.encode(GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})))
-HERE = PROTOCOL.encode(KalmanPositionResponse(254, 255, None, Source.INTERNAL))
+PROTOCOL = plant.protocol()
+MOVE = PROTOCOL.encode(m.MoveTo(1200, 900, 90, 80, 2 << 2))
+HERE = PROTOCOL.encode(m.PlaceResponse(254, 255, None, m.Source.ENCODER))
 
 GOOD = [
-    f"(10.000000) can0 {GOTO}",
-    "(10.500000) can0 00C#",
+    f"(10.000000) can0 {MOVE}",
+    "(10.500000) can0 182#",
     f"(11.000000) can0 {HERE}",
     "(11.250000) can0 702#05",
 ]
 TEXT = """\
-    10.000000  can0  Goto XY                       x=1200 mm, y=900 mm, angle=90 deg, speed=80 %, barriers=fire 2:forced
-    10.500000  can0  Goto Confirm
-    11.000000  can0  Kalman Position Response      x=254 mm, y=255 mm, angle=unknown, source=internal
-    11.250000  can0  Heartbeat                     drive, operational
+    10.000000  can0  Move To                       x=1200 mm, y=900 mm, angle=90 deg, speed=80 %, gates=gate-2:locked
+    10.500000  can0  Move Confirm
+    11.000000  can0  Place Response                x=254 mm, y=255 mm, angle=unknown, source=encoder
+    11.250000  can0  Heartbeat                     lift, operational
 """
 
 PLAIN = {
@@ -59,15 +58,15 @@ SCRIPT = [sys.executable, "-m", "eurobot_od", "decode"]
 DAMAGED = [
     GOOD[0],
     "garbage in the log",
-    "(10.1) can0 008#D27423",
+    "(10.1) can0 202#D27423",
     "(10.2) can0 18FF0001#AABB",
-    "(10.3) can0 008#R",
+    "(10.3) can0 202#R",
     "(10.4) can0 20000080#0000000000000000",
-    "(10.5) can0 008##1AABB",
+    "(10.5) can0 202##1AABB",
     "(10.6) can0 123#01",
     "(10.7) can0 020#",
-    "(10.8) can0 008#FFFFFFFFFFFFFFFF",
-    "(10.9) can0 014#01020304",
+    "(10.8) can0 202#FFFFFFFFFFFFFFFF",
+    "(10.9) can0 282#01020304",
     *GOOD[1:],
     "(12.0) can0 0",
 ]
@@ -76,8 +75,8 @@ REPORT = {
     "cut off": ("1", "15: (12.0) can0 0"),
     "error frame": ("1", "6: 20000080#0000000000000000"),
     "unknown identifier": ("2", "8: 123#01: in no file; its identifier is reserved for safety (SRDO)"),
-    "wrong length": ("2", "3: Goto XY (0x008): 3 bytes of data, expected 6 or 8"),
-    "out of range": ("4", "10: Goto XY: x = 4095, allowed: 0..3000 mm"),
+    "wrong length": ("2", "3: Move To (0x202): 3 bytes of data, expected 6 or 8"),
+    "out of range": ("4", "10: Move To: x = 4095, allowed: 0..3000 mm"),
 }
 
 
@@ -105,6 +104,7 @@ def test_a_bus_of_which_there_is_no_file(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program, *options = words
+    monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(sys, "argv", [program])
     monkeypatch.chdir(tmp_path)
     Path("plain.log").write_text("".join(f"({n}.0) can0 {frame}\n" for n, frame in enumerate(PLAIN)))
@@ -121,33 +121,33 @@ def test_several_logs_are_told_apart(good: Path, capsys: pytest.CaptureFixture[s
 
 def test_json(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["decode", "--json", str(good)]) == 0
-    goto, confirm, here, beat = map(json.loads, capsys.readouterr().out.splitlines())
-    assert goto["fields"] | {"direction": "", "route": ""} == {
+    move, confirm, here, beat = map(json.loads, capsys.readouterr().out.splitlines())
+    assert move["fields"] | {"direction": "", "route": ""} == {
         "x": 1200,
         "y": 900,
         "angle": 90,
         "speed": 80,
-        "barriers": "fire 2:forced",
+        "gates": "gate-2:locked",
         "direction": "",
         "route": "",
     }
-    assert (goto["id"], goto["data"], goto["time"], goto["line"]) == ("0x008", GOTO.data.hex().upper(), 10.0, 1)
-    assert (confirm["message"], confirm["protocol"], confirm["fields"]) == ("Goto Confirm", "GTP", {})
-    assert here["fields"] == {"x": 254, "y": 255, "angle": None, "source": "internal"}
-    assert (beat["message"], beat["text"], beat["nodes"]) == ("Heartbeat", "drive, operational", ["drive"])
+    assert (move["id"], move["data"], move["time"], move["line"]) == ("0x202", MOVE.data.hex().upper(), 10.0, 1)
+    assert (confirm["message"], confirm["protocol"], confirm["fields"]) == ("Move Confirm", "MOVES", {})
+    assert here["fields"] == {"x": 254, "y": 255, "angle": None, "source": "encoder"}
+    assert (beat["message"], beat["text"], beat["nodes"]) == ("Heartbeat", "lift, operational", ["lift"])
 
 
 def test_csv(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["decode", "--csv", str(good)]) == 0
-    goto, confirm, here, beat = csv.DictReader(capsys.readouterr().out.splitlines())
-    assert (goto["x"], goto["barriers"], goto["timestamp"], goto["line"]) == ("1200", "fire 2:forced", "10.000000", "1")
-    assert (confirm["message"], confirm["x"]) == ("Goto Confirm", "")
-    assert (here["angle"], here["source"]) == ("", "internal")
-    assert (beat["protocol"], beat["text"]) == ("CANopen", "drive, operational")
+    move, confirm, here, beat = csv.DictReader(capsys.readouterr().out.splitlines())
+    assert (move["x"], move["gates"], move["timestamp"], move["line"]) == ("1200", "gate-2:locked", "10.000000", "1")
+    assert (confirm["message"], confirm["x"]) == ("Move Confirm", "")
+    assert (here["angle"], here["source"]) == ("", "encoder")
+    assert (beat["protocol"], beat["text"]) == ("CANopen", "lift, operational")
 
 
 @rows("form", [[], ["--json"], ["--csv"]])
-@rows("filters", [[], ["--message", "GIP"], ["--since", "99"]])
+@rows("filters", [[], ["--message", "SET-UP"], ["--since", "99"]])
 def test_all_damage_is_reported_in_any_case(
     damaged: Path, capsys: pytest.CaptureFixture[str], form: list[str], filters: list[str]
 ) -> None:
@@ -186,11 +186,11 @@ def test_strict(good: Path, damaged: Path, form: list[str]) -> None:
 @rows(
     "options, lines",
     [
-        (["--message", "Goto XY"], [0]),
-        (["--message", "goto-xy", "--message", "heartbeat"], [0, 3]),
-        (["--message", "GTP"], [0, 1]),
-        (["--node", "navigation"], []),
-        (["--node", "drive", "--message", "CANopen"], [3]),
+        (["--message", "Move To"], [0]),
+        (["--message", "move-to", "--message", "heartbeat"], [0, 3]),
+        (["--message", "MOVES"], [0, 1]),
+        (["--node", "scale"], []),
+        (["--node", "lift", "--message", "CANopen"], [3]),
         (["--where", "x>1000"], [0]),
         (["--where", "x>100", "--where", "x<1000"], [2]),
         (["--since", "10.5", "--until", "11"], [1, 2]),
@@ -211,9 +211,9 @@ def test_relative_time(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
 WRONG = [
     (["no-such-file.log"], 2, "No such file"),
     (["log.xyz"], 2, "log.xyz: not a known log; --format names its format (log, candump"),
-    (["log.log", "--message", "Goto"], 2, "unknown message 'Goto'; did you mean Goto XY or Goto Confirm"),
-    (["log.log", "--node", "Antrieb"], 2, "unknown node 'Antrieb'; known: core, drive, navigation"),
-    (["log.log", "--where", "speed>fast"], 2, "Goto XY: speed = 'fast' is not allowed; allowed: 0..100 %"),
+    (["log.log", "--message", "Move"], 2, "unknown message 'Move'; did you mean MOVES or Move Confirm or Move To"),
+    (["log.log", "--node", "Hoist"], 2, "unknown node 'Hoist'; known: panel, lift, scale"),
+    (["log.log", "--where", "speed>fast"], 2, "Move To: speed = 'fast' is not allowed; allowed: 0..100 %"),
     (["log.log", "--where", "fast"], 2, "'fast' is not a comparison"),
     (["log.log", "--dialect", "nowhere"], 2, "unknown dialect 'nowhere'"),
 ]
@@ -277,25 +277,25 @@ def test_statistics_are_a_table_instead_of_lines(tmp_path: Path, capsys: pytest.
     file = tmp_path / "good.log"
     file.write_text("\n".join(GOOD))
     assert cli.main(["decode", str(file), "--statistics", "-b", "250000"]) == 0
-    heading, goto, confirm, here, beat, load = capsys.readouterr().out.splitlines()
+    heading, confirm, move, here, beat, load = capsys.readouterr().out.splitlines()
     assert heading.split()[:5] == ["ID", "message", "from", "count", "load"]
-    assert confirm.split()[-2:] == ["500.00", "18.82"]  # half a second late, and the bound at this bit rate
-    assert [line.split()[0] for line in (goto, here, beat)] == ["008", "100", "702"]
-    assert load.startswith("load of 250 kbit/s: core ")
+    assert confirm.split()[-2:] == ["500.00", "3.84"]  # half a second late, and the bound at this bit rate
+    assert [line.split()[0] for line in (move, here, beat)] == ["202", "382", "702"]
+    assert load.startswith("load of 250 kbit/s: lift ")
 
 
 def test_statistics_of_several_logs_and_of_some_messages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = [tmp_path / name for name in ("one.log", "two.log")]
     for file in files:
         file.write_text("\n".join(GOOD))
-    assert cli.main(["decode", *map(str, files), "--statistics", "--message", "Goto Confirm"]) == 0
+    assert cli.main(["decode", *map(str, files), "--statistics", "--message", "Move Confirm"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [lines[0], lines[4]] == [f"{file}:" for file in files]
-    assert lines[2].split()[:4] == ["00C", "Goto", "Confirm", "drive"]
+    assert lines[2].split()[:4] == ["182", "Move", "Confirm", "lift"]
 
 
 def test_statistics_of_two_buses_are_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    lines = [f"({number / 20:.2f}) can{number % 2} 00C#\n" for number in range(40, 80)]
+    lines = [f"({number / 20:.2f}) can{number % 2} 182#\n" for number in range(40, 80)]
     (file := tmp_path / "two.log").write_text("".join(lines))
     assert cli.main(["decode", str(file), "--statistics"]) == 0
     first, _, row, _, second, _, other, _ = capsys.readouterr().out.splitlines()
@@ -334,15 +334,15 @@ def test_statistics_tell_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_statistics_know_what_a_network_file_promises(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file, eds = tmp_path / "good.log", Path(__file__).parents[2] / "eds"
+    file, folder = tmp_path / "good.log", plant.FILES.folder()
     file.write_text("\n".join(GOOD))
     said = []
-    for words in ([], ["--network", str(eds / "network.yaml")], ["--network", str(eds / "canopen")]):
+    for words in ([], ["--network", str(folder.parent / "network.yaml")], ["--network", str(folder)]):
         assert cli.main(["decode", str(file), "--statistics", *words]) == 0
         said.append(capsys.readouterr().out)
     assert said[0] == said[1]
-    assert "9.91" in said[0]  # the bound of Goto Confirm
-    assert "9.91" not in said[2]  # a folder says nothing of how often what is sent
+    assert "2.42" in said[0]  # the bound of Move Confirm
+    assert "2.42" not in said[2]  # a folder says nothing of how often what is sent
 
 
 def test_each_pdo_that_is_left_out_is_named_with_its_reason(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -369,8 +369,8 @@ def test_each_pdo_that_is_left_out_is_named_with_its_reason(capsys: pytest.Captu
 # compare and replay
 
 
-LINES = ["(1.000000) can0 008#D27423592C01C3A5", "(1.250000) can0 00C#", "(2.000000) can0 014#F40100"]
-LATER = ["(1.000000) can0 008#D27423592C01C3A5", "(1.260000) can0 00C#", "(2.000000) can0 014#F50100"]
+LINES = ["(1.000000) can0 202#D27423592C01C3A5", "(1.250000) can0 182#", "(2.000000) can0 282#F40100"]
+LATER = ["(1.000000) can0 202#D27423592C01C3A5", "(1.260000) can0 182#", "(2.000000) can0 282#F50100"]
 
 
 @pytest.fixture
@@ -391,8 +391,8 @@ def test_differences_are_listed_and_counted(logs: tuple[str, str], capsys: pytes
     said = run(capsys, "compare", *logs)
     assert (said.status, said.err) == (1, "")
     assert said.out.splitlines() == [
-        "     0.250000  late     Goto Confirm                  by 10.000 ms",
-        "     1.000000  changed  Goto State Response           time = 500 ms -> 501 ms",
+        "     0.250000  late     Move Confirm                  by 10.000 ms",
+        "     1.000000  changed  Move State Response           time = 500 ms -> 501 ms",
         "3 and 3 frames: 1 late, 1 changed",
     ]
 
@@ -402,7 +402,7 @@ def test_differences_as_json(logs: tuple[str, str], capsys: pytest.CaptureFixtur
     assert json.loads(lines[0]) == {
         "time": 0.25,
         "kind": "late",
-        "name": "Goto Confirm",
+        "name": "Move Confirm",
         "text": "by 10.000 ms",
     }
 
@@ -411,10 +411,10 @@ def test_differences_as_json(logs: tuple[str, str], capsys: pytest.CaptureFixtur
     "words, status",
     [
         (["--time", "10 ms", "--tolerance", "time=1"], 0),
-        (["--time", "10 ms", "--tolerance", "Goto State Response.time=1"], 0),
+        (["--time", "10 ms", "--tolerance", "Move State Response.time=1"], 0),
         (["--time", "10 ms"], 1),
         (["--tolerance", "time=1"], 1),
-        (["--message", "Goto XY"], 0),
+        (["--message", "Move To"], 0),
     ],
 )
 def test_tolerances_and_filters(
@@ -461,7 +461,7 @@ def test_replay_sends_the_frames_and_says_how_many(
 
 @rows(
     "words, sent",
-    [(["--only", "drive"], LINES[1:]), (["--except", "drive"], LINES[:1]), (["--only", "core"], LINES[:1])],
+    [(["--only", "lift"], LINES[1:]), (["--except", "lift"], LINES[:1]), (["--only", "panel"], LINES[:1])],
 )
 def test_replay_of_some_nodes(
     words: list[str], sent: list[str], logs: tuple[str, str], bus: WiredBus, capsys: pytest.CaptureFixture[str]
@@ -477,7 +477,7 @@ def test_replay_of_some_nodes(
         (["--speed", "0"], "0 is not a positive number"),
         (["--speed", "inf"], "inf is not a positive number"),
         (["--only", "motor"], "unknown node 'motor'"),
-        (["--only", "core", "--except", "drive"], "not allowed with argument --only"),
+        (["--only", "panel", "--except", "lift"], "not allowed with argument --only"),
     ],
 )
 @pytest.mark.usefixtures("bus")

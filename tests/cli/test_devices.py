@@ -11,7 +11,7 @@ from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions
 from eurobot_od.frame import Frame
 from tests.cli.console import run
-from tests.client.peers import stock_drive
+from tests.client.peers import stock_lift
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.rows import rows
 
@@ -206,7 +206,7 @@ def test_a_guess_is_said_before_other_repairs(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_devices_without_files_are_asked_for_their_pdos() -> None:
-    with stock_drive(SERVO) as (channel, _):
+    with stock_lift(SERVO) as (channel, _):
         decoder = Devices(robot_name="none").asking_decoder(BusOptions(interface="virtual", channel=channel))
     meaning = decoder(Frame(0x182, bytes.fromhex("3702E8030000")))
     assert (meaning.name, meaning.text[:14]) == ("node 2.TPDO1", "statusword=567")

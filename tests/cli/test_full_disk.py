@@ -10,24 +10,20 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.robot.model.messages import KalmanPositionResponse
-from eurobot_od.robot.model.values import Source
-from eurobot_od.robot.protocol import EurobotProtocol
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.rows import rows
 
 resource = pytest.importorskip("resource", reason="limits of a process are POSIX's")
 
-PLACE = KalmanPositionResponse(1000, 500, 90, Source.INTERNAL)
+PLACE = m.PlaceResponse(1000, 500, 90, m.Source.ENCODER)
 ROOT = Path(__file__).parents[2]
-EDS = ROOT / "eds" / "canopen" / "core.eds"
-FRAME = EurobotProtocol.load().encode(PLACE)
+EDS = plant.FILES.folder() / "panel.eds"
+FRAME = plant.protocol().encode(PLACE)
 LOG = "".join(f"({n}.5) can0 {FRAME}\n" for n in range(100))
 
 WRITING = (
     f"lint --fix {EDS} -o FILE",
-    "field LOG -o FILE",
-    "match --duration 1 --log FILE",
-    "check bytes --simulate --junit FILE",
     "check --conformance --eds EDS -o FILE",
     "export mcap LOG -o FILE",
     "export c -o FILE",

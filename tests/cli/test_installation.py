@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -14,10 +15,11 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.cli import installation
-from eurobot_od.robot.plugin import ROBOT
+from eurobot_od.plugin import VARIABLE
 from eurobot_od.support import extras
 from eurobot_od.support.extras import Package
 from tests.cli.console import run
+from tests.kit import plant
 
 
 def test_it_names_what_is_installed_and_says_whether_something_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
@@ -73,7 +75,7 @@ def test_a_port_without_permission_is_told_with_what_gives_it() -> None:
 
 
 SHELLS = ("bash", "zsh", "fish", "tcsh")
-COMMANDS = [*cli.COMMANDS, *ROBOT.commands]
+COMMANDS = [*cli.COMMANDS]
 LONG = re.compile(r"^ +(?:-\w(?: \S+)?, )?(--[a-z-]+)", re.MULTILINE)
 
 
@@ -81,7 +83,8 @@ LONG = re.compile(r"^ +(?:-\w(?: \S+)?, )?(--[a-z-]+)", re.MULTILINE)
 def scripts() -> dict[str, str]:
     """The script of each shell, as a process of its own prints it."""
     words = ["-m", "eurobot_od", "completion"]
-    return {shell: subprocess.check_output([sys.executable, *words, shell], text=True) for shell in SHELLS}
+    line = os.environ | {VARIABLE: str(plant.HERE)}
+    return {shell: subprocess.check_output([sys.executable, *words, shell], text=True, env=line) for shell in SHELLS}
 
 
 def test_each_shell_has_a_script_with_every_command(scripts: dict[str, str]) -> None:
@@ -101,24 +104,23 @@ def test_the_workbench_completes_itself_and_knows_no_robot() -> None:
     script = subprocess.check_output([sys.executable, "-c", code, "completion", "bash"], text=True)
     assert script.endswith(" _shtab_canopen_workbench canopen-workbench\n")
     assert "_shtab_canopen_workbench_decode_option_strings" in script
-    assert not re.search("eurobot|navigation|_match_", script)
+    assert not re.search("eurobot|packaging", script)
 
 
 COMPLETED = [
-    (["ma"], ["make-eds", "match"]),
+    (["ma"], ["make-eds"]),
     (["lint", "--str"], ["--strict"]),
     (["nmt", "2", "pre"], ["pre-operational"]),
     (["completion", "f"], ["fish"]),
     (["export", "wi"], ["wireshark"]),
-    (["match", "--fault", "mushroom-l"], ["mushroom-late"]),
-    (["check", "--fault", "time-b"], ["time-byte-order"]),
-    (["node", "nav"], ["navigation"]),
-    (["read", "dri"], ["drive"]),
-    (["read", "drive", "0x101"], ["0x1010", "0x1011", "0x1014", "0x1015", "0x1016", "0x1017", "0x1018"]),
-    (["write", "drive", "Motion.Bra"], ["Motion.Braking"]),
-    (["match", "--dialect", "firm"], ["firmware2014"]),
+    (["check", "--fault", "move-to-not-s"], ["move-to-not-sent"]),
+    (["node", "sca"], ["scale"]),
+    (["read", "li"], ["lift"]),
+    (["read", "lift", "0x101"], ["0x1010", "0x1011", "0x1014", "0x1015", "0x1016", "0x1017", "0x1018"]),
+    (["write", "lift", "Motion.Acc"], ["Motion.Acceleration"]),
+    (["show", "--dialect", "pac"], ["packed"]),
     (["scan", "-i", "socketcan"], ["socketcan", "socketcand"]),
-    (["query", "season", "--report", "lat"], ["latency"]),
+    (["query", "season", "--report", "ans"], ["answers"]),
     (["lint", "--explain", "W44"], ["W440", "W442", "W443", "W446", "W447", "W448"]),
     (["check", "sdo-"], ["sdo-mine.yaml"]),
     (["decode", "sdo-m"], ["sdo-mine.yaml"]),

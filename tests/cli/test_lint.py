@@ -10,19 +10,21 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.cli import main
+from tests.kit import plant
 from tests.rows import rows
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "tests/lint/samples"
 CLEAN, OLD, GENERATED = (str(SAMPLES / f"{name}.eds") for name in ("clean", "old", "generated"))
-OWN = sorted(str(each) for each in (ROOT / "eds/canopen").glob("*.eds"))
+LINE = plant.FILES.folder()
+OWN = sorted(str(each) for each in LINE.glob("*.eds"))
 
 CALLS = [
     # (arguments, exit status, part of the output)
     (["lint", CLEAN], 0, "1 file: nothing found"),
-    (["lint", *OWN], 0, "3 files: 139 infos (-v lists infos)"),
-    (["lint", *OWN, "-v"], 0, "drive.eds:493:14: I607"),
-    (["lint", *OWN, "--select", "I607"], 0, "drive.eds:493:14: I607"),
+    (["lint", *OWN], 0, "3 files: 90 infos (-v lists infos)"),
+    (["lint", *OWN, "-v"], 0, "lift.eds:503:14: I608"),
+    (["lint", *OWN, "--select", "I608"], 0, "lift.eds:503:14: I608"),
     (["lint", OLD, "--select", "E999"], 2, ""),
     (["lint", OLD, "--ignore", "W,E3,X"], 2, ""),
     (["lint", OLD], 1, f"{OLD}:1:1: E202 EDSVersion is missing"),
@@ -31,8 +33,8 @@ CALLS = [
     (["lint", OLD, "--select", "e308,W5"], 1, "E308"),
     (["lint", OLD, "--select", "W5"], 0, "W510"),
     (["lint", OLD, "--select", "E2", "--format", "sarif"], 1, '"version": "2.1.0"'),
-    (["lint", "--network", OWN[0], "--format", "sarif"], 0, '"ruleId": "W803"'),
-    (["lint", str(ROOT / "eds/canopen")], 0, "3 files: 139 infos (-v lists infos)"),
+    (["lint", "--network", OWN[1], "--format", "sarif"], 0, '"ruleId": "W803"'),
+    (["lint", str(LINE)], 0, "3 files: 90 infos (-v lists infos)"),
     (["lint", CLEAN, str(ROOT / "docs"), "--select", "W442"], 0, "motor.eds:389:14: W442"),
     (["lint", str(ROOT / "tools")], 2, ""),  # no file of a device in it
     (["lint", CLEAN, "none.eds"], 2, ""),
@@ -40,10 +42,10 @@ CALLS = [
     (["lint", "--explain", "e606"], 0, "E606 (error): No PDO has an identifier of NMT"),
     (["lint", "--explain", "I802"], 0, "I802 (info)"),
     (["lint", "--explain", "E999"], 2, ""),
-    (["lint", "--network", *OWN], 0, "0x008  Goto XY"),
-    (["lint", "--network", OWN[0]], 0, "W803 core RPDO 1 waits for 0x00C, which no node sends"),
-    (["lint", "--network", OWN[0], "--strict"], 1, "W804"),
-    (["lint", "--network", "-v", str(ROOT / "eds/network.yaml")], 0, "declared by the network file"),
+    (["lint", "--network", *OWN], 0, "0x202  Move To"),
+    (["lint", "--network", OWN[1]], 0, "W803 panel RPDO 1 waits for 0x182, which no node sends"),
+    (["lint", "--network", OWN[1], "--strict"], 1, "W804"),
+    (["lint", "--network", "-v", str(LINE.parent / "network.yaml")], 0, "declared by the network file"),
     (["lint", "--network", "none.yaml"], 2, ""),
     (["diff", CLEAN, CLEAN], 0, ""),
     (["diff", CLEAN, GENERATED], 1, ": RPDO 1 COB-ID: $NODEID+0x200 -> 0x200"),
@@ -109,9 +111,9 @@ def test_an_unknown_code_is_no_silent_green(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_differences_are_named_and_as_hexadecimal_as_in_the_files(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["diff", OWN[1], OWN[1].replace("canopen", "firmware2014")])
+    main(["diff", OWN[1], OWN[1].replace("/plain/", "/packed/")])
     lines = capsys.readouterr().out.splitlines()
-    assert "0x1018 sub 3 Identity object.Revision number: value: 0x00030000 -> 0x00020000" in lines
+    assert "0x1018 sub 3 Identity object.Revision number: value: 0x00010000 -> 0x00020000" in lines
 
 
 def test_findings_come_in_the_order_of_the_file(capsys: pytest.CaptureFixture[str]) -> None:
@@ -147,23 +149,23 @@ def test_findings_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_network_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     main(["lint", "--network", *OWN, "--json"])
     rows = {each["identifier"]: each for each in json.loads(capsys.readouterr().out)["identifiers"]}
-    assert rows["0x300"] == {
-        "identifier": "0x300",
-        "name": "Start Configuration Confirm",
-        "producers": ["drive", "navigation"],
-        "consumers": ["core"],
+    assert rows["0x483"] == {
+        "identifier": "0x483",
+        "name": "Order Confirm",
+        "producers": ["lift", "scale"],
+        "consumers": ["panel"],
     }
 
 
 def test_differences_as_json(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["diff", OWN[0], OWN[0].replace("canopen", "firmware2014"), "--json"])
+    main(["diff", OWN[0], OWN[0].replace("/plain/", "/packed/"), "--json"])
     found = json.loads(capsys.readouterr().out)
     mapping = {
-        "where": "0x1A01",
-        "aspect": "TPDO 2 mapping",
-        "left": "0..0 0x2001 sub 1",
-        "right": "0..7 0x2001 sub 1",
-        "name": "Emergency Stop mapping",
+        "where": "0x1018 sub 3",
+        "aspect": "value",
+        "left": "0x00010000",
+        "right": "0x00020000",
+        "name": "Identity object.Revision number",
     }
     assert mapping in found
 
@@ -188,7 +190,7 @@ def test_a_log_for_code_scanning_says_each_cause_once(capsys: pytest.CaptureFixt
         main(["lint", *OWN, "--format", "sarif", *more])
         return [each["ruleId"] for each in json.loads(capsys.readouterr().out)["runs"][0]["results"]]
 
-    assert len(results()) < len(results("-v")) == 139
+    assert len(results()) < len(results("-v")) == 90
 
 
 @pytest.mark.parametrize("text", ["(1.5) can0 123#00\n(1.6) can0 124#01\n", "[FileInfo]\nFileName=a.eds\n", ""])

@@ -18,8 +18,9 @@ import pytest
 from eurobot_od import cli
 from eurobot_od.cli.signature import Command, Forms, Hint, Parser, told
 from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, UnknownName, WorldError
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.plugin import VARIABLE
 from tests.cli.console import run
+from tests.kit import plant
 from tests.rows import rows
 
 
@@ -37,7 +38,7 @@ def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str], wo
     [
         (["nonsense"], "unknown command 'nonsense'; known: show, node, "),
         (["decod", "a.log"], "unknown command 'decod'; did you mean decode?"),
-        (["Match"], "unknown command 'Match'; did you mean match?"),
+        (["Nmt"], "unknown command 'Nmt'; did you mean nmt?"),
         (["--nonsense"], "error: the following arguments are required: COMMAND"),
     ],
 )
@@ -88,27 +89,19 @@ def test_what_is_printed_names_the_program_that_was_started(
     words: list[str], named: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "argv", [cli.WORKBENCH])
+    monkeypatch.delenv(VARIABLE, raising=False)
     said = run(capsys, *words)
     assert any(line.startswith(named) for line in (said.out + said.err).splitlines()), said
     assert "eurobot-od" not in (said.out + said.err).replace("eurobot-od.yaml", "")
 
 
-def test_the_workbench_has_a_robot_s_commands_where_one_is_named(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys, "argv", [cli.WORKBENCH])
-    assert "match" not in run(capsys, "--help").out
-    assert "\nEurobot 2014:\n  match " in run(capsys, "--help", "--robot", "eurobot2014").out
-    assert run(capsys, "show", "Goto XY", "--robot", "eurobot2014").out.startswith("Goto XY  COB-ID 0x008")
-
-
 @rows(
     "error, status, complaint",
     [
-        (NoAnswer("CheckDriveRequest", "CheckDriveResponse", 2, 0.5), 1, "no CheckDriveResponse after"),
+        (NoAnswer("m.CheckLiftRequest", "m.CheckLiftResponse", 2, 0.5), 1, "no m.CheckLiftResponse after"),
         (UnknownName("message", "Gotto"), 2, "unknown message 'Gotto'"),
         (StateError("not now"), 2, "not now"),
-        (DictionaryError("core.eds", 0x1800, "broken"), 2, "core.eds: 0x1800: broken"),
+        (DictionaryError("panel.eds", 0x1800, "broken"), 2, "panel.eds: 0x1800: broken"),
         (BusError("the bus failed"), 3, "the bus failed"),
         (WorldError("the world does not answer"), 3, "the world does not answer"),
         (FileNotFoundError(2, "No such file", "a.log"), 3, "a.log: No such file"),
@@ -141,8 +134,10 @@ def test_an_error_that_is_none_of_ours_is_a_bug_and_shows_its_traceback(
 
 
 def python(code: str) -> str:
-    """Run a program in a Python of its own and return what it printed."""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    """Run a program in a Python of its own, where no robot is named, and return what it printed."""
+    environment = {name: value for name, value in os.environ.items() if name != VARIABLE}
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60, env=environment)
     return done.stdout.strip()
 
 
@@ -184,7 +179,7 @@ def test_the_package_runs_as_a_program() -> None:
     done = subprocess.run([sys.executable, "-m", "eurobot_od", "show"], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("COB-ID  message")
-    assert len(done.stdout.splitlines()) == 1 + len(EurobotProtocol.load().bindings)
+    assert len(done.stdout.splitlines()) == 1 + len(plant.protocol().bindings)
 
 
 @pytest.mark.long
@@ -199,7 +194,7 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     assert process.returncode == 0
 
 
-DRIVE = Path(__file__).parents[2] / "eds" / "canopen" / "drive.eds"
+SERVO = Path(__file__).parents[2] / "docs" / "servo.eds"
 INTERRUPTED_IMPORT = """
 import sys
 class Interrupt:
@@ -217,7 +212,7 @@ sys.exit({run}())
 @pytest.mark.parametrize("module", ["eurobot_od.cli", "eurobot_od.cli.show", "eurobot_od.od.values", "canopen"])
 def test_ctrl_c_while_something_is_imported_is_an_exit_status_and_no_traceback(program: str, module: str) -> None:
     code = INTERRUPTED_IMPORT.replace("{run}", program)
-    words = [module, "show", "--eds", str(DRIVE)]
+    words = [module, "show", "--eds", f"5={SERVO}"]
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
@@ -243,7 +238,7 @@ def test_a_closed_or_full_stream_is_one_line_and_no_traceback(words: str, status
 
 def test_what_a_stream_cannot_write_becomes_an_escape(tmp_path: Path) -> None:
     file = tmp_path / "name\udc80.log"
-    file.write_text("(1.0) can0 00C#\n")
+    file.write_text("(1.0) can0 182#\n")
     words = [sys.executable, "-m", "eurobot_od", "decode", str(file), str(file)]
     environment = os.environ | {"PYTHONIOENCODING": "ascii:strict"}
     done = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)
@@ -251,9 +246,9 @@ def test_what_a_stream_cannot_write_becomes_an_escape(tmp_path: Path) -> None:
 
 
 HUGE = [
-    (["send", "Goto XY", f"x=0x{'F' * 5000}"], "is not allowed; allowed: 0..3000 mm"),
+    (["send", "Move To", f"x=0x{'F' * 5000}"], "is not allowed; allowed: 0..3000 mm"),
     (["read", "9" * 4400, "0x1000", "-i", "virtual"], "is not in 1..127"),
-    (["node", "core", "--duration", "9" * 4400 + " s"], "is not a duration"),
+    (["node", "panel", "--duration", "9" * 4400 + " s"], "is not a duration"),
 ]
 
 

@@ -9,15 +9,16 @@ import pytest
 from eurobot_od import cli
 from tests.check.suites import HEAD
 from tests.cli.console import Said, run
+from tests.kit import plant
 from tests.rows import rows
 
-EDS = Path(__file__).parents[2] / "eds" / "canopen" / "drive.eds"
+EDS = plant.FILES.folder() / "lift.eds"
 
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run in a folder with one EDS and a picture, without a configuration of python-can's."""
-    (tmp_path / "drive.eds").write_bytes(EDS.read_bytes())
+    (tmp_path / "lift.eds").write_bytes(EDS.read_bytes())
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR")
     monkeypatch.chdir(tmp_path)
     for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_CONFIG"):
@@ -26,80 +27,78 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 # The command line: words, exit status, and the one line that is printed
 
-READ = "-o drive.eds is the file that is read: name another one"
+READ = "-o lift.eds is the file that is read: name another one"
 
 MISTAKES = {
-    "a command with a slip": ("decod|run.log", 2, "unknown command 'decod'; did you mean decode?"),
+    "a command with a slip": (
+        "decod|run.log",
+        2,
+        "unknown command 'decod'; did you mean decode? (a robot's commands need --robot eurobot2014)",
+    ),
     "a message with a slip": (
-        "send|Goto XZ|x=1",
+        "send|Move Tx|x=1",
         2,
-        "unknown message 'Goto XZ'; did you mean Goto XY?",
+        "unknown message 'Move Tx'; did you mean Move To?",
     ),
-    "a field forgotten": ("send|Goto XY|x=1|-i|virtual", 2, "Goto XY: y, angle, speed missing"),
+    "a field forgotten": ("send|Move To|x=1|-i|virtual", 2, "Move To: y, angle, speed missing"),
     "a value out of range": (
-        "send|Goto XY|x=5000|y=1|angle=2|speed=3",
+        "send|Move To|x=5000|y=1|angle=2|speed=3",
         2,
-        "Goto XY: x = 5000 is not allowed; allowed: 0..3000 mm",
+        "Move To: x = 5000 is not allowed; allowed: 0..3000 mm",
     ),
-    "a node with a slip": ("node|drv", 2, "unknown node 'drv'; did you mean drive?"),
+    "a node with a slip": ("node|lft", 2, "unknown node 'lft'; did you mean lift?"),
     "a fault with a slip": (
-        "check|drive|--simulate|--fault|stop-ignord",
+        "node|lift|--fault|move-confrm-not-sent",
         2,
-        "unknown fault 'stop-ignord'; did you mean stop-ignored or nmt-stop-ignored or quick-stop-ignored?",
+        "unknown fault 'move-confrm-not-sent'; "
+        "did you mean move-confirm-not-sent or move-to-not-sent or move-confirm-not-heard?",
     ),
-    "a suite with a slip": ("check|drve|--simulate", 2, "unknown suite 'drve'; did you mean drive?"),
     "an interface with a slip": (
         "scan|-i|socketcn|-c|can0",
         3,
         "cannot open the socketcn bus can0: unknown interface 'socketcn'; did you mean socketcan or socketcand?",
     ),
-    "a bus for a simulated match": (
-        "match|-i|socketcan|-c|can0",
-        2,
-        "--interface socketcan goes with --speed real only: in simulated time there is no such bus",
-    ),
-    "a picture in no folder": ("match|--field|nowhere/x.svg", 3, "nowhere/x.svg: No such file or directory"),
     "the input as the output": (
-        "export|xdd|drive.eds|-o|drive.eds",
+        "export|xdd|lift.eds|-o|lift.eds",
         2,
-        "-o drive.eds is the file that is read: name another one",
+        "-o lift.eds is the file that is read: name another one",
     ),
     "... of an option": (
-        "export|docs|--eds|5=drive.eds|-o|./drive.eds",
+        "export|docs|--eds|5=lift.eds|-o|./lift.eds",
         2,
-        "-o drive.eds is the file that is read: name another one",
+        "-o lift.eds is the file that is read: name another one",
     ),
     "... of a repair": (
-        "lint|--fix|drive.eds|-o|drive.eds",
+        "lint|--fix|lift.eds|-o|lift.eds",
         2,
-        "-o drive.eds is the file that is read: name another one",
+        "-o lift.eds is the file that is read: name another one",
     ),
     "lint of what is not an EDS": ("lint|picture.png", 2, "picture.png: not an EDS: it has no section of one"),
-    "a rule with a slip": ("lint|--select|E3008|drive.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
-    "a file with a slip": ("show|--eds|5=driv.eds", 2, "driv.eds: No such file or directory; did you mean drive.eds?"),
-    "a name where a node-ID stands": ("show|--eds|lift=drive.eds", 2, "drive.eds: node-ID lift is not in 1..127"),
+    "a rule with a slip": ("lint|--select|E3008|lift.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
+    "a file with a slip": ("show|--eds|5=lif.eds", 2, "lif.eds: No such file or directory; did you mean lift.eds?"),
+    "a name where a node-ID stands": ("show|--eds|lift=lift.eds", 2, "lift.eds: node-ID lift is not in 1..127"),
     "node and file in the wrong order": (
-        "configure|drive.dcf|2|-i|virtual",
+        "configure|lift.dcf|2|-i|virtual",
         2,
-        "unknown node 'drive.dcf'; known: core, drive, navigation",
+        "unknown node 'lift.dcf'; known: panel, lift, scale",
     ),
     "... without a robot": (
-        "--robot|none|configure|drive.dcf|2|-i|virtual",
+        "--robot|none|configure|lift.dcf|2|-i|virtual",
         2,
-        "'drive.dcf' is not a node-ID 1..127; for names there are --eds, --network and --robot",
+        "'lift.dcf' is not a node-ID 1..127; for names there are --eds, --network and --robot",
     ),
     "an EDS as a configuration": (
-        "configure|2|drive.eds|-i|virtual",
+        "configure|2|lift.eds|-i|virtual",
         2,
-        "drive.eds: incomplete: no NodeID in [DeviceComissioning]; a DCF has one, such as `export-dcf` writes",
+        "lift.eds: incomplete: no NodeID in [DeviceComissioning]; a DCF has one, such as `export-dcf` writes",
     ),
     "an EDS as a suite": (
-        "check|drive.eds|--simulate",
+        "check|lift.eds|--simulate",
         2,
-        "drive.eds is a device's file, not a suite; write --conformance --eds 5=drive.eds",
+        "lift.eds is a device's file, not a suite; write --conformance --eds 5=lift.eds",
     ),
     "an index too high": (
-        "read|2|0x12345|--eds|2=drive.eds|-i|virtual",
+        "read|2|0x12345|--eds|2=lift.eds|-i|virtual",
         2,
         "'0x12345' is not an index; write INDEX[:SUB], such as 0x1018 or 0x1018:1",
     ),
@@ -123,10 +122,10 @@ USAGES = {
     "a bit rate in words": ("scan|-b|500k", "argument -b/--bitrate: 500k is not in 1000..1000000 bit/s"),
     "a speed in words": ("monitor|--speed|fast", "argument --speed: fast is not a positive number nor max"),
     "a time with an unknown unit": (
-        "node|drive|--duration|10h",
+        "node|lift|--duration|10h",
         "argument --duration: '10h' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
     ),
-    "a number in words": ("match|--seed|one", "argument --seed: one is not a whole number"),
+    "a number in words": ("check|--seed|one", "argument --seed: one is not a whole number"),
     "an option with a slip": (
         "check|--confromance|--simulate",
         "unrecognized arguments: --confromance; did you mean --conformance?",
@@ -151,17 +150,17 @@ def test_a_wrong_usage(words: str, printed: str, capsys: pytest.CaptureFixture[s
 
 WITH_A_BUS = [
     ["scan"],
-    ["read", "drive", "0x1000"],
-    ["send", "Stop Drive"],
-    ["node", "drive"],
-    ["check", "drive"],
+    ["read", "lift", "0x1000"],
+    ["send", "Halt Lift"],
+    ["node", "lift"],
+    ["check", "--conformance", "--eds", "2=lift.eds"],
     ["monitor"],
     ["watch", "2"],
     ["sync"],
     ["time"],
-    ["nmt", "drive", "start"],
+    ["nmt", "lift", "start"],
     ["lss", "find"],
-    ["diff", "drive.eds", "--node", "2"],
+    ["diff", "lift.eds", "--node", "2"],
     ["monitor", "-c", "can0"],
 ]
 
@@ -185,12 +184,12 @@ TEXTS = {
         ["1:1: key 'steps' is missing: the steps", "3:1: unknown key 'step'; did you mean steps?"],
     ),
     "a node with a slip": (
-        "spec: 1\nname: a\nnode: drve\nsteps: []\n",
-        ["3:7: unknown node 'drve'; did you mean drive?"],
+        "spec: 1\nname: a\nnode: lft\nsteps: []\n",
+        ["3:7: unknown node 'lft'; did you mean lift?"],
     ),
     "a colon in a text": (
-        "spec: 1\nname: the drive: stops\nsteps: []\n",
-        ["2:16: a ': ' in a text needs quotes; or this line is indented wrongly"],
+        "spec: 1\nname: the lift: stops\nsteps: []\n",
+        ["2:15: a ': ' in a text needs quotes; or this line is indented wrongly"],
     ),
     "nothing": ("", ["1:1: the file is empty"]),
     "no steps yet": (f"{HEAD}steps:\n", ["4:7: expected a list, found nothing"]),
@@ -198,52 +197,52 @@ TEXTS = {
 
 STEPS = {
     "indented otherwise": (
-        "  - send: Stop Drive\n   - wait: 1 s\n",
+        "  - send: Halt Lift\n   - wait: 1 s\n",
         "6:4: this line is not indented like those it belongs to",
     ),
-    "a tab": ("\t- send: Stop Drive\n", "5:1: a tab; YAML is indented by spaces"),
+    "a tab": ("\t- send: Halt Lift\n", "5:1: a tab; YAML is indented by spaces"),
     "a colon forgotten": (
-        "  - send Stop Drive\n",
-        "5:5: expected a mapping, `key: value`, found 'send Stop Drive'",
+        "  - send Halt Lift\n",
+        "5:5: expected a mapping, `key: value`, found 'send Halt Lift'",
     ),
     "a bracket forgotten": (
-        "  - send: {Goto XY: {x: 1, y: 1, angle: 2, speed: 3}\n",
+        "  - send: {Move To: {x: 1, y: 1, angle: 2, speed: 3}\n",
         "6:1: a mapping in { } lacks a comma, or its }",
     ),
     "a quote forgotten": ("  - wait: '1 s\n", "6:1: a quote that begins a text is never closed"),
     "an expectation without quotes": (
-        "  - expect: {Goto State Response: {time: > 0}}\n",
+        "  - expect: {Move State Response: {time: > 0}}\n",
         "5:42: a text with > or | at its start needs quotes: '> 0'",
     ),
     "a variable without quotes": (
-        "  - expect: {Goto State Response: {time: {t}}}\n",
+        "  - expect: {Move State Response: {time: {t}}}\n",
         "5:42: expected a single value, found a mapping; a text in { } needs quotes: '{t}'",
     ),
     "a variable that nobody has saved": (
-        "  - expect: {Goto State Response: {time: '{t}'}}\n",
+        "  - expect: {Move State Response: {time: '{t}'}}\n",
         "5:42: unknown variable 't'",
     ),
-    "an action with a slip": ("  - sned: Stop Drive\n", "5:5: unknown action 'sned'; did you mean send?"),
+    "an action with a slip": ("  - sned: Halt Lift\n", "5:5: unknown action 'sned'; did you mean send?"),
     "two actions": (
-        "  - send: Stop Drive\n    wait: 1 s\n",
+        "  - send: Halt Lift\n    wait: 1 s\n",
         "6:5: a step has one action, and 'send' is one already",
     ),
     "a key of another action": (
-        "  - send: Stop Drive\n    within: 1 s\n",
+        "  - send: Halt Lift\n    within: 1 s\n",
         "6:5: unknown key 'within'; known: send, name, repeat, needed, undo",
     ),
     "a message with a slip": (
-        "  - send: Stop Drve\n",
-        "5:11: unknown message 'Stop Drve'; did you mean Stop Drive?",
+        "  - send: Halt Lyft\n",
+        "5:11: unknown message 'Halt Lyft'; did you mean Halt Lift?",
     ),
     "a field with a slip": (
-        "  - send: {Goto XY: {x: 1, y: 1, angle: 2, sped: 3}}\n",
-        "5:44: unknown field of Goto XY 'sped'; did you mean speed?",
+        "  - send: {Move To: {x: 1, y: 1, angle: 2, sped: 3}}\n",
+        "5:44: unknown field of Move To 'sped'; did you mean speed?",
     ),
-    "a field forgotten": ("  - send: {Goto XY: {x: 1, y: 1, angle: 2}}\n", "5:11: Goto XY: speed missing"),
+    "a field forgotten": ("  - send: {Move To: {x: 1, y: 1, angle: 2}}\n", "5:11: Move To: speed missing"),
     "a value out of range": (
-        "  - send: {Goto XY: {x: 3001, y: 1, angle: 2, speed: 3}}\n",
-        "5:25: '3001' is not allowed; allowed: 0..3000 mm; {raw: '008#...'} sends any bits",
+        "  - send: {Move To: {x: 3001, y: 1, angle: 2, speed: 3}}\n",
+        "5:25: '3001' is not allowed; allowed: 0..3000 mm; {raw: '202#...'} sends any bits",
     ),
     "a time without its unit": (
         "  - wait: 500\n",
@@ -265,9 +264,9 @@ STEPS = {
         "  - nmt: restart\n",
         "5:10: unknown NMT command 'restart'; did you mean start?",
     ),
-    "a span forgotten": ("  - never: Goto Confirm\n", "5:5: key 'for' is missing: how long none may come"),
+    "a span forgotten": ("  - never: Move Confirm\n", "5:5: key 'for' is missing: how long none may come"),
     "a period forgotten": (
-        "  - poll: {send: Goto State Request}\n    until: {Goto State Response: {time: 0}}\n",
+        "  - poll: {send: Move State Request}\n    until: {Move State Response: {time: 0}}\n",
         "5:11: key 'every' is missing: time from one to the next",
     ),
     "a frame as it is not written": (

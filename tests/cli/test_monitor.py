@@ -15,7 +15,7 @@ from eurobot_od.traffic.formats import read
 from tests.rows import rows
 
 LOG = """\
-(10.000000) can0 00C#
+(10.000000) can0 182#
 (10.500000) can0 702#05
 (11.000000) can0 123#01
 """
@@ -32,15 +32,15 @@ def test_a_log_as_lines_and_a_table(log: Path, capsys: pytest.CaptureFixture[str
     assert cli.main(["monitor", str(log), "--speed", "max"]) == 0
     out, err = capsys.readouterr()
     lines = out.splitlines()
-    assert lines[0].split() == ["10.000000", "Goto", "Confirm"]
-    assert [line.split()[0] for line in lines[3:]] == ["ID", "00C", "123", "702"]
+    assert lines[0].split() == ["10.000000", "Move", "Confirm"]
+    assert [line.split()[0] for line in lines[3:]] == ["ID", "123", "182", "702"]
     assert "1 x unknown identifier" in err
 
 
 def test_filter_and_sort(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["monitor", str(log), "--speed", "max", "--filter", "drive", "--sort", "age"]) == 0
+    assert cli.main(["monitor", str(log), "--speed", "max", "--filter", "lift", "--sort", "age"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["10.000000", "10.500000", "ID", "702", "00C"]
+    assert [line.split()[0] for line in lines] == ["10.000000", "10.500000", "ID", "702", "182"]
 
 
 def test_what_is_watched_is_recorded(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -61,7 +61,7 @@ def test_damage_is_named_by_its_log_and_line(tmp_path: Path, capsys: pytest.Capt
 def test_statistics_at_the_end(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["monitor", str(log), "--speed", "max", "--statistics"]) == 0
     *_, load = capsys.readouterr().out.splitlines()
-    assert load.startswith("load of 500 kbit/s: ? 0.01%, drive 0.02%")
+    assert load.startswith("load of 500 kbit/s: ? 0.01%, lift 0.02%")
 
 
 def test_nobody_can_be_asked_in_a_log(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,11 +88,11 @@ def test_keys_on_a_terminal(log: Path) -> None:
         arguments = ["-m", "eurobot_od", "monitor", str(log), "--speed", "0.01"]
         os.execve(sys.executable, [sys.executable, *arguments], os.environ | {"TERM": "xterm", "COLUMNS": "120"})
     seen = _until(terminal, b"sort: identifier")
-    for keys, expected in ((b"s", b"sort: name"), (b"/goto\r", b"filter: goto"), (b"p", b"PAUSED")):
+    for keys, expected in ((b"s", b"sort: name"), (b"/move\r", b"filter: move"), (b"p", b"PAUSED")):
         os.write(terminal, keys)
         seen = _until(terminal, expected)
     os.write(terminal, b"q")
-    seen = _until(terminal, b"Goto Confirm")
+    seen = _until(terminal, b"Move Confirm")
     assert b"\x1b[?1049l" in seen
     assert os.waitpid(child, 0)[1] == 0
     os.close(terminal)

@@ -2,38 +2,24 @@
 
 from __future__ import annotations
 
-import io
 import json
 import signal
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from eurobot_od import cli
-from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.device.node import Node
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model import robot_file
-from eurobot_od.robot.model.messages import StopDrive
-from eurobot_od.robot.model.values import TeamColour
-from eurobot_od.robot.nodes import Drive, Navigation
-from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
-from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
-from tests.client.peers import new_channel
+from tests.cli.processes import PATIENCE, line, node, serve_bus
 from tests.device import io_module
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.kit import plant
 from tests.processes import free_port
 from tests.rows import rows
-
-FACTS = robot_file.read()
 
 
 @pytest.fixture
@@ -45,15 +31,15 @@ def shared_bus() -> Iterator[str]:
 @pytest.mark.posix
 def test_a_drive_and_send_meet_on_a_shared_bus(capsys: pytest.CaptureFixture[str], shared_bus: str) -> None:
     bus = ["-i", "remote", "-c", shared_bus]
-    with node("drive", *bus, "--verbose") as drive:
-        line(drive, "drive (node-ID 2) on ")
-        expect = ["--expect", "Goto Confirm", "--within", "30 s"]
-        goto = run(capsys, "send", "Goto XY", "x=1500", "y=1000", "angle=90", "speed=50", *expect, *bus)
+    with node("lift", *bus, "--verbose") as lift:
+        line(lift, "lift (node-ID 2) on ")
+        expect = ["--expect", "Move Confirm", "--within", "30 s"]
+        goto = run(capsys, "send", "Move To", "x=1500", "y=1000", "angle=90", "speed=50", *expect, *bus)
         assert (goto.status, goto.err) == (0, "")
-        assert goto.out.splitlines()[1].startswith("received  00C#  Goto Confirm  after ")
-        line(drive, "  008#DC853E5AC8000000  Goto XY  x=1500 mm, y=1000 mm, angle=90 deg, speed=50 %")
-        drive.send_signal(signal.SIGINT)
-        assert drive.wait(PATIENCE) == 130
+        assert goto.out.splitlines()[1].startswith("received  182#  Move Confirm  after ")
+        line(lift, "  202#DC853E5AC8000000  Move To  x=1500 mm, y=1000 mm, angle=90 deg, speed=50 %")
+        lift.send_signal(signal.SIGINT)
+        assert lift.wait(PATIENCE) == 130
 
 
 @pytest.mark.posix
@@ -82,133 +68,22 @@ def test_a_shared_bus_is_not_an_adapter_too(capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.long
-def test_a_core_starts_up_with_the_others_and_ends_in_time(shared_bus: str) -> None:
-    bus = ["-i", "remote", "-c", shared_bus]
-    with node("drive", *bus) as drive, node("navigation", *bus) as navigation:
-        line(drive, "drive (node-ID 2) on ")
-        line(navigation, "navigation (node-ID 3) on ")
-        with node("core", "--team", "yellow", "--duration", "100 ms", *bus) as core:
-            for what in ("core (node-ID 1) on ", "drive answered after ", "navigation answered after "):
-                line(core, what)
-            line(core, "start configuration confirmed after ")
-            assert core.wait(PATIENCE) == 0
-
-
-class Pipe(io.StringIO):
-    """A pipe to another program, which gets what was flushed."""
-
-    flushed = 0
-
-    def flush(self) -> None:
-        self.flushed += 1
-
-
-def test_each_line_is_there_for_another_program_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    pipe, channel = Pipe(), new_channel()
-    monkeypatch.setattr(sys, "stdout", pipe)
-    others = Drive(dialects.load("drive")), Navigation(dialects.load("navigation"))
-    with ExitStack() as stack:
-        for each in others:
-            stack.enter_context(Live.node(open_bus("virtual", channel), each))
-        words = ["node", "core", "--team", "red", "--verbose", "--duration", "1 ms", "-i", "virtual", "-c", channel]
-        assert cli.main(words) == 0
-    assert "start configuration confirmed after " in pipe.getvalue()
-    assert "  Check Drive Response\n" in pipe.getvalue()
-    assert pipe.flushed == pipe.getvalue().count("\n") + 1, "and at the end"
-
-
-@pytest.mark.long
 @pytest.mark.posix
 def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:
-    with node("navigation", "-i", "remote", "-c", shared_bus) as navigation:
-        line(navigation, "Ctrl-C ends it")
-        navigation.send_signal(signal.SIGTERM)
-        assert navigation.wait(PATIENCE) == 130
-        assert navigation.stderr is not None
-        assert navigation.stderr.read() == ""
+    with node("scale", "-i", "remote", "-c", shared_bus) as scale:
+        line(scale, "Ctrl-C ends it")
+        scale.send_signal(signal.SIGTERM)
+        assert scale.wait(PATIENCE) == 130
+        assert scale.stderr is not None
+        assert scale.stderr.read() == ""
 
 
-# A core that is told to end while its goto is under way
-
-SCRIPT = """
-import sys
-from eurobot_od import Robot
-from eurobot_od.robot.model.values import TeamColour
-
-with Robot("remote", sys.argv[1]) as robot:
-    robot.check_nodes()
-    robot.configure_start(TeamColour.RED)
-    print(robot.goto(2700, 1700, 0, speed=30))
-"""
-
-
-@contextmanager
-def partners(channel: str) -> Iterator[Drive]:
-    """Run a drive and a navigation in this process; gives the drive."""
-    drive = Drive(dialects.load("drive"))
-    with ExitStack() as stack:
-        for node in (drive, Navigation(dialects.load("navigation"))):
-            stack.enter_context(Live.node(open_bus("remote", channel), node))
-        yield drive
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
-def is_on_its_way(drive: Drive) -> bool:
-    """Tell whether the drive has left its start place; it takes some 100 ms for that."""
-    pose = drive.estimate.pose
-    return drive.goto is not None and pose is not None and pose.distance(FACTS.start(TeamColour.RED).point) > 10
-
-
-@pytest.mark.long
-@pytest.mark.posix
-@rows("told, status", [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
-def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
-    shared_bus: str, told: signal.Signals, status: int
-) -> None:
-    with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
-        wait_for(lambda: is_on_its_way(drive))
-        script.send_signal(told)
-        assert script.wait(PATIENCE) == status
-        assert not drive.moving
-        assert drive.stopped_by == StopDrive()  # said, and not only missed later
-
-
-@pytest.mark.long
-def test_a_script_that_is_killed_leaves_a_robot_that_stands_soon(shared_bus: str) -> None:
-    with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
-        wait_for(lambda: is_on_its_way(drive))
-        script.kill()
-        wait_for(lambda: not drive.moving)
-        assert 0x8130 in drive.device.emergencies.errors.values()
-
-
-@pytest.mark.long
-@pytest.mark.posix
-def test_a_drill_that_is_terminated_leaves_a_robot_that_stands(shared_bus: str) -> None:
-    with partners(shared_bus) as drive, node("core", "--drill", "-i", "remote", "-c", shared_bus) as core:
-        wait_for(lambda: is_on_its_way(drive))
-        core.send_signal(signal.SIGTERM)
-        assert core.wait(PATIENCE) == 130
-        assert not drive.moving
-        assert drive.stopped_by == StopDrive()
-
-
-def test_a_drill_ends_with_the_duration(shared_bus: str) -> None:
-    bus = ("-i", "remote", "-c", shared_bus)
-    with partners(shared_bus) as drive, node("core", "--drill", "--duration", "1 s", *bus) as core:
-        assert core.wait(PATIENCE) == 0
-        assert drive.stopped_by is None  # its first goto would have come after 10 s
+# A panel that is told to end while its goto is under way
 
 
 def test_no_line_of_a_drivers_log_stands_before_the_error() -> None:
-    with node("drive", "-i", "socketcan", "-c", "nosuch0") as drive:
-        _, error = drive.communicate(timeout=PATIENCE)
+    with node("lift", "-i", "socketcan", "-c", "nosuch0") as lift:
+        _, error = lift.communicate(timeout=PATIENCE)
     assert error.startswith("eurobot-od: cannot open the socketcan bus nosuch0: ")
     assert len(error.splitlines()) == 1
 
@@ -216,11 +91,10 @@ def test_no_line_of_a_drivers_log_stands_before_the_error() -> None:
 @rows(
     "words, status, complaint",
     [
-        (["drive", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
-        (["drive", "--team", "red"], 2, "--team is for the core, not for the drive"),
-        (["drive", "--store", "README.md"], 2, "README.md: "),
-        (["drive", "-i", "nosuch"], 3, "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
-        (["drive", "-i", "socketcan", "-c", "nosuch0"], 3, "cannot open the socketcan bus nosuch0: "),
+        (["lift", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: packed, plain"),
+        (["lift", "--store", "README.md"], 2, "README.md: "),
+        (["lift", "-i", "nosuch"], 3, "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
+        (["lift", "-i", "socketcan", "-c", "nosuch0"], 3, "cannot open the socketcan bus nosuch0: "),
     ],
 )
 def test_a_node_that_cannot_run_says_why_in_one_line(
@@ -237,13 +111,13 @@ def test_a_node_that_cannot_run_says_why_in_one_line(
 def test_what_a_master_has_stored_survives_a_restart(
     capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path
 ) -> None:
-    bus, store = ("-i", "remote", "-c", shared_bus), ("--store", str(tmp_path / "drive.dcf"))
-    with node("drive", *store, *bus) as first:
+    bus, store = ("-i", "remote", "-c", shared_bus), ("--store", str(tmp_path / "lift.dcf"))
+    with node("lift", *store, *bus) as first:
         line(first, "Ctrl-C ends it")
         assert run(capsys, "write", "2", "Motion.Maximum speed", "650", *bus).status == 0
         assert run(capsys, "store", "2", *bus).status == 0
         first.send_signal(signal.SIGTERM)
-    with node("drive", *store, *bus) as second:
+    with node("lift", *store, *bus) as second:
         line(second, "Ctrl-C ends it")
         assert "650" in run(capsys, "read", "2", "Motion.Maximum speed", *bus).out
         second.send_signal(signal.SIGTERM)
@@ -251,16 +125,15 @@ def test_what_a_master_has_stored_survives_a_restart(
 
 @rows("node_id", ["0", "128", "-1"])
 def test_a_node_id_out_of_range_is_refused(capsys: pytest.CaptureFixture[str], node_id: str) -> None:
-    said = run(capsys, "node", "drive", "--node-id", node_id)
+    said = run(capsys, "node", "lift", "--node-id", node_id)
     assert (said.status, said.out) == (2, "")
-    assert said.err.endswith(f"drive.eds: node-ID {node_id} is not in 1..127\n")
+    assert said.err.endswith(f"lift.eds: node-ID {node_id} is not in 1..127\n")
 
 
 WRONG_USAGE = [
     ([], "eurobot-od: which node? Name one of the robot's, or give a device's file with --eds"),
-    (["engine"], "eurobot-od: unknown node 'engine'; known: core, drive, navigation"),
-    (["drive", "--team", "blue"], "eurobot-od node: error: argument --team: unknown value 'blue'; known: yellow, red"),
-    (["drive", "--set", "Set point"], "eurobot-od node: error: argument --set: Set point: write OBJECT=VALUE"),
+    (["engine"], "eurobot-od: unknown node 'engine'; known: lift, panel, scale"),
+    (["lift", "--set", "Set point"], "eurobot-od node: error: argument --set: Set point: write OBJECT=VALUE"),
 ]
 
 
@@ -325,7 +198,7 @@ def test_of_several_devices_each_says_where_its_sdo_server_was_moved_to(
     said = run(
         capsys, "node", "--network", str(tmp_path / "network.yaml"), "--duration", "1 ms", "-i", "virtual"
     ).out.splitlines()
-    assert "a (5), b (6); Ctrl-C" in said[0]
+    assert "a (node-ID 5), b (node-ID 6); Ctrl-C" in said[0]
     assert said[1:] == ["b: its SDO server is at 0x650, answers at 0x5D5, as its file says (0x1200)"]
 
 
@@ -375,7 +248,7 @@ def test_all_devices_of_a_network_run_in_one_process_and_are_booted(
     file, bus = tmp_path / "network.yaml", ("-i", "remote", "-c", shared_bus)
     file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}\nmaster: PC\n")
     with node("--network", str(file), *bus) as devices:
-        assert "io (5), gate (6)" in line(devices, "2 devices on ")
+        assert "io (node-ID 5), gate (node-ID 6)" in line(devices, "2 devices on ")
         said = run(capsys, "boot", str(file), *bus)
         assert said.status == 0
         assert [each.partition(":")[0] for each in said.out.splitlines()] == ["node 5 io", "node 6 gate", "io", "gate"]
@@ -388,23 +261,13 @@ def test_all_devices_of_a_network_run_in_one_process_and_are_booted(
         assert devices.wait(PATIENCE) == 130
 
 
-def test_a_node_of_the_robot_that_is_named_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
-    files = "--network", str(dialects.folder("canopen")), "--robot", "eurobot2014"
-    said = run(capsys, "node", "drive", *files, "--duration", "1 ms", "-i", "virtual")
-    assert said.out.startswith("drive (node-ID 2)")
-    said = run(capsys, "node", "drive", *files, "--set", "0x1017=5")
-    assert said.complaint == "eurobot-od: unknown fact '0x1017'; known: body, match, field, barriers, tasks, robots"
-
-
-OURS = ("--robot", "eurobot2014")
 WRONG_DEVICES = [
     (["--set", "Colour=1"], "unknown object 'Colour'"),
     (["--set", "Set point=40000"], "0x2100:0: Set point = 40000 is not allowed; allowed: -32768..32767"),
     (["--set", "Channel=1"], "'Channel' is not one object but a record of "),
-    (["--team", "red", *OURS], "--team is for the core, not for devices that do not belong to the robot"),
     (
-        ["--fault", "goto-not-confirmed", *OURS],
-        "the fault goto-not-confirmed is one of the drive, not of other devices",
+        ["--fault", "move-confirm-not-sent", "--robot", str(plant.HERE)],
+        "the fault move-confirm-not-sent is one of the lift, not of other devices",
     ),
     (["--fault", "goto-not-confirmed"], "unknown fault 'goto-not-confirmed'"),
     (["motor"], "unknown node 'motor'; known: module"),
@@ -450,35 +313,23 @@ def test_all_faults_are_listed_by_node(capsys: pytest.CaptureFixture[str]) -> No
     said = run(capsys, "faults")
     lines = said.out.splitlines()
     assert said.status == 0
-    nodes = ["core:", "drive:", "navigation:", "any node:", "any drive of CiA 402:"]
+    nodes = ["panel:", "lift:", "scale:", "any node:", "any drive of CiA 402:"]
     assert [line for line in lines if line.endswith(":")] == nodes
-    assert [line.split()[0] for line in lines if line.startswith("  ")] == ROBOT.fault_names()
+    assert [line.split()[0] for line in lines if line.startswith("  ")] == plant.PLANT.fault_names()
 
 
 def test_the_faults_of_one_node_are_its_own_and_those_of_any_node(capsys: pytest.CaptureFixture[str]) -> None:
-    out = run(capsys, "faults", "navigation").out
-    assert [line for line in out.splitlines() if line.endswith(":")] == ["navigation:", "any node:"]
-
-
-def test_faults_as_json_name_the_step_that_finds_them(capsys: pytest.CaptureFixture[str]) -> None:
-    rows = json.loads(run(capsys, "faults", "--json").out)
-    assert {
-        "name": "goto-not-confirmed",
-        "node": "drive",
-        "text": "sends no Goto Confirm",
-        "suite": "drive",
-        "step": "2.1 Goto ACK: a goto is confirmed",
-    } in rows
-    assert len(rows) == len(ROBOT.fault_names())
+    out = run(capsys, "faults", "scale").out
+    assert [line for line in out.splitlines() if line.endswith(":")] == ["scale:", "any node:"]
 
 
 @rows(
     "words, complaint",
     [
-        (["node", "drive", "--fault", "goto-not-confirmd"], "unknown fault 'goto-not-confirmd'; did you mean"),
-        (["node", "drive", "--fault", "goto-not-sent"], "the fault goto-not-sent is one of the core, not of the drive"),
-        (["check", "drive", "--simulate", "--fault", "nonsense"], "unknown fault 'nonsense'; 88 are known"),
-        (["check", "drive", "--fault", "goto-not-confirmed"], "--fault needs --simulate"),
+        (["node", "lift", "--fault", "move-confirm-not-snt"], "unknown fault 'move-confirm-not-snt'; did you mean"),
+        (["node", "lift", "--fault", "move-to-not-sent"], "the fault move-to-not-sent is one of the panel, not of the"),
+        (["node", "lift", "--fault", "nonsense"], "unknown fault 'nonsense'; 116 are known"),
+        (["check", "--conformance", "--eds", "5=docs/io.eds", "--fault", "babbling"], "--fault needs --simulate"),
     ],
 )
 def test_a_fault_that_is_not_there_is_refused(
@@ -488,8 +339,3 @@ def test_a_fault_that_is_not_there_is_refused(
     assert said.status == 2
     assert said.err.startswith(f"eurobot-od: {complaint}")
     assert said.err.count("\n") == 1
-
-
-@rows("fault, status", [([], 0), (["--fault", "goto-not-confirmed"], 1)])
-def test_a_check_finds_a_fault(capsys: pytest.CaptureFixture[str], fault: list[str], status: int) -> None:
-    assert run(capsys, "check", "drive", "--simulate", *fault).status == status

@@ -21,7 +21,7 @@ from eurobot_od.od.document import parse
 from eurobot_od.od.normal import in_normal_form
 from eurobot_od.od.standard import ErrorCode
 from tests.cli.console import Terminal
-from tests.client.peers import DRIVE, new_channel, open_bus, robot, stock_drive
+from tests.client.peers import LIFT, line, new_channel, open_bus, stock_lift
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 from tests.rows import rows
 
@@ -52,21 +52,21 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 
 
 @pytest.fixture
-def drive(run: Run) -> Iterator[str]:
-    """Our drive with a quick heartbeat; gives the channel."""
-    with robot("drive") as channel:
+def lift(run: Run) -> Iterator[str]:
+    """Our lift with a quick heartbeat; gives the channel."""
+    with line("lift") as channel:
         run(channel, "write", "2", "0x1017", "10")
         yield channel
 
 
-@rows("words", [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/drive.dcf"), ("diff", str(DRIVE), "--node", "2")])
+@rows("words", [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/lift.dcf"), ("diff", str(LIFT), "--node", "2")])
 def test_a_terminal_sees_how_far_it_is_with_the_objects(
-    drive: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lift: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = Terminal()
     monkeypatch.setattr("eurobot_od.support.progress.SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)
-    main([*(word.format(folder=tmp_path) for word in words), "-i", "virtual", "-c", drive])
+    main([*(word.format(folder=tmp_path) for word in words), "-i", "virtual", "-c", lift])
     drawn, *_, wiped = terminal.getvalue().split("\r")[1:-1]
     assert re.fullmatch(r"node 2 .* 0 of \d+ objects .*", drawn)
     assert not wiped.strip()
@@ -76,60 +76,60 @@ def test_a_terminal_sees_how_far_it_is_with_the_objects(
 
 
 def test_scan_lists_the_nodes_of_the_robot(run: Run) -> None:
-    with robot("core", "drive", "navigation") as channel:
+    with line("panel", "lift", "scale") as channel:
         status, out, err = run(channel, "scan", "--listen", "10 ms")
     lines = [line.split() for line in out.splitlines()]
     assert (status, err) == (0, "")
     assert lines[0] == ["node", "name", "state", "vendor", "product", "revision", "serial"]
-    assert [(line[0], line[3]) for line in lines[1:]] == [("1", "core"), ("2", "drive"), ("3", "navigation")]
+    assert [(line[0], line[3]) for line in lines[1:]] == [("1", "panel"), ("2", "lift"), ("3", "scale")]
 
 
-def test_scan_as_json(run: Run, drive: str) -> None:
-    status, out, _ = run(drive, "scan", "--json", "--listen", "10 ms")
+def test_scan_as_json(run: Run, lift: str) -> None:
+    status, out, _ = run(lift, "scan", "--json", "--listen", "10 ms")
     assert status == 0
     assert json.loads(out) == [
         {
             "node_id": 2,
-            "name": "Eurobot 2014 drive",
+            "name": "Packaging line lift",
             "state": "operational",
-            "identity": {"vendor": 0, "product": 2, "revision": 0x30000, "serial": 1},
+            "identity": {"vendor": 0, "product": 2, "revision": 0x10000, "serial": 1},
         }
     ]
 
 
 NETWORK = """nodes:
-  wheels: {file: drive.eds, node_id: 2}
-  eyes: {file: drive.eds, node_id: 7}
+  wheels: {file: lift.eds, node_id: 2}
+  eyes: {file: lift.eds, node_id: 7}
 """
 
 
 @pytest.fixture
 def network(tmp_path: Path) -> str:
     """A network file whose node 7 is not there."""
-    (tmp_path / "drive.eds").write_bytes(DRIVE.read_bytes())
+    (tmp_path / "lift.eds").write_bytes(LIFT.read_bytes())
     (tmp_path / "network.yaml").write_text(NETWORK)
     return str(tmp_path / "network.yaml")
 
 
 def test_scan_of_a_network_names_its_nodes_and_says_which_are_missing(run: Run, network: str) -> None:
-    with robot("core", "drive") as channel:
+    with line("panel", "lift") as channel:
         status, out, err = run(channel, "scan", "--listen", "10 ms", "--network", network)
-    head, core, drive, missing = out.splitlines()
+    head, panel, lift, missing = out.splitlines()
     assert (status, err) == (1, "")
     assert head.split()[:4] == ["node", "in", "network", "name"]
-    assert core.split()[:5] == ["1", "-", "Eurobot", "2014", "core"]
-    assert drive.split()[:5] == ["2", "wheels", "Eurobot", "2014", "drive"]
+    assert panel.split()[:5] == ["1", "-", "Packaging", "line", "panel"]
+    assert lift.split()[:5] == ["2", "wheels", "Packaging", "line", "lift"]
     assert missing == "missing: eyes (7)"
 
 
-def test_scan_of_a_network_as_json(run: Run, drive: str, network: str) -> None:
-    status, out, _ = run(drive, "scan", "--json", "--listen", "10 ms", "--network", network)
+def test_scan_of_a_network_as_json(run: Run, lift: str, network: str) -> None:
+    status, out, _ = run(lift, "scan", "--json", "--listen", "10 ms", "--network", network)
     rows = [(each["node_id"], each["network_name"], each["missing"], each["name"]) for each in json.loads(out)]
-    assert (status, rows) == (1, [(2, "wheels", False, "Eurobot 2014 drive"), (7, "eyes", True, "")])
+    assert (status, rows) == (1, [(2, "wheels", False, "Packaging line lift"), (7, "eyes", True, "")])
 
 
-def test_scan_of_a_network_that_is_complete_is_fine(run: Run, drive: str) -> None:
-    status, out, _ = run(drive, "scan", "--listen", "10 ms", "--eds", f"2={DRIVE}")
+def test_scan_of_a_network_that_is_complete_is_fine(run: Run, lift: str) -> None:
+    status, out, _ = run(lift, "scan", "--listen", "10 ms", "--eds", f"2={LIFT}")
     assert (status, "missing" in out) == (0, False)
 
 
@@ -144,16 +144,16 @@ def test_scan_of_an_empty_bus(run: Run) -> None:
     "words, out",
     [
         (["2", "0x1018:2"], "0x1018:2  Identity object.Product code  0x00000002\n"),
-        (["drive", "Motion.Maximum speed"], "0x2101:1  Motion.Maximum speed  800\n"),  # names of node and object
+        (["lift", "Motion.Maximum speed"], "0x2101:1  Motion.Maximum speed  800\n"),  # names of node and object
         (
             ["2", "0x1017", "0x1008"],
-            f"{HEARTBEAT}   10\n0x1008:0  Manufacturer device name  Eurobot 2014 drive\n",
+            f"{HEARTBEAT}   10\n0x1008:0  Manufacturer device name  Packaging line lift\n",
         ),
-        (["2", "0x1017", "--eds", str(DRIVE)], "0x1017:0  Producer heartbeat time  10\n"),
+        (["2", "0x1017", "--eds", str(LIFT)], "0x1017:0  Producer heartbeat time  10\n"),
     ],
 )
-def test_read(run: Run, drive: str, words: list[str], out: str) -> None:
-    assert run(drive, "read", *words) == (0, out, "")
+def test_read(run: Run, lift: str, words: list[str], out: str) -> None:
+    assert run(lift, "read", *words) == (0, out, "")
 
 
 # The same node by a file of anybody's, with and without its node-ID, and by its name in a network file.
@@ -186,12 +186,12 @@ def test_a_name_that_no_device_has_is_told(run: Run) -> None:
     assert run(new_channel(), "read", "thing", "0x1000") == (
         2,
         "",
-        "eurobot-od: unknown node 'thing'; known: core, drive, navigation\n",
+        "eurobot-od: unknown node 'thing'; known: panel, lift, scale\n",
     )
 
 
-def test_read_as_json(run: Run, drive: str) -> None:
-    _, out, _ = run(drive, "read", "2", "0x1017", "0x5000", "--json")
+def test_read_as_json(run: Run, lift: str) -> None:
+    _, out, _ = run(lift, "read", "2", "0x1017", "0x5000", "--json")
     assert json.loads(out) == [
         {"index": 0x1017, "subindex": 0, "name": "Producer heartbeat time", "type": "UNSIGNED16", "value": 10},
         {"index": 0x5000, "subindex": 0, "name": "", "type": "", "refused": "Object does not exist"},
@@ -200,14 +200,14 @@ def test_read_as_json(run: Run, drive: str) -> None:
 
 def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path: Path) -> None:
     eds = tmp_path / "foreign.eds"
-    eds.write_text(DRIVE.read_text().replace("[1018sub2]\n", "[1018sub2]\nParameterValue=99\n"))
-    with stock_drive(eds) as (channel, _):
+    eds.write_text(LIFT.read_text().replace("[1018sub2]\n", "[1018sub2]\nParameterValue=99\n"))
+    with stock_lift(eds) as (channel, _):
         assert run(channel, "write", "2", "0x1017", "0x1F4")[:2] == (0, "node 2: 0x1017:0 = 0x1F4\n")
         assert run(channel, "read", "2", "0x1017")[:2] == (0, "0x1017:0    0x1F4\n")
         status, _, err = run(channel, "read", "2", "Motion")
         assert (status, err) == (2, "eurobot-od: without an EDS no object is known as 'Motion'; give its number\n")
         status, out, _ = run(channel, "pdo", "2")
-        assert (status, out.splitlines()[-1].split()[:4]) == (0, ["TPDO", "5", "0x400", "on"])
+        assert (status, out.splitlines()[-1].split()[:4]) == (0, ["TPDO", "5", "0x483", "on"])
         status, _, err = run(channel, "pdo", "2", "map", "TPDO1", "0x2000:1")
         assert (status, err[:60]) == (2, "eurobot-od: no EDS has the identity of node 2, and it keeps ")
         status, _, err = run(channel, "dump", "2")
@@ -217,7 +217,7 @@ def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path:
 def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: Path) -> None:
     eds = tmp_path / "plain.eds"
     eds.write_text(DEVICE_TYPE)
-    with stock_drive(eds) as (channel, _):
+    with stock_lift(eds) as (channel, _):
         assert run(channel, "pdo", "2")[::2] == (
             2,
             "eurobot-od: node 2 has no PDO, and no EDS has its identity: name one by --eds\n",
@@ -229,7 +229,7 @@ def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: 
     [
         (["read", "9", "0x1017"], 1, "no answer from node 9 within 300 ms after the question which device it is"),
         (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),
-        (["read", "nobody", "0x1017"], 2, "unknown node 'nobody'; known: core, drive, navigation"),
+        (["read", "nobody", "0x1017"], 2, "unknown node 'nobody'; known: panel, lift, scale"),
         (["read", "2", "Motoin"], 2, "unknown object 'Motoin'; did you mean Motion?"),
         (["write", "2", "0x1017", "65536"], 2, f"{NAMED} = 65536" + NOT_ALLOWED + "0..65535"),
         (["write", "2", "0x1017", "often"], 2, f"{NAMED} = 'often'" + NOT_ALLOWED + "an integer"),
@@ -239,21 +239,21 @@ def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: 
         (["configure", "2", "none.dcf"], 2, "none.dcf: No such file or directory"),
     ],
 )
-def test_one_line_where_something_is_wrong(run: Run, drive: str, words: list[str], status: int, err: str) -> None:
-    assert run(drive, *words) == (status, "", f"eurobot-od: {err}\n")
+def test_one_line_where_something_is_wrong(run: Run, lift: str, words: list[str], status: int, err: str) -> None:
+    assert run(lift, *words) == (status, "", f"eurobot-od: {err}\n")
 
 
-def test_a_refused_object_is_listed_with_its_reason(run: Run, drive: str) -> None:
-    status, out, err = run(drive, "read", "2", "0x1003:1", "0x1017")
+def test_a_refused_object_is_listed_with_its_reason(run: Run, lift: str) -> None:
+    status, out, err = run(lift, "read", "2", "0x1003:1", "0x1017")
     assert (status, err) == (1, "")
     assert out.splitlines()[0].endswith("(No data available)")
 
 
-def test_dump_lists_every_object(run: Run, drive: str) -> None:
-    status, out, err = run(drive, "dump", "2")
+def test_dump_lists_every_object(run: Run, lift: str) -> None:
+    status, out, err = run(lift, "dump", "2")
     assert (status, err) == (0, "")
     assert any(line.split() == ["0x2101:1", "Motion.Maximum", "speed", "800"] for line in out.splitlines())
-    _, out, _ = run(drive, "dump", "2", "--json")
+    _, out, _ = run(lift, "dump", "2", "--json")
     assert {
         "index": 0x2101,
         "subindex": 1,
@@ -269,11 +269,11 @@ def test_a_bus_that_cannot_be_opened(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
-    eds, there, back = tmp_path / "drive.eds", tmp_path / "there", tmp_path / "back"
-    eds.write_bytes(in_normal_form((DRIVE.read_text() + FILES).encode())[0])  # which lists the object, too
+    eds, there, back = tmp_path / "lift.eds", tmp_path / "there", tmp_path / "back"
+    eds.write_bytes(in_normal_form((LIFT.read_text() + FILES).encode())[0])  # which lists the object, too
     there.write_bytes(bytes(range(256)) * 4)
     object_ = "2", "Script", "--eds", str(eds), "--file"
-    with stock_drive(eds) as (channel, _):
+    with stock_lift(eds) as (channel, _):
         said = "node 2: 0x200E:0 Script = 1024 bytes (CRC-32 0xB70B4C26)\n"
         assert run(channel, "write", *object_, str(there)) == (0, said, "")
         said = f"{back}: 1024 bytes of node 2, 0x200E:0 Script\n"
@@ -290,8 +290,8 @@ def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
         (["write", "2", "0x1017", "--file", "none.bin"], "none.bin: No such file or directory"),
     ],
 )
-def test_a_file_is_for_one_object(run: Run, drive: str, words: list[str], said: str) -> None:
-    assert run(drive, *words)[1:] == ("", f"eurobot-od: {said}\n")
+def test_a_file_is_for_one_object(run: Run, lift: str, words: list[str], said: str) -> None:
+    assert run(lift, *words)[1:] == ("", f"eurobot-od: {said}\n")
 
 
 # A device whose file moves its SDO server
@@ -350,38 +350,36 @@ def new_dcf(tmp_path: Path) -> Path:
     """A DCF for node 2 with two new values."""
     file = tmp_path / "new.dcf"
     file.write_text(
-        dcf.with_values(
-            DescribedDevice(parse(DRIVE.read_text())), {(0x1017, 0): 20, (0x1403, 1): 0x18}, 2, "drive", 500
-        )
+        dcf.with_values(DescribedDevice(parse(LIFT.read_text())), {(0x1017, 0): 20, (0x1403, 1): 0x18}, 2, "lift", 500)
     )
     return file
 
 
 DIFFERENCE = """\
 node 2 differs from new.dcf in 2 objects:
-0x1017:0 Producer heartbeat time    10 -> 20
-0x1403:1 Goto XY.COB-ID used by PDO  0x00000008 -> 0x00000018
-""".replace("time    10", "time     10")
+0x1017:0 Producer heartbeat time        10 -> 20
+0x1403:1 Halt Cause.COB-ID used by PDO  0x00000281 -> 0x00000018
+"""
 
 
-def test_a_dry_run_prints_the_difference_and_writes_nothing(run: Run, drive: str, new_dcf: Path) -> None:
-    assert run(drive, "configure", "2", str(new_dcf), "--dry-run") == (1, DIFFERENCE, "")
-    assert run(drive, "configure", "2", str(new_dcf), "--dry-run") == (1, DIFFERENCE, "")
+def test_a_dry_run_prints_the_difference_and_writes_nothing(run: Run, lift: str, new_dcf: Path) -> None:
+    assert run(lift, "configure", "2", str(new_dcf), "--dry-run") == (1, DIFFERENCE, "")
+    assert run(lift, "configure", "2", str(new_dcf), "--dry-run") == (1, DIFFERENCE, "")
 
 
-def test_configure_writes_stores_and_verifies(run: Run, drive: str, new_dcf: Path) -> None:
+def test_configure_writes_stores_and_verifies(run: Run, lift: str, new_dcf: Path) -> None:
     done = "node 2 configured: 2 objects written and read back, stored, verified after a reset\n"
-    assert run(drive, "configure", "drive", str(new_dcf)) == (0, DIFFERENCE + done, "")
-    assert run(drive, "configure", "2", str(new_dcf)) == (0, "node 2 already is as new.dcf says\n", "")
+    assert run(lift, "configure", "lift", str(new_dcf)) == (0, DIFFERENCE + done, "")
+    assert run(lift, "configure", "2", str(new_dcf)) == (0, "node 2 already is as new.dcf says\n", "")
 
 
 @pytest.mark.parametrize(
     ("option", "kept"), [("--no-store", "not stored"), ("--no-reset", "stored"), ("--only=profile", "")]
 )
-def test_configure_does_no_more_than_it_is_told(run: Run, drive: str, new_dcf: Path, option: str, kept: str) -> None:
+def test_configure_does_no_more_than_it_is_told(run: Run, lift: str, new_dcf: Path, option: str, kept: str) -> None:
     done = f"node 2 configured: 2 objects written and read back, {kept}\n"
     said = DIFFERENCE + done if kept else "node 2 already is as new.dcf says\n"
-    assert run(drive, "configure", "drive", str(new_dcf), option) == (0, said, "")
+    assert run(lift, "configure", "lift", str(new_dcf), option) == (0, said, "")
 
 
 def test_cob_ids_that_somebody_chose_are_asked_about_before_the_bus_is_opened(
@@ -394,39 +392,39 @@ def test_cob_ids_that_somebody_chose_are_asked_about_before_the_bus_is_opened(
     )
 
 
-def test_the_dcf_of_a_live_node(run: Run, drive: str, tmp_path: Path) -> None:
+def test_the_dcf_of_a_live_node(run: Run, lift: str, tmp_path: Path) -> None:
     file = tmp_path / "live.dcf"
-    names = "0x2000 Goto XY, 0x2001 Emergency stop, 0x2010 Navi position, 0x2020 Start configuration"
+    names = "0x2000 Move to, 0x2001 Halt cause, 0x2011 Weight, 0x2020 Order"
     said = f"eurobot-od: left out as process data: {names}\n"
-    assert run(drive, "export-dcf", "2", "-o", str(file)) == (0, "", said)
+    assert run(lift, "export-dcf", "2", "-o", str(file)) == (0, "", said)
     assert Dictionary.load(file).default((0x1017, 0)) == 10
-    assert run(drive, "export-dcf", "2") == (0, file.read_text(), said)
-    assert run(drive, "configure", "2", str(file), "--dry-run")[0] == 0
+    assert run(lift, "export-dcf", "2") == (0, file.read_text(), said)
+    assert run(lift, "configure", "2", str(file), "--dry-run")[0] == 0
 
 
 def test_what_no_line_can_hold_stands_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
-    eds, file = tmp_path / "drive.eds", tmp_path / "live.dcf"
-    eds.write_bytes(in_normal_form((DRIVE.read_text() + FILES).encode())[0])  # which lists the object, too
-    with stock_drive(eds) as (channel, node):
+    eds, file = tmp_path / "lift.eds", tmp_path / "live.dcf"
+    eds.write_bytes(in_normal_form((LIFT.read_text() + FILES).encode())[0])  # which lists the object, too
+    with stock_lift(eds) as (channel, node):
         node.set_data(0x200E, 0, b"a\nb")
         words = (channel, "export-dcf", "2", "--eds", str(eds))
         assert run(*words, "-o", str(file))[0] == 0
         assert (tmp_path / "live-200E-0.bin").read_bytes() == b"a\nb"
-        said = "eurobot-od: the DCF needs files beside it (drive-200E-0.bin): write it by -o FILE\n"
+        said = "eurobot-od: the DCF needs files beside it (lift-200E-0.bin): write it by -o FILE\n"
         assert run(*words) == (2, "", said)
         node.set_data(0x200E, 0, b"c")
         change = "node 2 differs from live.dcf in 1 object:\n0x200E:0 Script  63 -> 61 0A 62\n"
         assert run(channel, "configure", "2", str(file), "--dry-run") == (1, change, "")
 
 
-def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, drive: str) -> None:
-    assert run(drive, "store", "2") == (0, "node 2 has stored all parameters\n", "")
-    assert run(drive, "nmt", "2", "reset")[0] == 0
-    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "10"
-    assert run(drive, "restore", "2")[1] == "node 2 will have, from its next reset on, the defaults of all parameters\n"
-    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "10"
-    assert run(drive, "restore", "2", "--reset")[1] == "node 2 has the defaults of all parameters\n"
-    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "1000"
+def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, lift: str) -> None:
+    assert run(lift, "store", "2") == (0, "node 2 has stored all parameters\n", "")
+    assert run(lift, "nmt", "2", "reset")[0] == 0
+    assert run(lift, "read", "2", "0x1017")[1].split()[-1] == "10"
+    assert run(lift, "restore", "2")[1] == "node 2 will have, from its next reset on, the defaults of all parameters\n"
+    assert run(lift, "read", "2", "0x1017")[1].split()[-1] == "10"
+    assert run(lift, "restore", "2", "--reset")[1] == "node 2 has the defaults of all parameters\n"
+    assert run(lift, "read", "2", "0x1017")[1].split()[-1] == "1000"
 
 
 # nmt, emcy
@@ -440,39 +438,39 @@ def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, driv
         ("start", "node 2 is operational\n"),
     ],
 )
-def test_nmt_tells_what_the_heartbeat_says(run: Run, drive: str, command: str, out: str) -> None:
-    assert run(drive, "nmt", "2", command) == (0, out, "")
+def test_nmt_tells_what_the_heartbeat_says(run: Run, lift: str, command: str, out: str) -> None:
+    assert run(lift, "nmt", "2", command) == (0, out, "")
 
 
 @rows("command", ["reset", "reset-communication"])
-def test_a_reset_is_a_boot_up(run: Run, drive: str, command: str) -> None:
-    run(drive, "store", "2")
-    assert run(drive, "nmt", "2", command) == (0, "node 2 has booted and is operational\n", "")
+def test_a_reset_is_a_boot_up(run: Run, lift: str, command: str) -> None:
+    run(lift, "store", "2")
+    assert run(lift, "nmt", "2", command) == (0, "node 2 has booted and is operational\n", "")
 
 
-def test_nmt_to_all_nodes(run: Run, drive: str) -> None:
-    assert run(drive, "nmt", "all", "stop") == (0, "stop sent to all nodes\n", "")
-    assert run(drive, "scan", "--listen", "10 ms")[1].splitlines()[1].split() == ["2", *"-", "stopped", *"----"]
+def test_nmt_to_all_nodes(run: Run, lift: str) -> None:
+    assert run(lift, "nmt", "all", "stop") == (0, "stop sent to all nodes\n", "")
+    assert run(lift, "scan", "--listen", "10 ms")[1].splitlines()[1].split() == ["2", *"-", "stopped", *"----"]
 
 
-def test_emcy_lists_and_clears_what_a_node_remembers(run: Run, drive: str) -> None:
-    assert run(drive, "emcy", "2") == (0, "node 2: no error (error register 0x00)\nno error remembered\n", "")
-    with can.Bus(interface="virtual", channel=drive) as bus:
-        bus.send(can.Message(arbitration_id=0x008, data=b"\1\2", is_extended_id=False))  # half a Goto XY
-    status, out, _ = run(drive, "emcy", "2")
+def test_emcy_lists_and_clears_what_a_node_remembers(run: Run, lift: str) -> None:
+    assert run(lift, "emcy", "2") == (0, "node 2: no error (error register 0x00)\nno error remembered\n", "")
+    with can.Bus(interface="virtual", channel=lift) as bus:
+        bus.send(can.Message(arbitration_id=0x202, data=b"\1\2", is_extended_id=False))  # half a Move To
+    status, out, _ = run(lift, "emcy", "2")
     assert status == 1
     assert out.splitlines()[0] == "node 2: generic error, communication (error register 0x11)"
     assert out.splitlines()[1].startswith("0x8210  pdo too short")
-    _, out, _ = run(drive, "emcy", "2", "--json")
+    _, out, _ = run(lift, "emcy", "2", "--json")
     assert json.loads(out)["history"][0]["code"] == ErrorCode.PDO_TOO_SHORT
-    assert "no error remembered" in run(drive, "emcy", "2", "--clear")[1]
+    assert "no error remembered" in run(lift, "emcy", "2", "--clear")[1]
 
 
 # export cdcf
 
 
 def test_a_concise_dcf_is_written(capsys: pytest.CaptureFixture[str], new_dcf: Path, tmp_path: Path) -> None:
-    concise = tmp_path / "drive.cdcf"
+    concise = tmp_path / "lift.cdcf"
     assert main(["export", "cdcf", str(new_dcf), "-o", str(concise)]) == 0
     assert capsys.readouterr().out == f"{concise}: 3 writes for node 2\n"
 
@@ -480,17 +478,17 @@ def test_a_concise_dcf_is_written(capsys: pytest.CaptureFixture[str], new_dcf: P
 def test_a_concise_dcf_is_shown_in_the_order_of_its_writes(
     capsys: pytest.CaptureFixture[str], new_dcf: Path, tmp_path: Path
 ) -> None:
-    concise = tmp_path / "drive.cdcf"
+    concise = tmp_path / "lift.cdcf"
     main(["export", "cdcf", str(new_dcf), "-o", str(concise)])
     capsys.readouterr()
     assert main(["export", "cdcf", str(concise)]) == 0
     assert capsys.readouterr().out.split() == ["0x1017:0", "0x14", "0x1403:1", "0x80000018", "0x1403:1", "0x18"]
-    assert main(["export", "cdcf", str(concise), "--eds", str(DRIVE)]) == 0
-    assert "0x1403:1  Goto XY.COB-ID used by PDO  0x80000018" in capsys.readouterr().out
+    assert main(["export", "cdcf", str(concise), "--eds", str(LIFT)]) == 0
+    assert "0x1403:1  Halt Cause.COB-ID used by PDO  0x80000018" in capsys.readouterr().out
 
 
 def test_a_damaged_concise_dcf_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    concise = tmp_path / "drive.cdcf"
+    concise = tmp_path / "lift.cdcf"
     concise.write_bytes(b"\1\0\0\0\x17")
     assert main(["export", "cdcf", str(concise)]) == 2
     told = f"eurobot-od: {concise}: not a concise DCF: ends at byte 5, 7 bytes expected at byte 4\n"
@@ -498,9 +496,9 @@ def test_a_damaged_concise_dcf_is_refused(capsys: pytest.CaptureFixture[str], tm
 
 
 def test_a_concise_dcf_is_printed_only(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    concise = tmp_path / "drive.cdcf"
+    concise = tmp_path / "lift.cdcf"
     concise.write_bytes(b"\0\0\0\0")
-    assert main(["export", "cdcf", str(concise), "-o", str(tmp_path / "drive.dcf")]) == 2
+    assert main(["export", "cdcf", str(concise), "-o", str(tmp_path / "lift.dcf")]) == 2
     assert "is printed, without -o" in capsys.readouterr().err
 
 

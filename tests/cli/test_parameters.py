@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.robot import dialects
 from tests.cli.console import Said, run
 from tests.client.flash import FlashDevice, Trouble
 from tests.client.wired import WiredBus
+from tests.kit import plant
 from tests.rows import rows
 
 
@@ -70,8 +70,8 @@ def test_an_empty_file_is_no_program(
 def test_the_device_of_another_eds_is_left_alone(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, file: Path
 ) -> None:
-    device, drive = FlashDevice(), dialects.folder() / "drive.eds"
-    done = program(capsys, monkeypatch, device, "9", str(file), "--eds", str(drive))
+    device, lift = FlashDevice(), plant.FILES.folder() / "lift.eds"
+    done = program(capsys, monkeypatch, device, "9", str(file), "--eds", str(lift))
     assert done.status == 1
-    assert "drive.eds is for another device" in done.err
+    assert "lift.eds is for another device" in done.err
     assert device.commands == []

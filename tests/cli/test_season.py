@@ -19,7 +19,7 @@ for needed in ("polars", "duckdb", "pyarrow"):
 @pytest.fixture
 def season(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
     log = tmp_path / "some.log"
-    log.write_text("(1.000000) can0 008#D27423592C01C3A5\n(1.250000) can0 00C#\n")
+    log.write_text("(1.000000) can0 202#D27423592C01C3A5\n(1.250000) can0 182#\n")
     folder = str(tmp_path / "season")
     assert run(capsys, "archive", str(log), "-o", folder).status == 0
     return folder
@@ -62,14 +62,14 @@ def test_csv_and_json_have_all_rows(season: str, capsys: pytest.CaptureFixture[s
 
 def test_without_a_question_it_lists_the_tables(season: str, capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "query", season).out.splitlines()
-    assert "frames                            2  run, line, t, channel, cob_id, data, remote" in lines
+    assert "frames                   2  run, line, t, channel, cob_id, data, remote" in lines
 
 
 def test_a_report_is_printed_and_drawn(season: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "latency.svg"
-    said = run(capsys, "query", season, "--report", "latency", "--plot", str(picture))
-    assert said.out.splitlines()[1].split() == ["1", "250", "250", "250", "250", "250"]
-    assert "From a goto to its confirm" in picture.read_text()
+    picture = tmp_path / "answers.svg"
+    said = run(capsys, "query", season, "--report", "answers", "--plot", str(picture))
+    assert said.out.splitlines()[1].split()[:8] == ["Move", "To", "Move", "Confirm", "1", "1", "250", "250"]
+    assert "From a request to its answer" in picture.read_text()
 
 
 def test_the_answer_to_any_query_is_drawn(season: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,7 +88,7 @@ def test_a_terminal_sees_how_far_a_query_is(season: str, monkeypatch: pytest.Mon
 
 def test_reports_are_listed_without_a_season(capsys: pytest.CaptureFixture[str]) -> None:
     names = [line.split()[0] for line in run(capsys, "query", "none", "--report", "list").out.splitlines()]
-    assert names == ["latency", "arrivals", "stops", "periods", "answers", "load", "damage"]
+    assert names == ["periods", "answers", "load", "damage"]
 
 
 HOSTILE = """
@@ -142,12 +142,12 @@ def damaged(file: Path, how: str) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("table", "how"), [("frames", "cut off"), ("goto_xy", "empty"), ("runs", "other")])
+@pytest.mark.parametrize(("table", "how"), [("frames", "cut off"), ("move_to", "empty"), ("runs", "other")])
 def test_a_damaged_file_is_named_and_left_out_and_mended_by_the_next_archive(
     season: str, tmp_path: Path, table: str, how: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = tmp_path / "other.log"
-    other.write_text("(1.000000) can0 008#D27423592C0D9702\n")
+    other.write_text("(1.000000) can0 202#D27423592C0D9702\n")
     assert run(capsys, "archive", str(other), "-o", season).status == 0
     file = min((Path(season) / table).iterdir())
     damaged(file, how)
@@ -172,7 +172,7 @@ def test_a_folder_without_files_is_no_table(season: str, capsys: pytest.CaptureF
     "words, complaint",
     [
         (["SELECT 1", "--report", "load"], "a query is SQL or --report, not both"),
-        (["--report", "latancy"], "unknown report 'latancy'; did you mean latency?"),
+        (["--report", "answrs"], "unknown report 'answrs'; did you mean answers?"),
         (["SELECT x FROM y"], "Table with name y does not exist"),
         (["SELECT 'a' AS b", "--plot", "x.svg"], "nothing to draw"),
     ],
@@ -194,7 +194,7 @@ pytest.importorskip("polars", reason="the extra `season` is not installed")
 @pytest.fixture
 def log(tmp_path: Path) -> str:
     file = tmp_path / "some.log"
-    file.write_text("(1.000000) can0 010#\n(2.000000) can0 7E6#00\n")
+    file.write_text("(1.000000) can0 302#\n(2.000000) can0 7E6#00\n")
     return str(file)
 
 
@@ -212,12 +212,10 @@ def test_what_answers_what_is_kept_also_where_two_nodes_answer(
 ) -> None:
     pytest.importorskip("duckdb", reason="the extra `season` is not installed")
     log, season = tmp_path / "start.log", str(tmp_path / "season")
-    log.write_text("(1.000000) can0 2C0#DD86\n(1.001000) can0 300#\n(1.002000) can0 300#\n")
+    log.write_text("(1.000000) can0 481#1901\n(1.001000) can0 483#\n(1.002000) can0 483#\n")
     run(capsys, "archive", str(log), "-o", season)
     said = run(capsys, "query", season, "--report", "answers", "--csv").out.splitlines()
-    assert [line.split(",")[:5] for line in said[1:]] == [
-        ["Start Configuration Set", "Start Configuration Confirm", "1", "1", "1.0"]
-    ]
+    assert [line.split(",")[:5] for line in said[1:]] == [["Order Set", "Order Confirm", "1", "1", "1.0"]]
 
 
 @rows(
@@ -253,7 +251,7 @@ def test_without_the_extra_it_says_what_to_install(
 
 def test_a_logs_name_stays_in_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "a\x1b[2J\nb.log"
-    log.write_text("(1.0) can0 00C#\n")
+    log.write_text("(1.0) can0 182#\n")
     said = run(capsys, "archive", str(log), "-o", str(tmp_path / "season"))
     assert said.status == 0
     assert r"a\x1b[2J\nb.log: " in said.out

@@ -12,14 +12,13 @@ from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.cli.send import exchange
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.nodes import Drive
 from tests.cli.console import Said, run
+from tests.kit import plant
 from tests.rows import rows
 
 CHANNEL = "test-send"
-GOTO = ["Goto XY", "x=1234", "y=567", "angle=89", "speed=75"]
-DIAMETERS = ["enemy_1_diameter=45", "enemy_2_diameter=33"]
+MOVE = ["Move To", "x=1234", "y=567", "angle=89", "speed=75"]
+WEIGHED = "Weight Response  weight=12.5 kg, temperature=21.5 degC"
 
 
 @contextmanager
@@ -55,33 +54,32 @@ def heard(wire: can.BusABC) -> str | None:
 @rows(
     "words, frame, said",
     [
-        (["Stop Drive"], "004#", "Stop Drive"),
-        (["stop-drive"], "004#", "Stop Drive"),
-        (["Emergency Stop", "obstacle=enemy"], "002#01", "Emergency Stop  obstacle=enemy"),
-        (["Emergency Stop", "obstacle=1"], "002#01", "Emergency Stop  obstacle=enemy"),
+        (["Halt Lift"], "381#", "Halt Lift"),
+        (["halt-lift"], "381#", "Halt Lift"),
+        (["Halt Cause", "cause=curtain"], "281#01", "Halt Cause  cause=curtain"),
+        (["Halt Cause", "cause=1"], "281#01", "Halt Cause  cause=curtain"),
         (
-            [*GOTO, "barriers=0xA5C3"],
-            "008#D27423592C01C3A5",
-            "Goto XY  x=1234 mm, y=567 mm, angle=89 deg, speed=75 %, barriers=fire 1:forced, fire 4:forced, "
-            "fire 5:normal, fire 6:normal, pool 1:forced, pool 2:forced",
+            [*MOVE, "gates=0xA5C3"],
+            "202#D27423592C01C3A5",
+            "Move To  x=1234 mm, y=567 mm, angle=89 deg, speed=75 %, gates=gate-1:locked,gate-4:locked",
         ),
         (
-            [*GOTO, "barriers=fire-1:forced"],
-            "008#D27423592C010200",
-            "Goto XY  x=1234 mm, y=567 mm, angle=89 deg, speed=75 %, barriers=fire 1:forced",
+            [*MOVE, "gates=gate-1:locked"],
+            "202#D27423592C010200",
+            "Move To  x=1234 mm, y=567 mm, angle=89 deg, speed=75 %, gates=gate-1:locked",
         ),
         (
-            ["Start Configuration Set", "team_colour=red", "enemies=2", "confederates=1", *DIAMETERS],
-            "2C0#DD86",
-            "Start Configuration Set  team_colour=red, enemies=2, confederates=1, enemy_1_diameter=45 cm, "
-            "enemy_2_diameter=33 cm",
+            ["Order Set", "colour=blue", "boxes=12", "rows=2"],
+            "481#1901",
+            "Order Set  colour=blue, boxes=12, rows=2",
         ),
         (
-            ["Navi Position Response", "x=unknown", "y=unknown", "angle=unknown", "source=internal"],
-            "080#FFF00FFF03",
-            "Navi Position Response  x=unknown, y=unknown, angle=unknown, source=internal",
+            ["Place Response", "x=unknown", "y=unknown", "angle=unknown", "source=encoder"],
+            "382#FFF00FFF03",
+            "Place Response  x=unknown, y=unknown, angle=unknown, source=encoder",
         ),
-        (["Goto State Response", "time=blocked"], "014#FEFFFF", "Goto State Response  time=blocked"),
+        (["Weight Response", "weight=12.5", "temperature=21.5"], "183#E2040000AC41", WEIGHED),
+        (["Move State Response", "time=blocked"], "282#FEFFFF", "Move State Response  time=blocked"),
     ],
 )
 def test_a_message_is_sent_and_shown(
@@ -93,67 +91,67 @@ def test_a_message_is_sent_and_shown(
 
 
 def test_a_dialect_gives_the_bits(capsys: pytest.CaptureFixture[str], wire: can.BusABC) -> None:
-    send(capsys, *GOTO, "direction=backward", "--dialect", "firmware2014")
-    assert heard(wire) == "008#4D22371652C00030"
+    send(capsys, *MOVE, "direction=backward", "--dialect", "packed")
+    assert heard(wire) == "202#4D22371652C00030"
 
 
 # What comes back
 
 
 @pytest.fixture
-def drive(wire: can.BusABC) -> Iterator[can.BusABC]:
-    """A drive that runs on the bus; its boot-up has been heard."""
+def lift(wire: can.BusABC) -> Iterator[can.BusABC]:
+    """A lift that runs on the bus; its boot-up has been heard."""
     bus = open_bus("virtual", CHANNEL)
-    with Live.node(bus, Drive(dialects.load("drive"))):
+    with Live.node(bus, plant.NODES["lift"](plant.load("lift"))):
         assert wire.recv(5.0) is not None
         yield wire
 
 
-@pytest.mark.usefixtures("drive")
+@pytest.mark.usefixtures("lift")
 def test_an_expected_answer_is_shown_with_the_time_it_took(capsys: pytest.CaptureFixture[str]) -> None:
-    said = send(capsys, "Check Drive Request", "--expect", "Check Drive Response", "--within", "10")
+    said = send(capsys, "Check Lift Request", "--expect", "Check Lift Response", "--within", "10")
     sent, received = said.out.splitlines()
     assert said.status == 0
-    assert sent == "sent      3C0#  Check Drive Request"
-    assert received.startswith("received  400#  Check Drive Response  after ")
+    assert sent == "sent      502#  Check Lift Request"
+    assert received.startswith("received  482#  Check Lift Response  after ")
     assert received.endswith(" ms")
 
 
-@pytest.mark.usefixtures("drive")
+@pytest.mark.usefixtures("lift")
 def test_an_answer_is_shown_with_its_values(capsys: pytest.CaptureFixture[str]) -> None:
-    said = send(capsys, "Goto State Request", "--expect", "goto state response", "--within", "10s")
-    assert said.out.splitlines()[1].startswith("received  014#FFFF0F  Goto State Response  time=unknown  after ")
+    said = send(capsys, "Move State Request", "--expect", "move state response", "--within", "10s")
+    assert said.out.splitlines()[1].startswith("received  282#FDFFFF  Move State Response  time=unknown  after ")
 
 
-@pytest.mark.usefixtures("drive")
+@pytest.mark.usefixtures("lift")
 def test_another_message_is_no_answer(capsys: pytest.CaptureFixture[str]) -> None:
-    said = send(capsys, "Check Drive Request", "--expect", "Check Navi Response", "--within", "100 ms")
+    said = send(capsys, "Check Lift Request", "--expect", "Check Scale Response", "--within", "100 ms")
     assert said.status == 1
-    assert said.out.splitlines()[1] == "expected  Check Navi Response: nothing came within 100 ms"
+    assert said.out.splitlines()[1] == "expected  Check Scale Response: nothing came within 100 ms"
 
 
 def test_an_answer_that_is_too_short_is_one_line(capsys: pytest.CaptureFixture[str], wire: can.BusABC) -> None:
-    short = can.Message(arbitration_id=0x014, data=b"\x01", is_extended_id=False)
+    short = can.Message(arbitration_id=0x282, data=b"\x01", is_extended_id=False)
     with hearing(wire, lambda _: wire.send(short)):
-        said = send(capsys, "Goto State Request", "--expect", "Goto State Response", "--within", "10 s")
+        said = send(capsys, "Move State Request", "--expect", "Move State Response", "--within", "10 s")
     assert said.status == 1
-    assert said.err == "eurobot-od: Goto State Response (0x014): 1 bytes of data, expected 3\n"
+    assert said.err == "eurobot-od: Move State Response (0x282): 1 bytes of data, expected 3\n"
 
 
 def test_on_an_empty_bus_nothing_comes(capsys: pytest.CaptureFixture[str], wire: can.BusABC) -> None:
-    said = send(capsys, "Check Drive Request", "--expect", "Check Drive Response", "--within", "0.05s")
+    said = send(capsys, "Check Lift Request", "--expect", "Check Lift Response", "--within", "0.05s")
     assert said.status == 1
-    assert said.out.splitlines()[1] == "expected  Check Drive Response: nothing came within 50 ms"
-    assert heard(wire) == "3C0#"
+    assert said.out.splitlines()[1] == "expected  Check Lift Response: nothing came within 50 ms"
+    assert heard(wire) == "502#"
 
 
 def test_an_exchange_gives_the_answer_and_the_time_it_took(wire: can.BusABC) -> None:
-    answer = can.Message(arbitration_id=0x400, data=b"\x05", is_extended_id=False)
+    answer = can.Message(arbitration_id=0x482, data=b"\x05", is_extended_id=False)
     with hearing(wire, lambda _: wire.send(answer)):
-        found = exchange(open_bus("virtual", CHANNEL), Frame(0x3C0, b""), Frame(0x400), 10.0)
+        found = exchange(open_bus("virtual", CHANNEL), Frame(0x502, b""), Frame(0x482), 10.0)
     assert found is not None
     frame, took = found
-    assert frame == Frame(0x400, b"\x05")
+    assert frame == Frame(0x482, b"\x05")
     assert took > 0
 
 
@@ -164,7 +162,7 @@ def test_a_bus_that_fails_while_the_answer_is_awaited_is_an_error(monkeypatch: p
     bus = open_bus("virtual", CHANNEL)
     monkeypatch.setattr(bus, "recv", fail)
     with pytest.raises(BusError, match="the adapter is gone"):
-        exchange(bus, Frame(0x3C0, b""), Frame(0x400), 10.0)
+        exchange(bus, Frame(0x502, b""), Frame(0x482), 10.0)
 
 
 # Frames in candump's notation
@@ -176,12 +174,11 @@ def test_a_bus_that_fails_while_the_answer_is_awaited_is_an_error(monkeypatch: p
         ("185#0102", "185#0102", ""),
         ("185#", "185#", ""),
         (
-            "2c0#dd.86",
-            "2C0#DD86",
-            "  Start Configuration Set  team_colour=red, enemies=2, confederates=1, "
-            "enemy_1_diameter=45 cm, enemy_2_diameter=33 cm",
+            "481#19.01",
+            "481#1901",
+            "  Order Set  colour=blue, boxes=12, rows=2",
         ),
-        ("008#01", "008#01", ""),  # too short for a Goto XY: sent as it is
+        ("202#01", "202#01", ""),  # too short for a Move To: sent as it is
     ],
 )
 def test_a_frame_is_sent_as_it_is(
@@ -216,25 +213,25 @@ def test_a_frame_is_waited_for(capsys: pytest.CaptureFixture[str], wire: can.Bus
 WRONG = [
     (["185#1"], "'185#1' is not a frame: write an 11-bit identifier, # and up to 8 bytes: 185#0102"),
     (["185#01", "x=1"], "the frame 185#01 has no fields: x=1"),
-    (["Stop Drive", "--expect", "1855#"], "'1855#' is not a frame"),
-    (["Gotto"], "unknown message 'Gotto'; known: Emergency Shutdown, "),
-    (["Goto Confrm"], "unknown message 'Goto Confrm'; did you mean Goto Confirm?"),
-    ([*GOTO, "z=1"], "unknown field of Goto XY 'z'; known: x, y, angle, speed, barriers, direction, route"),
-    (["Stop Drive", "x=1"], "unknown field of Stop Drive 'x'"),
-    (GOTO[:2], "Goto XY: y, angle, speed missing"),
-    ([*GOTO, "x=1"], "Goto XY: x given twice"),
-    (["Goto XY", "x=3001", *GOTO[2:]], "Goto XY: x = 3001 is not allowed; allowed: 0..3000 mm"),
-    (["Goto XY", "x=-1", *GOTO[2:]], "Goto XY: x = -1 is not allowed; allowed: 0..3000 mm"),
-    (["Goto XY", "x=12.5", *GOTO[2:]], "Goto XY: x = '12.5' is not allowed; allowed: 0..3000 mm"),
-    (["Goto XY", "x", *GOTO[2:]], "Goto XY: x = 'x' is not allowed; allowed: 0..3000 mm"),
-    (["Goto XY", "x=", *GOTO[2:]], "Goto XY: x = '' is not allowed; allowed: 0..3000 mm"),
-    ([*GOTO[:4], "speed=101"], "Goto XY: speed = 101 is not allowed; allowed: 0..100 %"),
-    ([*GOTO, "barriers=fire-9"], "unknown barrier 'fire-9'; known: fire 1, "),
-    ([*GOTO, "barriers=fire-1:maybe"], "Goto XY: barriers = 'fire-1:maybe' is not allowed; allowed: 0..65535, or "),
-    ([*GOTO, "direction=backward"], "Goto XY: direction = backward is not allowed; allowed: forward, as the loaded"),
-    (["Emergency Stop", "obstacle=wall"], "Emergency Stop: obstacle = 'wall' is not allowed; allowed: object (0), "),
-    (["Stop Drive", "--expect", "Nothing"], "unknown message 'Nothing'; known: Emergency Shutdown, "),
-    (["Stop Drive", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: canopen, firmware2014"),
+    (["Halt Lift", "--expect", "1855#"], "'1855#' is not a frame"),
+    (["Gotto"], "unknown message 'Gotto'; known: Halt All, "),
+    (["Move Confrm"], "unknown message 'Move Confrm'; did you mean Move Confirm or Order Confirm?"),
+    ([*MOVE, "z=1"], "unknown field of Move To 'z'; known: x, y, angle, speed, gates, direction, route"),
+    (["Halt Lift", "x=1"], "unknown field of Halt Lift 'x'"),
+    (MOVE[:2], "Move To: y, angle, speed missing"),
+    ([*MOVE, "x=1"], "Move To: x given twice"),
+    (["Move To", "x=3001", *MOVE[2:]], "Move To: x = 3001 is not allowed; allowed: 0..3000 mm"),
+    (["Move To", "x=-1", *MOVE[2:]], "Move To: x = -1 is not allowed; allowed: 0..3000 mm"),
+    (["Move To", "x=12.5", *MOVE[2:]], "Move To: x = '12.5' is not allowed; allowed: 0..3000 mm"),
+    (["Move To", "x", *MOVE[2:]], "Move To: x = 'x' is not allowed; allowed: 0..3000 mm"),
+    (["Move To", "x=", *MOVE[2:]], "Move To: x = '' is not allowed; allowed: 0..3000 mm"),
+    ([*MOVE[:4], "speed=101"], "Move To: speed = 101 is not allowed; allowed: 0..100 %"),
+    ([*MOVE, "gates=gate-9"], "unknown gate 'gate 9'; did you mean gate "),
+    ([*MOVE, "gates=gate-1:maybe"], "Move To: gates = 'gate-1:maybe' is not allowed; allowed: 0..65535, or "),
+    ([*MOVE, "direction=backward"], "Move To: direction = backward is not allowed; allowed: forward, as the loaded"),
+    (["Halt Cause", "cause=wall"], "Halt Cause: cause = 'wall' is not allowed; allowed: operator (0), "),
+    (["Halt Lift", "--expect", "Nothing"], "unknown message 'Nothing'; known: Halt All, "),
+    (["Halt Lift", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: packed, plain"),
 ]
 
 
@@ -261,7 +258,7 @@ def test_a_wrong_command_line_is_one_line_and_sends_nothing(
 def test_a_bus_that_does_not_exist_is_one_line(
     capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
 ) -> None:
-    said = run(capsys, "send", "Stop Drive", *words)
+    said = run(capsys, "send", "Halt Lift", *words)
     assert (said.status, said.out) == (3, "")
     assert said.err.startswith(f"eurobot-od: {complaint}")
     assert said.err.count("\n") == 1

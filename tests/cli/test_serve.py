@@ -19,7 +19,7 @@ from tests.rows import rows
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
     file = tmp_path / "friday.log"
-    file.write_text("(1.0) can0 00C#\n(2.5) can0 123#\n")
+    file.write_text("(1.0) can0 182#\n(2.5) can0 123#\n")
     return file
 
 

@@ -10,13 +10,12 @@ import pytest
 from eurobot_od.cli.show import picture
 from eurobot_od.od import DIALECT_VARIABLE
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.kit import plant
 from tests.rows import rows
 
-PROTOCOLS = {name: EurobotProtocol.load(name) for name in dialects.names()}
+PROTOCOLS = {name: plant.protocol(name) for name in plant.DIALECTS}
 
 
 @rows("dialect", PROTOCOLS)
@@ -29,7 +28,7 @@ def test_the_table_has_every_message_in_the_order_of_its_identifier(
     bindings = PROTOCOLS[dialect].bindings
     assert [int(row.split()[0], 16) for row in rows] == [binding.cob_id for binding in bindings]
     assert all(binding.name in row for binding, row in zip(bindings, rows))
-    assert rows[7].split() == ["0x040", "Navi", "Position", "Request", "core", "navigation", "0"]
+    assert rows[4].split() == ["0x203", "Weight", "Request", "panel", "scale", "0"]
 
 
 def test_a_picture_has_room_for_64_fields(
@@ -46,17 +45,17 @@ def test_a_picture_has_room_for_64_fields(
 
 
 def test_a_picture_shows_each_bit_where_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    lines = run(capsys, "show", "Start Configuration Set").out.splitlines()
-    assert lines[0] == "Start Configuration Set  COB-ID 0x2C0  2 bytes"
-    assert lines[1] == "core -> drive, navigation"
+    lines = run(capsys, "show", "Order Set").out.splitlines()
+    assert lines[0] == "Order Set  COB-ID 0x481  2 bytes"
+    assert lines[1] == "panel -> lift, scale"
     rows = [line.split("|")[1:-1] for line in lines if line.startswith("byte ")]
     assert [[cell.strip() for cell in row] for row in rows] == [
-        ["e3", "e2", "e1", "e0", "C0", "E1", "E0", "T0"],
-        ["n5", "n4", "n3", "n2", "n1", "n0", "e5", "e4"],
+        ["R0", "B5", "B4", "B3", "B2", "B1", "B0", "C0"],
+        [".", ".", ".", ".", ".", ".", ".", "R1"],
     ]
 
 
-@rows("name", PROTOCOLS["canopen"].names())
+@rows("name", PROTOCOLS["plain"].names())
 @rows("protocol", PROTOCOLS.values())
 def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol: Protocol, name: str) -> None:
     lines, layout = list(picture(protocol.binding(name))), protocol.binding(name).layout
@@ -70,11 +69,11 @@ def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol:
 @rows(
     "name, first",
     [
-        ("goto xy", "Goto XY  COB-ID 0x008  8 bytes, 6 without barriers"),
-        ("GotoXY", "Goto XY  COB-ID 0x008  8 bytes, 6 without barriers"),
-        ("goto-xy", "Goto XY  COB-ID 0x008  8 bytes, 6 without barriers"),
-        ("Emergency Stop", "Emergency Stop  COB-ID 0x002  1 byte"),
-        ("Stop Drive", "Stop Drive  COB-ID 0x004  no data"),
+        ("move to", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
+        ("MoveTo", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
+        ("move-to", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
+        ("Halt Cause", "Halt Cause  COB-ID 0x281  1 byte"),
+        ("Halt Lift", "Halt Lift  COB-ID 0x381  no data"),
     ],
 )
 def test_a_message_is_found_however_its_name_is_written(
@@ -83,29 +82,29 @@ def test_a_message_is_found_however_its_name_is_written(
     assert run(capsys, "show", name).out.splitlines()[0] == first
 
 
-@rows("words, count", [(["show"], len(PROTOCOLS["canopen"].bindings)), (["show", "Goto XY"], 1)])
+@rows("words, count", [(["show"], len(PROTOCOLS["plain"].bindings)), (["show", "Move To"], 1)])
 def test_json_says_the_same(capsys: pytest.CaptureFixture[str], words: list[str], count: int) -> None:
     data = json.loads(run(capsys, *words, "--json").out)
     assert len(data) == count
-    goto = next(each for each in data if each["name"] == "Goto XY")
-    assert goto["cob_id"] == 8
-    assert goto["fields"]["y"]["frame_bits"] == list(range(12, 24))
+    move = next(each for each in data if each["name"] == "Move To")
+    assert move["cob_id"] == 0x202
+    assert move["fields"]["y"]["frame_bits"] == list(range(12, 24))
 
 
 def test_the_dialect_may_come_from_the_environment(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(DIALECT_VARIABLE, "firmware2014")
+    monkeypatch.setenv(DIALECT_VARIABLE, "packed")
     assert "direction" in run(capsys, "show").out
-    assert "direction" not in run(capsys, "show", "--dialect", "canopen").out
+    assert "direction" not in run(capsys, "show", "--dialect", "plain").out
 
 
 @rows(
     "words, complaint",
     [
-        (["show", "Goto XZ"], "unknown message 'Goto XZ'; did you mean Goto XY?"),
-        (["show", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: canopen, firmware2014"),
-        (["show", "Goto XY", "--objects"], "either a message or --objects, not both"),
+        (["show", "Move Tx"], "unknown message 'Move Tx'; did you mean Move To?"),
+        (["show", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: packed, plain"),
+        (["show", "Move To", "--objects"], "either a message or --objects, not both"),
         (["show", __file__], f"{__file__} is a file, not a message: name it by --eds"),
     ],
 )

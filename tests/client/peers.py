@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from copy import deepcopy
 from datetime import datetime
 from pathlib import Path
@@ -12,25 +12,35 @@ import can
 import canopen
 from interop_rows.bench import new_channel as new_channel
 from interop_rows.bench import open_bus as open_bus
-from interop_rows.bench import robot as robot
 
+from eurobot_od.bus.live import Live
 from eurobot_od.client.boot import BootedSlave, hear_slave, order_start, prepare_slave, started_state
 from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od import dictionary
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
-from eurobot_od.robot import dialects
+from tests.kit import plant
 
-EDS = dialects.eds_folder() / "canopen"
-DRIVE = EDS / "drive.eds"
+EDS = plant.FILES.folder()
+LIFT = EDS / "lift.eds"
 
 ANSWER_WAIT = 2.0
 """Seconds, for a machine with much else to do; tests of silence have a wait of their own."""
 
 
 @contextmanager
-def stock_drive(file: Path = DRIVE) -> Iterator[tuple[str, canopen.LocalNode]]:
-    """Run canopen's own node 2 with the drive's EDS on a new bus; gives its channel and the node."""
+def line(*names: str) -> Iterator[str]:
+    """Run nodes of the packaging line on a new bus inside the process; gives its channel."""
+    channel = new_channel()
+    with ExitStack() as stack:
+        for name in names:
+            stack.enter_context(Live.node(open_bus(channel), plant.NODES[name](plant.load(name))))
+        yield channel
+
+
+@contextmanager
+def stock_lift(file: Path = LIFT) -> Iterator[tuple[str, canopen.LocalNode]]:
+    """Run canopen's own node 2 with the lift's EDS on a new bus; gives its channel and the node."""
     channel = new_channel()
     network = canopen.Network(open_bus(channel))
     network.NOTIFIER_CYCLE = 0.01

@@ -36,7 +36,7 @@ from eurobot_od.od.objects import address_of, find_one
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address
 from eurobot_od.pdo.in_force import made
-from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
+from tests.client.peers import LIFT, line, master_on, new_channel, stock_lift
 from tests.client.servo import EDS
 from tests.client.wired import agree_on_parameters, started, wired
 from tests.eds_text import DEVICE_TYPE, pdo, variable
@@ -93,8 +93,8 @@ def test_pdos_are_read_without_a_file_as_with_one() -> None:
     with SimulatedNetwork() as network:
         network.simulate(Dictionary.load("docs/servo.eds", 7))
         assert same_pdos(network[7]._node, Dictionary.load("docs/servo.eds", 7))
-    with stock_drive(DRIVE) as (channel, _), master_on(channel) as master:  # canopen's own server
-        assert same_pdos(master.node(2), Dictionary.load(DRIVE, 2))
+    with stock_lift(LIFT) as (channel, _), master_on(channel) as master:  # canopen's own server
+        assert same_pdos(master.node(2), Dictionary.load(LIFT, 2))
 
 
 def test_a_pdo_behind_a_gap_is_read() -> None:
@@ -142,12 +142,12 @@ def test_what_cannot_be_mapped_is_refused_before_anything_is_written(names: list
 # Reading all of a node: what it refuses is reported and left out, and its DCF makes another node like it.
 
 
-DRIVE_FILE = Dictionary.load(DRIVE)
+DRIVE_FILE = Dictionary.load(LIFT)
 WRITTEN = {(0x1017, 0): b"\xf4\x01", (0x2101, 1): b"\x84\x03"}
 
 
 def test_everything_that_can_be_read_is_read() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         readings = {address_of(each.thing): each for each in read_all(master.node(2), readable(DRIVE_FILE))}
     assert readings[0x1008, 0].value == "Eurobot 2014 drive"
     assert readings[0x1403, 1].value == 8
@@ -163,14 +163,14 @@ def test_parameters_are_what_can_be_set_and_is_no_process_data() -> None:
 
 def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
     file = tmp_path / "drive.dcf"
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         for address, data in WRITTEN.items():
             master.node(2).download(address, data)
         made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "drive")
     assert (left_out, made.files) == ([], {})
     assert dcf.missing(parse(made.content.decode())) == []
     file.write_bytes(made.content)
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         assert {
             address_of(each.thing): each.after for each in difference(node, Dictionary.load(file)).changes
@@ -212,7 +212,7 @@ def test_a_value_beyond_its_limits_is_refused_only_where_it_would_be_new(
 
 
 def test_what_the_node_refuses_is_left_out_and_told() -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         del node.object_dictionary[0x2101]
         made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "drive")
     assert {address_of(each.thing)[0] for each in left_out} == {0x2101}

@@ -24,7 +24,7 @@ from eurobot_od.od.values import Address, Value
 from eurobot_od.robot.model.messages import GotoConfirm, GotoXY
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.support.progress import Progress, unwatched
-from tests.client.peers import DRIVE, EDS, master_on, open_bus, robot, stock_drive
+from tests.client.peers import EDS, LIFT, line, master_on, open_bus, stock_lift
 from tests.conftest import with_entry
 from tests.eds_text import DEVICE_TYPE, variable
 from tests.rows import rows
@@ -51,7 +51,7 @@ def make(tmp_path: Path) -> Callable[..., Dictionary]:
     """Writes a DCF of node 2 and reads it: values, EDS, and what is done to its text."""
 
     def write(
-        values: dict[Address, Value], eds: str = DRIVE.read_text(), change: Callable[[str], str] = str, node_id: int = 2
+        values: dict[Address, Value], eds: str = LIFT.read_text(), change: Callable[[str], str] = str, node_id: int = 2
     ) -> Dictionary:
         file = tmp_path / "drive.dcf"
         file.write_text(change(dcf.with_values(DescribedDevice(parse(eds)), values, node_id, "drive", 500)))
@@ -100,7 +100,7 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
     make: Callable[..., Dictionary],
 ) -> None:
     description = make(NEW)
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         assert configure(node, description, NOW) == Configured(len(NEW), stored=True, verified=True)
         assert [node.upload((0x1020, subindex)) for subindex in (1, 2)] == NOW_BYTES
@@ -118,7 +118,7 @@ def test_the_order_of_writes_is_that_of_cia_301(
     make: Callable[..., Dictionary], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eurobot_od.client.master.BOOT_WAIT", 0.1)
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         with pytest.raises(ConfigurationError):  # canopen's node sends no boot-up
             configure(master.node(2), make(NEW), NOW)
@@ -127,7 +127,7 @@ def test_the_order_of_writes_is_that_of_cia_301(
 
 
 def test_a_difference_is_found_by_reading_alone(make: Callable[..., Dictionary]) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         plan = difference(master.node(2), make(NEW))
         assert writes.addresses == []
@@ -140,15 +140,15 @@ def test_a_difference_is_found_by_reading_alone(make: Callable[..., Dictionary])
 
 
 def test_nothing_is_written_where_nothing_differs(make: Callable[..., Dictionary]) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         assert configure(master.node(2), make({HEARTBEAT: 1000}), NOW) == Configured(0, stored=False)
         assert writes.addresses == []
 
 
 def test_a_node_that_cannot_store_is_configured_until_its_reset(make: Callable[..., Dictionary]) -> None:
-    eds = DRIVE.read_text().replace("=0x1010\n", "=0x5010\n").replace("[1010", "[5010")
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    eds = LIFT.read_text().replace("=0x1010\n", "=0x5010\n").replace("[1010", "[5010")
+    with stock_lift() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=False)
         assert STORE not in writes.addresses
@@ -158,8 +158,8 @@ OWN: Address = (0x2100, 1)
 
 
 def test_a_makers_object_that_is_called_node_id_is_none(make: Callable[..., Dictionary]) -> None:
-    eds = with_entry(DRIVE.read_text(), "2100sub1", "DefaultValue", "7")
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    eds = with_entry(LIFT.read_text(), "2100sub1", "DefaultValue", "7")
+    with stock_lift() as (channel, node), master_on(channel) as master:
         node.set_data(*OWN, b"\x07")  # of another axis, or what a switch says
         assert difference(master.node(2), make({OWN: 7}, eds)).changes == ()
         assert [address_of(each.thing) for each in difference(master.node(2), make({OWN: 9}, eds)).changes] == [OWN]
@@ -176,7 +176,7 @@ def test_a_makers_object_that_is_called_node_id_is_none(make: Callable[..., Dict
 def test_storing_and_the_reset_can_be_left_out(
     make: Callable[..., Dictionary], options: dict[str, bool], configured: Configured, commands: list[int]
 ) -> None:
-    with robot("drive") as channel, master_on(channel) as master, open_bus(channel) as listener:
+    with line("lift") as channel, master_on(channel) as master, open_bus(channel) as listener:
         plan = difference(master.node(2), make(NEW))
         assert apply(master.node(2), plan, NOW, **options) == configured
         sent = iter(lambda: listener.recv(0), None)
@@ -198,7 +198,7 @@ def test_storing_and_the_reset_can_be_left_out(
 def test_chapters_of_a_file_are_configured_alone(
     make: Callable[..., Dictionary], chapters: list[DictionaryArea], changed: list[Address]
 ) -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         plan = difference(master.node(2), make(NEW), chapters)
         assert [address_of(each.thing) for each in plan.changes] == changed
         if changed:
@@ -208,8 +208,8 @@ def test_chapters_of_a_file_are_configured_alone(
 
 
 def test_an_object_that_can_only_be_written_is_written_and_not_compared(make: Callable[..., Dictionary]) -> None:
-    eds = with_entry(DRIVE.read_text(), "2101sub1", "AccessType", "wo")
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    eds = with_entry(LIFT.read_text(), "2101sub1", "AccessType", "wo")
+    with stock_lift() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         set_access(node, SPEED, "wo")
         set_access(node, STORE, "ro")
@@ -234,21 +234,21 @@ def boots(node: canopen.LocalNode, *lost: Address) -> None:
 
 
 VERIFY: Address = (0x1020, 1)
-WITHOUT_MARK = DRIVE.read_text().replace("=0x1020\n", "=0x5020\n").replace("[1020", "[5020")
+WITHOUT_MARK = LIFT.read_text().replace("=0x1020\n", "=0x5020\n").replace("[1020", "[5020")
 
 
-@pytest.mark.parametrize("eds", [DRIVE.read_text(), WITHOUT_MARK])
+@pytest.mark.parametrize("eds", [LIFT.read_text(), WITHOUT_MARK])
 def test_a_node_that_booted_with_what_it_stored_is_configured(make: Callable[..., Dictionary], eds: str) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         boots(node)
         assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=True, verified=True)
 
 
 @pytest.mark.parametrize(
-    ("eds", "lost"), [(DRIVE.read_text(), [SPEED]), (DRIVE.read_text(), [VERIFY, SPEED]), (WITHOUT_MARK, [SPEED])]
+    ("eds", "lost"), [(LIFT.read_text(), [SPEED]), (LIFT.read_text(), [VERIFY, SPEED]), (WITHOUT_MARK, [SPEED])]
 )
 def test_a_node_that_did_not_store_is_told(make: Callable[..., Dictionary], eds: str, lost: list[Address]) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         boots(node, *lost)
         with pytest.raises(ConfigurationError) as told:
             configure(master.node(2), make(NEW, eds), NOW)
@@ -259,7 +259,7 @@ def test_a_node_that_did_not_store_is_told(make: Callable[..., Dictionary], eds:
 
 
 def test_a_value_that_was_right_before_and_is_lost_at_the_reset_is_told(make: Callable[..., Dictionary]) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         node.set_data(*SPEED, (NEW[SPEED]).to_bytes(2, "little"))  # type: ignore[union-attr]
         boots(node, SPEED)
         with pytest.raises(ConfigurationError, match=r"0x2101:1 Motion\.Maximum speed reads 800 after 900 was written"):
@@ -332,7 +332,7 @@ def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
 def test_a_file_that_does_not_fit_is_refused_before_anything_is_written(
     make: Callable[..., Dictionary], make_arguments: dict[str, object], told: str
 ) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         with pytest.raises(DictionaryError) as refused:
             configure(master.node(2), make(**{"values": NEW, **make_arguments}), NOW)
@@ -342,8 +342,8 @@ def test_a_file_that_does_not_fit_is_refused_before_anything_is_written(
 
 
 def test_a_pdo_that_is_wrong_in_the_devices_own_eds_does_not_stop_the_rest(make: Callable[..., Dictionary]) -> None:
-    eds = with_entry(DRIVE.read_text(), "1603sub1", "DefaultValue", "0x30000110")
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    eds = with_entry(LIFT.read_text(), "1603sub1", "DefaultValue", "0x30000110")
+    with stock_lift() as (channel, node), master_on(channel) as master:
         boots(node)
         described = make({SPEED: 900}, eds)
         told = list[str]()
@@ -353,7 +353,7 @@ def test_a_pdo_that_is_wrong_in_the_devices_own_eds_does_not_stop_the_rest(make:
 
 
 def test_an_object_that_the_node_does_not_have_is_the_files_fault(make: Callable[..., Dictionary]) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         del node.object_dictionary[0x2101]
         writes = Writes(node)
         with pytest.raises(
@@ -375,7 +375,7 @@ CUTS = {str(share): part(share) for share in (0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0
 
 @rows("cut", CUTS.values())
 def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Dictionary], cut: Callable[[str], str]) -> None:
-    with stock_drive() as (channel, _), master_on(channel) as master, pytest.raises(DictionaryError):
+    with stock_lift() as (channel, _), master_on(channel) as master, pytest.raises(DictionaryError):
         configure(master.node(2), make(NEW, change=cut), NOW)
 
 
@@ -384,7 +384,7 @@ def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Dictionary], cut
 
 @rows("place", range(len(ORDER)))
 def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Dictionary], place: int) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         Writes(node).refused.add(place)
         with pytest.raises(ConfigurationError) as told:
             configure(master.node(2), make(NEW), NOW)
@@ -399,7 +399,7 @@ def test_silence_anywhere_names_what_is_written_and_what_is_not(
     make: Callable[..., Dictionary], monkeypatch: pytest.MonkeyPatch, place: int
 ) -> None:
     monkeypatch.setattr("eurobot_od.client.configure.STORE_WAIT", 0.2)
-    with stock_drive() as (channel, node), master_on(channel, 0.2) as master:
+    with stock_lift() as (channel, node), master_on(channel, 0.2) as master:
         Writes(node).silent_after = place
         with pytest.raises(ConfigurationError) as told:
             configure(master.node(2), make(NEW), NOW)
@@ -413,7 +413,7 @@ def test_silence_anywhere_names_what_is_written_and_what_is_not(
 
 
 def test_a_value_that_does_not_read_back_is_taken_back(make: Callable[..., Dictionary]) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         node.add_read_callback(  # type: ignore[no-untyped-call]
             lambda index, subindex, **_: 801 if (index, subindex) == SPEED else None
         )
@@ -443,14 +443,14 @@ class Interrupted(RemoteNode):
 
 
 def test_an_interrupt_leaves_the_node_as_it_was(make: Callable[..., Dictionary]) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         with pytest.raises(ConfigurationError, match=r"^interrupted; node 2 has its former values again"):
             configure(Interrupted(master, 2), make(NEW), NOW)
         assert values(node) == FORMER
 
 
 def test_a_node_goes_back_to_the_state_it_was_in(make: Callable[..., Dictionary]) -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         Writes(node).refused.add(1)
         remote = master.node(2)
         node.nmt.state = "OPERATIONAL"
@@ -466,14 +466,14 @@ def test_a_node_that_does_not_boot_was_configured_before(
     make: Callable[..., Dictionary], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eurobot_od.client.master.BOOT_WAIT", 0.05)
-    with stock_drive() as (channel, _), master_on(channel) as master:
+    with stock_lift() as (channel, _), master_on(channel) as master:
         told = "no boot-up of node 2 .*; node 2 was written completely, stored and reset before that"
         with pytest.raises(ConfigurationError, match=told):
             configure(master.node(2), make(NEW), NOW)
 
 
 def test_a_node_that_is_not_there_is_told_before_anything_is_sent_to_it(make: Callable[..., Dictionary]) -> None:
-    with robot() as channel, master_on(channel, 0.02) as master, pytest.raises(NoAnswer):
+    with line() as channel, master_on(channel, 0.02) as master, pytest.raises(NoAnswer):
         configure(master.node(2), make(NEW), NOW)
 
 
@@ -481,7 +481,7 @@ def test_a_node_that_is_not_there_is_told_before_anything_is_sent_to_it(make: Ca
 
 
 def test_a_bus_that_fails_half_way_names_the_state(make: Callable[..., Dictionary]) -> None:
-    with stock_drive() as (channel, node), master_on(channel, 0.3) as master:
+    with stock_lift() as (channel, node), master_on(channel, 0.3) as master:
         remote = master.node(2)
         plan = difference(remote, make(NEW))
         node.add_write_callback(lambda **_: master.bus.shutdown())  # type: ignore[no-untyped-call]

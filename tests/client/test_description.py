@@ -9,16 +9,16 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.robot import dialects
-from tests.client.peers import DRIVE, master_on, peer, robot, stock_drive
+from tests.client.peers import LIFT, line, master_on, peer, stock_lift
 
 NO_SUCH_OBJECT = bytes.fromhex("00000206")
 DRIVE_IDENTITY = Identity(0, 2, 0x30000, 1)
 
 
 def test_a_node_and_its_eds_have_one_identity() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         assert read_identity(master.node(2)) == DRIVE_IDENTITY
-    assert Identity.of(Dictionary.load(DRIVE)) == DRIVE_IDENTITY
+    assert Identity.of(Dictionary.load(LIFT)) == DRIVE_IDENTITY
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_a_node_without_identity_has_zeros_and_no_name() -> None:
 
 
 def test_our_nodes_are_recognised_by_their_identity() -> None:
-    with robot("drive", "navigation") as channel, master_on(channel) as master:
+    with line("lift", "scale") as channel, master_on(channel) as master:
         for node_id, name in ((2, "drive"), (3, "navigation")):
             found = fitting(master.node(node_id), dialects.load_all("canopen"))
             assert found is not None
@@ -53,27 +53,27 @@ def test_our_nodes_are_recognised_by_their_identity() -> None:
 
 
 def test_an_eds_of_another_dialect_is_not_taken() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         assert fitting(master.node(2), dialects.load_all("firmware2014")) is None
 
 
 def test_our_node_gives_its_eds() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         found = uploaded(master.node(2))
     assert found is not None
-    assert found.content == DRIVE.read_bytes()
+    assert found.content == LIFT.read_bytes()
     assert found.node_id == 2
     assert found.default((0x1200, 1)) == 0x602
 
 
 def test_an_eds_that_is_none_is_refused() -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         node.set_data(0x1021, 0, b"[1000]\nno EDS")
         with pytest.raises(DictionaryError, match=r"^EDS of node 2: not a readable EDS"):
             uploaded(master.node(2))
 
 
 def test_a_compressed_eds_is_not_taken() -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         node.set_data(0x1022, 0, b"\1")
         assert uploaded(master.node(2)) is None

@@ -6,11 +6,11 @@ import pytest
 
 from eurobot_od.client.streams import History, RememberedError, clear_history, read_history
 from eurobot_od.errors import NodeRefused
-from tests.client.peers import master_on, robot, stock_drive
+from tests.client.peers import line, master_on, stock_lift
 
 
 def test_errors_are_read_newest_first_and_cleared() -> None:
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    with stock_lift() as (channel, node), master_on(channel) as master:
         node.set_data(0x1003, 0, b"\2")
         node.set_data(0x1003, 1, bytes.fromhex("20820700"))
         node.set_data(0x1003, 2, (0xFF02).to_bytes(4, "little"))
@@ -24,7 +24,7 @@ def test_errors_are_read_newest_first_and_cleared() -> None:
 
 
 def test_our_node_has_no_error_at_first_and_refuses_nonsense() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         assert read_history(node) == History(0, [])
         with pytest.raises(NodeRefused):

@@ -19,7 +19,7 @@ from eurobot_od.od.objects import undescribed
 from eurobot_od.od.values import UNSIGNED16
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, aborted
-from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
+from tests.client.peers import line, master_on, new_channel, open_bus, peer, stock_lift
 from tests.client.wired import Answerer, WiredBus, wired
 from tests.device.shelf import Shelf
 from tests.rows import rows
@@ -30,7 +30,7 @@ SEGMENTED_100_BYTES = bytes.fromhex("4108100064000000")
 
 
 def test_our_node_is_read_and_written() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         assert node.upload(HEARTBEAT_TIME) == b"\xe8\x03"
         node.download(HEARTBEAT_TIME, b"\xf4\x01")
@@ -39,9 +39,9 @@ def test_our_node_is_read_and_written() -> None:
 
 
 def test_a_long_object_comes_by_blocks_from_our_node_and_by_segments_from_one_without_them() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         assert master.node(2).upload_block((0x1021, 0)).startswith(b"[FileInfo]")
-    with stock_drive() as (channel, _), master_on(channel) as master:
+    with stock_lift() as (channel, _), master_on(channel) as master:
         assert master.node(2).upload_block((0x1008, 0)) == b"Eurobot 2014 drive"
 
 
@@ -99,7 +99,7 @@ def test_a_node_that_has_taken_a_block_is_not_written_anew() -> None:
     ],
 )
 def test_a_refusal_names_node_object_and_abort(address: tuple[int, int], data: bytes | None, code: int) -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         with pytest.raises(NodeRefused, match=f"^node 2 refused to (read|write) 0x{address[0]:04X}") as refused:
             node.upload(address, "Thing") if data is None else node.download(address, data, "Thing")
@@ -183,7 +183,7 @@ def test_a_bus_that_fails_is_a_bus_error() -> None:
 
 
 def test_nmt_commands_act_and_the_heartbeat_tells() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         node.download(HEARTBEAT_TIME, b"\x0a\0")
         for command, state in (
@@ -197,7 +197,7 @@ def test_nmt_commands_act_and_the_heartbeat_tells() -> None:
 
 
 def test_a_reset_waits_for_the_boot_up() -> None:
-    with robot("drive") as channel, master_on(channel) as master:
+    with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         node.download(HEARTBEAT_TIME, b"\x0a\0")
         node.reset()

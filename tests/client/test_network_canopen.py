@@ -27,7 +27,7 @@ from eurobot_od.errors import EurobotError, HeartbeatLost, LocalError, UnknownNa
 from eurobot_od.od.standard import LssState
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.protocol import Protocol
-from tests.client.peers import DRIVE, new_channel, open_bus
+from tests.client.peers import LIFT, new_channel, open_bus
 from tests.client.servo import DOCS, EDS, SERVO, live_servos, servo
 from tests.rows import rows
 
@@ -348,7 +348,7 @@ def test_a_drive_is_freed_of_its_fault(node: BaseNode402) -> None:
 
 @pytest.mark.long
 def test_a_node_gives_its_own_eds() -> None:
-    with simulated(DRIVE) as network:
+    with simulated(LIFT) as network:
         assert network.add_node(2, upload_eds=True)["Motion.Maximum speed"].raw == 800
 
 

@@ -11,7 +11,7 @@ from eurobot_od.client.description import Found, scan
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.identity import Identity
 from eurobot_od.sdo.wire import ABORT, ClientCommand
-from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
+from tests.client.peers import line, master_on, new_channel, open_bus, peer, stock_lift
 from tests.rows import rows
 
 quick_scan = partial(scan, pace=0.0005, listen=0.1)
@@ -19,7 +19,7 @@ quick_scan = partial(scan, pace=0.0005, listen=0.1)
 
 
 def test_our_three_nodes_are_found_with_their_names_and_nothing_else() -> None:
-    with robot("core", "drive", "navigation") as channel, master_on(channel, 0.3) as master:
+    with line("panel", "lift", "scale") as channel, master_on(channel, 0.3) as master:
         found = quick_scan(master)
     assert [(each.node_id, each.name) for each in found] == [
         (1, "Eurobot 2014 core"),
@@ -45,7 +45,7 @@ def test_a_node_that_only_sends_heartbeats_is_found() -> None:
 
 
 def test_stock_canopen_is_found() -> None:
-    with stock_drive() as (channel, _), master_on(channel, 0.3) as master:
+    with stock_lift() as (channel, _), master_on(channel, 0.3) as master:
         assert [(each.node_id, each.name) for each in quick_scan(master)] == [(2, "Eurobot 2014 drive")]
 
 
@@ -65,7 +65,7 @@ def test_an_answer_is_what_an_sdo_server_says_to_our_request(answer: str, there:
 
 
 def test_only_the_wanted_node_ids_are_listed() -> None:
-    with robot("core", "drive") as channel, master_on(channel, 0.3) as master:
+    with line("panel", "lift") as channel, master_on(channel, 0.3) as master:
         assert [each.node_id for each in quick_scan(master, [2, 5])] == [2]
 
 

@@ -10,7 +10,7 @@ from eurobot_od.client.streams import BlockingStream
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import NOTHING
 from eurobot_od.pdo.protocol import Protocol
-from tests.client.peers import DRIVE, master_on, robot
+from tests.client.peers import LIFT, line, master_on
 from tests.client.wired import wired
 
 
@@ -33,8 +33,8 @@ NO_RTR, NOT_VALID = 0x4000_0000, 0x8000_0000
 
 
 def test_a_pdo_that_a_master_has_moved() -> None:
-    dictionary = Dictionary.load(DRIVE)
-    with robot("drive") as channel, master_on(channel) as master:
+    dictionary = Dictionary.load(LIFT)
+    with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         for address, value, size in (
             ((STATE_TPDO, 1), NOT_VALID | NO_RTR | 0x014, 4),
@@ -55,7 +55,7 @@ def test_a_pdo_that_a_master_has_moved() -> None:
 
 
 def test_what_a_node_refuses_is_the_files() -> None:
-    dictionary = Dictionary.load(DRIVE)
+    dictionary = Dictionary.load(LIFT)
     present = dictionary.configured({(STATE_TPDO, 2): 255})
     assert [each.cob_id for each in present.pdos] == [each.cob_id for each in dictionary.pdos]
     assert present.number((STATE_TPDO, 2)) == 255

@@ -13,7 +13,7 @@ from eurobot_od.errors import NoAnswer
 from eurobot_od.lint.diff import compare, compare_live, read_device, readable
 from eurobot_od.lint.model import LintedDevice, load
 from eurobot_od.sdo.wire import AbortCode
-from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
+from tests.client.peers import LIFT, line, master_on, new_channel, stock_lift
 from tests.lint.mutations import BASES, CLEAN
 from tests.rows import rows
 
@@ -192,8 +192,8 @@ def test_texts_are_compared_by_their_bytes(encoding: str, type_: str, answer: by
 
 
 def test_a_live_node_is_compared_by_sdo() -> None:
-    file = read_device(str(DRIVE))
-    with stock_drive() as (channel, node), master_on(channel) as master:
+    file = read_device(str(LIFT))
+    with stock_lift() as (channel, node), master_on(channel) as master:
         same = compare_live(file, read_bytes(master.node(2), readable(file)), 2)
         node.data_store[0x1017] = {0: (123).to_bytes(2, "little")}
         node.data_store[0x1400] = {1: (0x80000001).to_bytes(4, "little")}
@@ -206,8 +206,8 @@ def test_a_live_node_is_compared_by_sdo() -> None:
 
 
 def test_our_own_node_is_as_its_eds_says() -> None:
-    file = read_device(str(DRIVE))
-    with robot("drive") as channel, master_on(channel) as master:
+    file = read_device(str(LIFT))
+    with line("lift") as channel, master_on(channel) as master:
         assert compare_live(file, read_bytes(master.node(2), readable(file)), 2) == []
 
 

@@ -1,0 +1,14 @@
+"""The robot of these tests is the packaging line of the kit, as a user names one's own; `--robot` names another."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od import plugin
+from tests.kit import plant
+
+
+@pytest.fixture(autouse=True)
+def _line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the command line take the packaging line for its robot, in processes of their own too."""
+    monkeypatch.setenv(plugin.VARIABLE, str(plant.HERE))
