@@ -286,4 +286,8 @@ class RobotWarning(UserWarning):
     """A robot is left out: it cannot be loaded, or only a file names it and it is not an installed one."""
 
 
+class PackageWarning(RobotWarning):
+    """What a device's maker brings is left out, or a part of it: it cannot be read or loaded, or does not fit."""
+
+
 __all__ = [name for name, each in globals().items() if isinstance(each, type) and each.__module__ == __name__]

@@ -244,7 +244,7 @@ def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
     """Return makers' words for emergency error codes by node-ID, 0 for all nodes; raises FileError."""
     found: dict[int, dict[int, str]] = {}
     for file, node_id in (network.node_file(text)[:2] for text in files):
-        from eurobot_od.od.network import read_error_words  # most commands start without YAML
+        from eurobot_od.od.maker import read_error_words  # most commands start without YAML
 
         found.setdefault(node_id or 0, {}).update(read_error_words(file))
     return found

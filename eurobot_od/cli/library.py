@@ -13,12 +13,13 @@ from eurobot_od.cli.options import Json, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.library.index import LibraryEntry, described
-from eurobot_od.library.library import DEVICE_FILE, Library, device_yaml_of
+from eurobot_od.library.library import Library
 from eurobot_od.lint.findings import LEVELS, Severity, count
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import lint_device
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import SUFFIXES, is_xml
+from eurobot_od.od.maker import DEVICE_FILE, device_yaml_of
 from eurobot_od.od.normal import Change, in_normal_form
 from eurobot_od.support.files import read_whole, write_whole
 from eurobot_od.support.texts import amount, columns, one_line

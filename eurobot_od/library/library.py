@@ -18,15 +18,6 @@ from eurobot_od.od.values import Address
 VARIABLE = "EUROBOT_OD_LIBRARY"
 """Environment variable that names the folders where a command line does not, as PATH does."""
 
-DEVICE_FILE = "device.yaml"
-"""What a maker says of a device beside its file: for one device of a folder `STEM.device.yaml`."""
-
-
-def device_yaml_of(file: Path) -> Path | None:
-    """Return the `device.yaml` of a device file; None if there is none."""
-    beside = (file.with_name(f"{file.stem}.{DEVICE_FILE}"), file.with_name(DEVICE_FILE))
-    return next((each for each in beside if each.is_file()), None)
-
 
 def users_folder() -> Path:
     """Return the folder of the user's own library, whether it is there or not."""

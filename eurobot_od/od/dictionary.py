@@ -22,6 +22,7 @@ from eurobot_od.od import cia401, cia402, standard, values
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, ObjectCode
 from eurobot_od.od.document import Document, Section, parse, read_bytes
+from eurobot_od.od.maker import MakersWords, device_yaml_of, read_maker
 from eurobot_od.od.meanings import ObjectMeaning, read_meanings
 from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
@@ -44,7 +45,15 @@ class Dictionary:
     `objects` are canopen's.
     """
 
-    def __init__(self, file: Path, content: bytes, normal: Normal, node_id: int | None = None, name: str = "") -> None:
+    def __init__(
+        self,
+        file: Path,
+        content: bytes,
+        normal: Normal,
+        node_id: int | None = None,
+        name: str = "",
+        makers: Sequence[MakersWords] = (),
+    ) -> None:
         # The EDS that says the same: what a device keeps of itself in 0x1021, and what a DCF is made of.
         self.content = normal.text.encode(normal.encoding) if normal.is_xml or normal.is_patched else content
         self.file, self.name = file, name or encodable(file.stem)
@@ -56,6 +65,21 @@ class Dictionary:
                 raise DictionaryError(file, None, str(each))
             raise DictionaryError(file, None, "not an EDS: it describes no object")
         self._present: Mapping[Address, Value] = {}
+        self.makers = tuple(makers)
+        for each in self.makers:
+            each.describe(self.objects)
+
+    def described_by(self, *makers: MakersWords) -> Self:
+        """Return the same device with what makers say of it, the last one first."""
+        return self._made(self.node_id, (*self.makers, *makers)) if makers else self
+
+    def _made(self, node_id: int, makers: Sequence[MakersWords]) -> Self:
+        return type(self)(self.file, self.content, self._normal, node_id, self.name, makers)
+
+    @property
+    def error_words(self) -> dict[int, str]:
+        """The makers' words for its emergency error codes."""
+        return {code: words for each in self.makers for code, words in each.emcy.items()}
 
     @classmethod
     def load(
@@ -74,7 +98,10 @@ class Dictionary:
         device's own node-ID; without modules, those that the file says are connected. Raises DictionaryError if there
         is not a node-ID or no such module, if a patch does not fit, or if the file cannot be read as an EDS.
         """
-        return cls.read(read_bytes(file), Path(file), node_id, name, modules, [read_patch(each) for each in patch])
+        path, patches = Path(file), [read_patch(each) for each in patch]
+        beside = device_yaml_of(path)
+        read = cls.read(read_bytes(file), path, node_id, name, modules, patches)
+        return read.described_by(read_maker(beside)) if beside else read
 
     @classmethod
     def read(
@@ -91,7 +118,7 @@ class Dictionary:
 
     def renumbered(self, node_id: int) -> Self:
         """Return the same file's dictionary for another node-ID; raises DictionaryError."""
-        return type(self)(self.file, self.content, self._normal, node_id, self.name)
+        return self._made(node_id, self.makers)
 
     @property
     def changes(self) -> list[Change]:

@@ -255,6 +255,8 @@ class ErrorWords(NamedTuple):
         """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own."""
         devices = tuple(dictionaries)
         own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
+        said = {each.node_id: {**each.error_words, **nodes.get(each.node_id, {})} for each in devices}
+        nodes = {**nodes, **said}
         return cls(catalogue.errors, nodes, {each.node_id: profile_of(each.objects) for each in devices}, own)
 
     def of(self, node_id: int) -> Callable[[int], str]:

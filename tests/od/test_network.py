@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.errors import DictionaryError, FileError, YamlError
-from eurobot_od.od.network import NodeFile, load, node_file, read_error_words, read_network
+from eurobot_od.od.maker import read_error_words
+from eurobot_od.od.network import NodeFile, load, node_file, read_network
 from tests.eds_text import DEVICE_TYPE
 from tests.rows import rows
 
