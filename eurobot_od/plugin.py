@@ -22,14 +22,14 @@ import os
 import sys
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
 from shlex import quote
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from eurobot_od.errors import LocalError, RobotWarning, UnknownName, look_up
+from eurobot_od.errors import LocalError, PackageWarning, RobotWarning, UnknownName, look_up
 from eurobot_od.od import DEFAULT, Dialects
 
 if TYPE_CHECKING:
@@ -38,14 +38,18 @@ if TYPE_CHECKING:
     from eurobot_od.check.report import SuiteResult
     from eurobot_od.check.runner import RunOptions
     from eurobot_od.check.shapes import Networks
-    from eurobot_od.check.suite import Suite
+    from eurobot_od.check.suite import Suite, SuiteAction
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.program import DownloadProcedure
     from eurobot_od.device.faults import Fault
     from eurobot_od.device.node import Node
     from eurobot_od.export.description import Drawings
     from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.od.identity import Identity
     from eurobot_od.pdo.kinds import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.reports import SeasonReport
+    from eurobot_od.traffic.dbc import ForeignMessage
     from eurobot_od.traffic.diagnosis.incidents import Watcher
     from eurobot_od.web.page import Panel
 
@@ -53,6 +57,15 @@ if TYPE_CHECKING:
 
 GROUP = "eurobot_od.robots"
 """The group of the entry points that name robots."""
+
+DEVICES = "eurobot_od.devices"
+"""The group of the entry points that name device packages."""
+
+PACKAGES = "EUROBOT_OD_PACKAGES"
+"""Environment variable that names device packages, as PATH names folders."""
+
+PACKAGE_FILE, PACKAGE_ATTRIBUTE = "device.py", "DEVICE"
+"""The module of a folder that is a device package, and what the plugin is called in it."""
 
 VARIABLE = "EUROBOT_OD_ROBOT"
 """Environment variable that names the robot where a command line does not."""
@@ -125,6 +138,11 @@ class Plugin(NamedTuple):
     are views of the page, `drawings` what messages draw in an MCAP file, `reports` questions to a season, `watchers`
     rules of the robot's own for `diagnose`. `stage` are the options that `node` has for its nodes. `table` is the
     protocol table that other tables may build on, `folder` where its other files lie.
+
+    A device package is for the devices of an `identity`: vendor-ID, product code and revision, as many as are said.
+    `words` is its device.yaml (see `od.maker`). `frames` are what a device sends outside CANopen, by COB-ID, `device`
+    is the class of a simulated one, `actions` are steps of suites by their keys. `program` is how it takes a program,
+    where it differs from CiA 302-3; `address` gives the device with an identity its node-ID, where it has no LSS.
     """
 
     name: str = ""
@@ -140,6 +158,13 @@ class Plugin(NamedTuple):
     watchers: Callable[[], Sequence[type[Watcher]]] = tuple
     stage: Callable[[], type[Stage]] | None = None
     commands: Mapping[str, Command] = MappingProxyType({})
+    identity: Sequence[int] = ()
+    words: Path | None = None
+    frames: Callable[[Dictionary], Mapping[int, ForeignMessage]] = lambda _: {}
+    device: Callable[[], type[Node]] | None = None
+    actions: Callable[[], Mapping[str, SuiteAction]] = dict
+    program: Callable[[], DownloadProcedure] | None = None
+    address: Callable[[Master, Identity, int], object] | None = None
     table: Path | None = None
     folder: Path | None = None
 
@@ -249,7 +274,7 @@ class Plugin(NamedTuple):
         """Return the networks that suites may be for: the dialects, and any folder of EDS files."""
         from eurobot_od.check.shapes import Networks
 
-        return Networks(self.dialects.folder, self.catalogue())
+        return Networks(self.dialects.folder, self.catalogue(), actions=all_actions())
 
     def under_test(
         self,
@@ -258,23 +283,35 @@ class Plugin(NamedTuple):
         clock: Callable[[], float],
         faults: Iterable[str] = (),
         profile: int = 0,
+        named: Sequence[str] = (),
     ) -> list[NodeUnderTest]:
         """Make simulated nodes that have these dictionaries, the robot's in their surroundings; raises UnknownName.
 
-        Those that have no role behave as a device `profile` says.
+        Those that have no role behave as their device package says, or else as a device `profile` does; `named` are
+        packages that are not installed.
         """
         from eurobot_od.check.on_bus import NodeUnderTest
         from eurobot_od.device.profiles import simulated_kind
 
         roles = {name: self.role_of(each) for name, each in dictionaries.items()}
-        kinds = {name: simulated_kind(each, profile) for name, each in dictionaries.items()}
+        own = {name: package_of(each.identity, packages(named)).device for name, each in dictionaries.items()}
+        kinds = {
+            name: make() if (make := own[name]) and not profile else simulated_kind(each, profile)
+            for name, each in dictionaries.items()
+        }
         nodes = {name: self.kind(role, faults, kinds[name])(dictionaries[name]) for name, role in roles.items()}
         ours = [nodes[name] for name, role in roles.items() if role]
         programs = self.partners(ours, seed, clock) if ours else {}
         return [NodeUnderTest(node, programs.get(node.name)) for node in nodes.values()]
 
     def simulate(
-        self, suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1, profile: int = 0
+        self,
+        suite: Suite,
+        options: RunOptions,
+        faults: Iterable[str] = (),
+        seed: int = 1,
+        profile: int = 0,
+        named: Sequence[str] = (),
     ) -> SuiteResult:
         """Run a suite against simulated nodes, giving the faults to those that can have them; raises UnknownName.
 
@@ -284,7 +321,7 @@ class Plugin(NamedTuple):
 
         from eurobot_od.check.on_bus import run_simulated
 
-        make_nodes = partial(self.under_test, faults=faults, profile=profile)
+        make_nodes = partial(self.under_test, faults=faults, profile=profile, named=named)
         return run_simulated(suite, options, make_nodes, seed)
 
 
@@ -349,18 +386,64 @@ def _typed(name: str) -> Plugin:
     if name in installed():
         return installed()[name].load()
     if Path(name).is_dir():
-        from eurobot_od.support import extras
-
-        file = Path(name) / FILE
-        loaded = extras.load(file)
-        robot = _checked(getattr(loaded, ATTRIBUTE, None), f"{file}: no `{ATTRIBUTE}` in it")
-        return _guarded(robot, f"robot {name}", loaded.__name__, str(file))
+        return _of_file(Path(name) / FILE, ATTRIBUTE, f"robot {name}")
     from importlib.util import find_spec
 
     package = name.partition(".")[0]
     if not package.isidentifier() or find_spec(package) is None:
         raise UnknownName("robot", name, installed())
     return _imported(name, name, name)
+
+
+def _of_file(file: Path, attribute: str, what: str) -> Plugin:
+    """Return the plugin in a Python file that a user names; raises LocalError."""
+    from eurobot_od.support import extras
+
+    loaded = extras.load(file)
+    found = _checked(getattr(loaded, attribute, None), f"{file}: no `{attribute}` in it")
+    return _guarded(found, what, loaded.__name__, str(file))
+
+
+# Device packages: those that the user names, before those that are installed
+
+
+def packages(named: Sequence[str] = ()) -> tuple[Plugin, ...]:
+    """Return the device packages that are `named`, those of the environment and the installed ones.
+
+    One that cannot be loaded is a PackageWarning.
+    """
+    variable = [each for each in os.environ.get(PACKAGES, "").split(os.pathsep) if each]
+    return _packages(tuple(dict.fromkeys((*named, *variable))))
+
+
+@lru_cache
+def _packages(named: tuple[str, ...]) -> tuple[Plugin, ...]:
+    files = [Path(each) / PACKAGE_FILE if Path(each).is_dir() else Path(each) for each in named]
+    makers = [partial(_of_file, each, PACKAGE_ATTRIBUTE, f"device package {each}") for each in files]
+    loaders: list[Callable[[], Plugin]] = [*makers, *(each.load for each in _installed(DEVICES).values())]
+    return tuple(each for each in map(_package_if_it_can_be, loaders) if each)
+
+
+def _package_if_it_can_be(load: Callable[[], Plugin]) -> Plugin | None:
+    from warnings import warn
+
+    try:
+        return load()
+    except (LocalError, OSError) as error:
+        warn(f"{error}; going on without this device package", PackageWarning, stacklevel=2)
+        return None
+
+
+def package_of(identity: Sequence[int], among: Iterable[Plugin]) -> Plugin:
+    """Return the package for a device of an identity (0x1018), the most exact one; an empty one if there is none."""
+    said = tuple(identity)
+    fitting = [each for each in among if each.identity and said[: len(each.identity)] == tuple(each.identity)]
+    return max(fitting, key=lambda each: len(each.identity), default=NO_ROBOT)
+
+
+def all_actions(named: Sequence[str] = ()) -> Mapping[str, SuiteAction]:
+    """Return the steps that device packages add to suites, by their keys; `named` as in `packages`."""
+    return {name: action for each in packages(named) for name, action in each.actions().items()}
 
 
 def _written(name: str, file: Path) -> Plugin:
@@ -417,12 +500,16 @@ def installed() -> Mapping[str, Installed]:
     The entry points are read from where packages have them (PyPA's "Entry points specification"), as
     `importlib.metadata` takes 40 ms for that.
     """
+    return _installed(GROUP)
+
+
+def _installed(group: str) -> Mapping[str, Installed]:
     found: dict[str, Installed] = {}
     for folder in dict.fromkeys(each or os.curdir for each in sys.path):  # "" in `sys.path` is the working folder
         for file in _entry_points(folder):
             with open(file, encoding="utf-8", errors="replace") as lines:  # noqa: PTH123 (pathlib takes longer)
-                _, group, rest = lines.read().partition(f"[{GROUP}]")
-            for line in rest.partition("\n[")[0].splitlines() if group else ():
+                rest = lines.read().partition(f"[{group}]")[2]
+            for line in rest.partition("\n[")[0].splitlines():
                 name, equals, target = map(str.strip, line.partition("="))
                 if equals:  # the first one counts, as it does for an import
                     found.setdefault(name, Installed(name, target, file))

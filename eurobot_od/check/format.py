@@ -6,6 +6,7 @@ Each key stands in one table, with its shape and whether it is needed; docs/chec
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -112,6 +113,7 @@ class Format:
             "wait": ActionRow(DURATION, suite.Wait),
             "skip": ActionRow(TEXT, lambda text: suite.Skip(str(text))),
             "steps": ActionRow(yaml_shapes.listing(self._step), suite.Group),
+            **{name: _own_row(name, each) for name, each in self._words.networks.actions.items()},
         }
 
     # Reading
@@ -161,6 +163,10 @@ class Format:
 
 def _same(action: Any, **keys: Any) -> suite.Action:
     return action._replace(**keys) if keys else action  # type: ignore[no-any-return]
+
+
+def _own_row(name: str, action: suite.SuiteAction) -> ActionRow:
+    return ActionRow(yaml_shapes.shape_of(action.keys), partial(suite.OwnAction, name, action))
 
 
 def _never(pattern: Pattern, **keys: float) -> suite.Action:

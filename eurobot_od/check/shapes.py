@@ -60,13 +60,15 @@ class Networks(NamedTuple):
     """The networks that suites may be for, and the catalogue of their message types.
 
     `find` returns the path for what a suite has as its `dialect`, or that of the default network for None; it raises
-    UnknownName. `load` returns the devices of such a path; `refused` gets their PDOs that do not hold.
+    UnknownName. `load` returns the devices of such a path; `refused` gets their PDOs that do not hold. `actions` are
+    those that device packages add to suites.
     """
 
     find: Callable[[str | None], Path]
     catalogue: Catalogue = NOTHING
     load: Callable[[Path], tuple[Dictionary, ...]] = lambda path: network.load(network.read_network(path).nodes)
     refused: OnRefused = fatal
+    actions: Mapping[str, suite.SuiteAction] = MappingProxyType({})
 
 
 class Vocabulary(NamedTuple):

@@ -15,19 +15,20 @@ import asyncio
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial, singledispatchmethod
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import suite
 from eurobot_od.check.report import StepReason
 from eurobot_od.check.suite import Mismatch, Pattern, Sent, ServicePattern, is_final
-from eurobot_od.check.values import ValueProblem
+from eurobot_od.check.values import ObjectValues, Operand, ValueProblem
 from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
 from eurobot_od.device.nmt import NmtCommand, NmtState
-from eurobot_od.errors import BusError, LocalError, NoAnswer, RemoteError
+from eurobot_od.errors import BusError, LocalError, NoAnswer, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects, values
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ERRORS, SYNC_COUNTER, SYNC_PERIOD
 from eurobot_od.od.values import COB_ID, ERROR_CONTROL_BASE, MAPPINGS, NMT_COB_ID, Address, label
 from eurobot_od.od.words import error_words
@@ -279,6 +280,11 @@ class Doer:
         self._ask()
         self._started = action.node_id if action.command is NmtCommand.START else None
         await self._put(Frame(NMT_COB_ID, bytes([action.command, action.node_id])))
+
+    @_do.register
+    async def _own(self, action: suite.OwnAction) -> None:
+        self._ask()
+        await action.action.run(StepTools(self), action.keys)
 
     @_do.register
     async def _skip(self, action: suite.Skip) -> None:
@@ -684,6 +690,56 @@ _DOWNLOADS: Mapping[suite.Blocks, Callable[[Address, bytes, float], sdo.Transfer
     suite.Blocks.PLAIN: sdo.block_download,
     suite.Blocks.WITHOUT_CRC: partial(sdo.block_download, crc=0),
 }
+
+
+class StepTools:
+    """What a step of a device package can do: objects by SDO, frames, time; it fails as other steps do.
+
+    `node` is the name of a device; without one it is the first.
+    """
+
+    def __init__(self, doer: Doer) -> None:
+        self._doer = doer
+
+    def device(self, node: str = "") -> Dictionary:
+        """Return the dictionary of a device; raises UnknownName."""
+        named = {each.name: each for each in self._doer._decoder.dictionaries}
+        return look_up("node", node, named) if node else next(iter(named.values()))
+
+    async def read(self, name: str, node: str = "") -> Any:
+        """Return the physical value of an object; raises as an `sdo` step."""
+        device = self.device(node)
+        thing = objects.find_one(name, device.objects)
+        await self._doer._sdo_read(suite.SdoRead(suite.NodeServices.of(device), thing, save=name))
+        return objects.physical(thing, self._doer._variables[name])
+
+    async def write(self, name: str, text: str, node: str = "") -> None:
+        """Write an object, the value as a person writes it; raises as an `sdo` step."""
+        device = self.device(node)
+        thing = objects.find_one(name, device.objects)
+        operand = Operand(objects.parse(thing, text), None, ObjectValues(thing))
+        await self._doer._sdo_write(suite.SdoWrite(suite.NodeServices.of(device), thing, operand))
+
+    async def send(self, frame: Frame) -> None:
+        """Send a frame."""
+        await self._doer._put(frame)
+
+    async def receive(self, cob_id: int, within: float = 1.0) -> bytes:
+        """Return the data of the next frame with an identifier; raises Failed if none comes `within` so many s."""
+        trace = self._doer._trace
+        number = await trace.first(frozenset({cob_id}), self._doer._edge, trace.now + within)
+        if number is None:
+            raise Failed(f"no 0x{cob_id:03X} within {texts.text(within)}", f"0x{cob_id:03X}", "nothing")
+        self._doer._use(number)
+        return trace.frames[number].frame.data
+
+    async def wait(self, seconds: float) -> None:
+        """Let time pass."""
+        await self._doer._trace.sleep(seconds)
+
+    def fail(self, what: str, expected: object = "", came: object = "") -> NoReturn:
+        """End the step red."""
+        raise Failed(what, str(expected), str(came))
 
 
 def _meanwhile(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
@@ -478,6 +478,28 @@ class Wait(NamedTuple):
         return f"wait {texts.text(self.seconds)}"
 
 
+class SuiteAction(NamedTuple):
+    """An action that a device package adds: a class of its keys, and what it does with them.
+
+    `keys` is a dataclass or named tuple; a suite's keys are its fields, of their types. `run` gets the tester (see
+    `steps.StepTools`) and the keys.
+    """
+
+    keys: type[Any]
+    run: Callable[[Any, Any], Awaitable[None]]
+
+
+class OwnAction(NamedTuple):
+    """Do what a device package has added."""
+
+    name: str
+    action: SuiteAction
+    keys: Any
+
+    def __str__(self) -> str:
+        return self.name
+
+
 class Skip(NamedTuple):
     """Do nothing, for a reason that the report tells."""
 
@@ -501,7 +523,8 @@ class Group(NamedTuple):
 
 Action: TypeAlias = (
     "Send | Answer | Expect | Await | Never | Poll | Period "
-    "| SdoRead | SdoWrite | SdoRestore | BootUp | Unheard | Dump | SelfReported | Nmt | Save | Wait | Skip | Group"
+    "| SdoRead | SdoWrite | SdoRestore | BootUp | Unheard | Dump | SelfReported | Nmt | Save | Wait | Skip "
+    "| OwnAction | Group"
 )
 
 

@@ -28,6 +28,7 @@ from eurobot_od.cli.signature import Command, Option, Parser, describe, summary
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
+    from eurobot_od.plugin import Command as OwnCommand
     from eurobot_od.plugin import Plugin
 
 COMMANDS = {
@@ -68,6 +69,7 @@ COMMANDS = {
     "watch": "print when CANopen nodes boot, are lost and come back",
     "sync": "send SYNC messages at a fixed period",
     "time": "send the time as CANopen's TIME message",
+    "new-device": "write a device package: a maker's words, units, decoder, steps, download",
     "doctor": "print what is installed, the CAN interfaces, and how to fix what is wrong",
     "completion": "print the completion script of a shell",
 }
@@ -82,6 +84,7 @@ MODULES = {
     **dict.fromkeys(("doctor", "completion"), "installation"),
     **dict.fromkeys(("compare", "replay"), "decode"),
     "devices": "library",
+    "new-device": "new_device",
     "diff": "lint",
     "faults": "node",
 }
@@ -306,13 +309,20 @@ def _module(command: str, robot: str | None) -> ModuleType:
         return import_module(f"eurobot_od.cli.{MODULES.get(command, command)}")
     from eurobot_od.plugin import blaming, installed
 
-    own = _find(robot).commands
+    own = {**_package_commands(), **_find(robot).commands}
     if command not in own:
         unknown, robots = errors.UnknownName("command", command, [*COMMANDS, *own]), " or ".join(installed())
         raise unknown if own else errors.LocalError(f"{unknown} (a robot's commands need --robot {robots})")
     name = own[command].module
     with blaming(f"command {command}", name, name):
         return import_module(name)
+
+
+def _package_commands() -> Mapping[str, OwnCommand]:
+    """Return the commands of device packages: installed ones, and those of the environment."""
+    from eurobot_od.plugin import packages
+
+    return {name: each for package in packages() for name, each in package.commands.items()}
 
 
 class Version(Action):
@@ -334,13 +344,13 @@ def version() -> str:
 
 
 def _overview(robot: Plugin) -> ArgumentParser:
-    own = {name: each.text for name, each in robot.commands.items()}
+    own = {name: each.text for name, each in {**_package_commands(), **robot.commands}.items()}
     width = max(map(len, (*COMMANDS, *own)))
 
     def listed(commands: Mapping[str, str]) -> list[str]:
         return [f"  {name:{width}}  {text}" for name, text in commands.items()]
 
-    ours = ["", f"{robot.name}:", *listed(own)] if own else []
+    ours = ["", f"{robot.name or 'device packages'}:", *listed(own)] if own else []
     explained = f"`{program()} COMMAND --help` explains it. Without an adapter `node --share PORT` makes a bus."
     parser = Parser(
         program(),

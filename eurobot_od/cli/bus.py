@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -32,6 +32,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import LssState, node_id_words
 from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
+from eurobot_od.plugin import package_of, packages
 from eurobot_od.support import texts
 from eurobot_od.support.progress import SHORT, Unit, bar
 from eurobot_od.support.texts import columns, one_line
@@ -357,6 +358,9 @@ def time(
 
 REQUESTS = Unit("requests", "requests/s")
 
+Addressing: TypeAlias = Callable[[Master, Identity, int], object]
+"""A maker's own procedure that gives the device with an identity its node-ID."""
+
 NUMBERS = 4
 """Numbers of an identity: vendor-ID, product code, revision and serial number."""
 
@@ -429,6 +433,8 @@ def lss(
     wanted = list(settings.services())  # checked before the first frame goes out
     if action == "set" and not wanted:
         raise LocalError("nothing to set: give --node-id, --bit-rate, --store or --activate")
+    if address := action == "set" and identity and package_of(identity, packages()).address:
+        return _addressed(address, identity, settings, bus)
     steps = _find(identity, alone, known) if action == "find" else _set(identity, alone, wanted)
     with Master(bus.open(), timeout) as master:
         try:
@@ -439,6 +445,16 @@ def lss(
             perform(master, services.switch(LssState.WAITING))
     print("\n".join(lines) or "no device without a node-ID answers")
     return ExitStatus.FINE if lines else ExitStatus.FOUND
+
+
+def _addressed(address: Addressing, identity: Identity, settings: Settings, bus: BusOptions) -> ExitStatus:
+    """Have the maker's own procedure give a device its node-ID; raises LocalError, RemoteError, BusError."""
+    if settings.node_id is None or settings != Settings(node_id=settings.node_id):
+        raise LocalError(f"the device package for {identity} sets the node-ID: give --node-id, and nothing else")
+    with Master(bus.open()) as master:
+        address(master, identity, settings.node_id)
+    print(f"{identity}  {node_id_words(settings.node_id)}, by its maker's procedure")
+    return ExitStatus.FINE
 
 
 def _find(identity: Identity | None, alone: bool, library: Library) -> LssSteps[list[str]]:

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from eurobot_od import plugin
 from eurobot_od.check import report
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.report import StepResult, SuiteResult
@@ -275,7 +276,8 @@ class Checks:
 
     def reader(self, refused: OnRefused) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
-        known = self.devices.robot.networks()._replace(refused=refused)
+        actions = plugin.all_actions(self.devices.package)
+        known = self.devices.robot.networks()._replace(refused=refused, actions=actions)
         files = self.devices.files()
         if not files:
             return SuiteReader(known, self.devices.dialect)
@@ -285,7 +287,7 @@ class Checks:
         def load(path: Path) -> tuple[Dictionary, ...]:
             if path != named:
                 return known.load(path)
-            loaded = network.load(files)
+            loaded = self.devices.with_words(network.load(files))
             complain_of_repairs(loaded)
             return loaded
 
@@ -334,7 +336,8 @@ class Checks:
         keeps_going, is_chosen_here = self.keep_going or self.made.is_wanted, partial(is_chosen, self.step)
         options = RunOptions(keeps_going, is_chosen_here, self.made.is_wanted, interrupt, show, reported)
         if self.simulate:
-            return self.devices.robot.simulate(suite, options, self.fault, seed, self.made.profile or 0)
+            robot, profile = self.devices.robot, self.made.profile or 0
+            return robot.simulate(suite, options, self.fault, seed, profile, self.devices.package)
         from eurobot_od.check.on_bus import run_live
 
         return run_live(suite, options, self.bus.open)

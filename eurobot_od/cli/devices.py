@@ -20,6 +20,7 @@ from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, 
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
+from eurobot_od.od.maker import read_maker
 from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
@@ -56,6 +57,8 @@ class Devices:
     network: network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files
     module: modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable
     patch: patch over a device's file: objects in YAML, or a DCF's values; repeatable
+    package: device package: a folder with device.py, or a file; repeatable (default: the installed ones, and those of
+        the variable EUROBOT_OD_PACKAGES)
     library: folder of device files, for nodes whose file is not named (default: your own, see `devices`); repeatable
     """
 
@@ -66,6 +69,7 @@ class Devices:
     module: Annotated[Sequence[str], Option(metavar="[NODE=]MODULES")] = ()
     patch: Annotated[Sequence[str], Option(metavar="[NODE=]FILE", is_file=True)] = ()
     library: LibraryFolders = ()
+    package: Annotated[Sequence[str], Option(metavar="PATH", is_file=True)] = ()
     dialect: Dialect = None
     robot_name: RobotName = None
 
@@ -118,7 +122,28 @@ class Devices:
     def load(self) -> tuple[Dictionary, ...]:
         """Load the files that are named, or else the dialect's; raises LocalError, FileError, UnknownName."""
         files = self.files()
-        return network.load(files) if files else self.robot.dialects.load_all(self.dialect)
+        return self.with_words(network.load(files)) if files else self.robot.dialects.load_all(self.dialect)
+
+    # Device packages
+
+    def packages_of(self, known: Iterable[Dictionary]) -> list[Plugin]:
+        """Return the device packages for some devices, each once."""
+        among = plugin.packages(self.package)
+        found = [plugin.package_of(device.identity, among) for device in known]
+        return [each for number, each in enumerate(found) if each is not plugin.NO_ROBOT and each not in found[:number]]
+
+    def package_of(self, identity: Sequence[int]) -> Plugin:
+        """Return the device package for an identity, an empty one if there is none."""
+        return plugin.package_of(identity, plugin.packages(self.package))
+
+    def with_words(self, known: Iterable[Dictionary]) -> tuple[Dictionary, ...]:
+        """Return devices with what their packages say of errors, units and values."""
+        return tuple(map(self.worded, known))
+
+    def worded(self, device: Dictionary) -> Dictionary:
+        """Return a device with what its package says of errors, units and values."""
+        words = self.package_of(device.identity).words
+        return device.described_by(read_maker(words)) if words else device
 
     @property
     def are_known(self) -> bool:
@@ -127,7 +152,7 @@ class Devices:
 
     def load_and_complain(self, files: Iterable[NodeFile] | None = None) -> tuple[Dictionary, ...]:
         """Load the devices, or those of `files` alone, and say which files that are named had to be repaired."""
-        loaded = self.load() if files is None else network.load(files)
+        loaded = self.load() if files is None else self.with_words(network.load(files))
         if self.files():  # the dialects' files need no repair, and to look for one takes as long as loading
             for line in network.not_understood(self._file) if self.network else ():
                 complain(line)
@@ -152,7 +177,7 @@ class Devices:
         devices = {each.node_id: each for each in known}
         for node_id, numbers in shown.items():
             if found := describe(node_id, numbers, devices.get(node_id)):
-                devices[node_id] = found
+                devices[node_id] = self.worded(found)
         return self._decoder_of(devices.values(), emcy, dbc, describe=describe)
 
     def _decoder_of(
@@ -163,8 +188,11 @@ class Devices:
         learned: Iterable[Dictionary] = (),
         describe: Describe = nothing_known,
     ) -> Decoder:
-        others = (*self._described.dbc, *dbc)
-        return decoder_of(known, self.robot, self._error_words(emcy), self.master, others, learned, describe)
+        others, devices = (*self._described.dbc, *dbc), tuple(known)
+        decoder = decoder_of(devices, self.robot, self._error_words(emcy), self.master, others, learned, describe)
+        for device in devices:  # a file that the user names counts more than a package
+            decoder.others = {**self.package_of(device.identity).frames(device), **decoder.others}
+        return decoder
 
     def _error_words(self, emcy: Iterable[str]) -> dict[int, dict[int, str]]:
         """Return makers' words for error codes by node-ID, 0 for all: the network file's, and over them `emcy`'s."""
@@ -419,7 +447,8 @@ class Target(Access):
         dialects = self.devices.robot.dialects
         names = [self.devices.dialect] if self.devices.dialect else dialects.names()
         known = (each for name in names for each in dialects.load_all(name))
-        return description.fitting(node, known) or self._library_description(node) or description.uploaded(node)
+        found = description.fitting(node, known) or self._library_description(node) or description.uploaded(node)
+        return self.devices.worded(found) if found else None
 
     def _library_description(self, node: RemoteNode) -> Dictionary | None:
         """Return the library's description of the node, which is asked what it is only if there is a library."""
@@ -446,7 +475,8 @@ class Target(Access):
             mine = next((each for each in files if each.load().node_id == node.node_id), None)
         if mine is None:
             return None
-        dictionary = Dictionary.load(mine.file, node.node_id, modules=mine.modules, patch=mine.patch)
+        read = Dictionary.load(mine.file, node.node_id, modules=mine.modules, patch=mine.patch)
+        dictionary = self.devices.worded(read)
         complain_of_repairs([dictionary])
         node.master.follow(dictionary)
         return dictionary

@@ -60,7 +60,8 @@ def diagnose(
     """
     form = form_of(report) if report else ""  # an unknown suffix ends it before the log is read
     decoder = decoder_for(logs, reading, devices, emcy, dbc)
-    watchers, promised = devices.robot.watchers(), devices.promised(decoder)
+    makers = [each for package in devices.packages_of(decoder.dictionaries) for each in package.watchers()]
+    watchers, promised = [*devices.robot.watchers(), *makers], devices.promised(decoder)
     diagnosis = Diagnosis(decoder, watchers, bus.bitrate or BITRATE, promised)
     if logs:
         _read(diagnosis, logs, reading)

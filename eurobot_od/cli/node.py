@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -61,6 +61,13 @@ class LoadedDevice(NamedTuple):
 
     dictionary: Dictionary
     commissioning: Commissioning | None = None
+    kind: Callable[[], type[Node]] | None = None
+    """The class of its device package."""
+
+    def of_package(self, devices: Devices) -> LoadedDevice:
+        """Return the device with what its package brings."""
+        package = devices.package_of(self.dictionary.identity)
+        return self._replace(dictionary=devices.worded(self.dictionary), kind=package.device)
 
     @classmethod
     def of(cls, file: NodeFile, store: str | None = None) -> LoadedDevice:
@@ -106,7 +113,7 @@ class DeviceOptions:
 
     def values_of(self, device: LoadedDevice, number: int = 0) -> Mapping[str, Any]:
         """Return what a device is made with; `number` counts several. Raises LocalError, FieldError, UnknownName."""
-        dictionary, commissioning = device
+        dictionary, commissioning, _ = device
         serial = None if self.serial is None else self.serial + number
         waves: Mapping[str, Waveform] = {}
         if self.values:
@@ -221,11 +228,16 @@ def _made(robot: Plugin, loaded: LoadedDevice, options: DeviceOptions, stage: St
     if stage:
         stage.check(role)
     # The fault goes in front of the class that the node would have without it.
-    kind = robot.kind(role, device=options.kind(dictionary))
+    kind = robot.kind(role, device=_kind(options, loaded))
     kind = robot.faulty(kind, one.fault) if one.fault else kind
     store = FileStore(one.store, dictionary) if one.store else None
     of_role = stage.values(kind, dictionary, options.given) if stage and role else {}
     return kind(dictionary, store=store, **(of_role if role else options.values_of(loaded)))
+
+
+def _kind(options: DeviceOptions, loaded: LoadedDevice) -> type[Node]:
+    """Return the class of a device: its maker's, or what its profile says; raises LocalError."""
+    return loaded.kind() if loaded.kind and options.profile is None else options.kind(loaded.dictionary)
 
 
 def _run(live: Live, made: Node, scene: Scene | None, duration: float | None) -> ExitStatus | None:
@@ -253,7 +265,7 @@ def _loaded(devices: Devices, name: str | None, one: OneNode) -> LoadedDevice:
     file = files[0] if name is None else look_up("node", name, named)
     device = LoadedDevice.of(file if one.node_id is None else file._replace(node_id=one.node_id), one.store)
     complain_of_repairs([device.dictionary])
-    return device
+    return device.of_package(devices)
 
 
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:
@@ -296,14 +308,15 @@ def _all(devices: Devices, options: DeviceOptions, about_one: Iterable[str]) -> 
     with_node_id = devices.load_and_complain([each for each in files if each.node_id != UNCONFIGURED])
     loaded = list(map(LoadedDevice.configured, with_node_id))
     loaded += [LoadedDevice.of(each) for each in files if each.node_id == UNCONFIGURED]
-    names = ", ".join(each.name for each, _ in loaded)
+    loaded = [each.of_package(devices) for each in loaded]
+    names = ", ".join(each.name for each, *_ in loaded)
     for option in about_one:
         raise LocalError(f"--{option} is for one device: which node? Name one of {names}")
-    for dictionary, _ in loaded:
+    for dictionary, *_ in loaded:
         if robot.role_of(dictionary):
             raise LocalError(f"{dictionary.name} is one of the robot's nodes, which run alone: name one of {names}")
     return [
-        robot.kind("", device=options.kind(each.dictionary))(each.dictionary, **options.values_of(each, number))
+        robot.kind("", device=_kind(options, each))(each.dictionary, **options.values_of(each, number))
         for number, each in enumerate(loaded)
     ]
 

@@ -18,11 +18,12 @@ from eurobot_od.cli.devices import HEARTBEAT_WAIT, Target, left_out, object_name
 from eurobot_od.cli.options import Clone, EmcyFiles, Json, Output, Seconds, give, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
+from eurobot_od.client.description import read_identity
 from eurobot_od.client.drive402 import Drive402, DriveStatus
 from eurobot_od.client.lifeline import GOES_ON, OWN_ID, HeartbeatThread, arm, disarm, free_id
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.motion import AxisAddress
-from eurobot_od.client.program import load
+from eurobot_od.client.program import STANDARD, load
 from eurobot_od.client.streams import History, clear_history, read_history
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError, NoAnswer, UnknownName
@@ -397,7 +398,9 @@ def program(
         raise LocalError(f"{file}: the file is empty")
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:
         described = target.named_description(node)
-        loaded = load(node, content, number, not no_crc, progress, described)
+        identity = described.identity if described else read_identity(node)
+        procedure = target.devices.package_of(identity).program
+        loaded = load(node, content, number, not no_crc, progress, described, procedure() if procedure else STANDARD)
     verified = f"verified by {loaded.crc}" if loaded.crc else "not verified by a CRC"
     print(f"node {node.node_id}: program {number}: {amount(loaded.size, 'byte')} written, {verified}, started")
 

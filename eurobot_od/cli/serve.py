@@ -83,8 +83,10 @@ def serve(
         devices = devices.found_on(bus)
     decoder = decoder_for(logs, reading, devices, emcy, dbc)
     bitrate = bus.bitrate or BITRATE
-    panels = [each.of(decoder.protocol) for each in devices.robot.panels() if each.fits(decoder.protocol)]
-    diagnosis = partial(Diagnosis, decoder, devices.robot.watchers(), bitrate, devices.promised(decoder))
+    plugins = [devices.robot, *devices.packages_of(decoder.dictionaries)]
+    panels = [p.of(decoder.protocol) for each in plugins for p in each.panels() if p.fits(decoder.protocol)]
+    watchers = [watcher for each in plugins for watcher in each.watchers()]
+    diagnosis = partial(Diagnosis, decoder, watchers, bitrate, devices.promised(decoder))
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
             names, kept = told_apart(logs), [list[ComparedEntry]() for _ in logs]

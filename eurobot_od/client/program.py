@@ -7,7 +7,7 @@ download, and its error says in which state the node was left, and how to go on.
 from __future__ import annotations
 
 from binascii import crc_hqx
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from enum import IntEnum
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, Pro
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
-from eurobot_od.od.values import label
+from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import LARGEST, AbortCode
 from eurobot_od.support.progress import Progress, unwatched
 from eurobot_od.support.texts import amount
@@ -65,6 +65,28 @@ POLL = 0.1
 ABSENT = (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
 
 
+class DownloadProcedure(NamedTuple):
+    """How a maker's device takes a program, where it differs from CiA 302-3.
+
+    `unlock` are writes before everything else, in their order. The program goes in parts of at most `part` bytes (0: in
+    one transfer); after each of them the object `ready_at` has to become `ready`. `crc` is what 0x1F56 says of it.
+    """
+
+    unlock: Sequence[tuple[Address, bytes]] = ()
+    part: int = 0
+    ready_at: Address | None = None
+    ready: int = 0
+    crc: Callable[[bytes], int] | None = None
+
+    def parts(self, content: bytes) -> list[bytes]:
+        """Return a program in the parts in which it is sent."""
+        size = self.part or len(content) or 1
+        return [content[start : start + size] for start in range(0, len(content), size)]
+
+
+STANDARD = DownloadProcedure()
+
+
 class Loaded(NamedTuple):
     """What was downloaded: its `size` in bytes, and the CRC by which the node identifies it (empty if it does not)."""
 
@@ -80,11 +102,12 @@ async def load(
     check_crc: bool = True,
     progress: Progress = unwatched,
     dictionary: Dictionary | None = None,
+    procedure: DownloadProcedure = STANDARD,
 ) -> Loaded:
     """Download a program and start it.
 
-    `program` is the sub-index, 1 to 254; `dictionary` describes what the node should be. Raises ProgramError or
-    BusError, with the state in which the node was left.
+    `program` is the sub-index, 1 to 254; `dictionary` describes what the node should be, and `procedure`
+    is its maker's. Raises ProgramError or BusError, with the state in which the node was left.
     """
     memory = ProgramMemory(node, program)
     start = f"`write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d}` starts it"
@@ -93,6 +116,8 @@ async def load(
     with _left(node, "its program is as it was"):
         state = await memory.look(content, dictionary)
     with _left(node, f"its program may be stopped; {start} again"):
+        for address, data in procedure.unlock:
+            await node.download.steps(address, data, "unlock")
         if state != ProgramControl.STOP:  # a node that is already in its loader may refuse to be stopped
             with suppress(NoAnswer):  # and one that goes to its loader need not confirm
                 await memory.control(ProgramControl.STOP)
@@ -102,10 +127,12 @@ async def load(
         await memory.control(ProgramControl.CLEAR, FLASH_WAIT)
         await memory.wait(NO_ERROR, NO_PROGRAM)
     with _left(node, "it is stopped without a whole program: download it again"):
-        await node.download.steps((PROGRAM_DATA, program), content, NAMES[PROGRAM_DATA], FLASH_WAIT, progress)
+        for part in procedure.parts(content):
+            await node.download.steps((PROGRAM_DATA, program), part, NAMES[PROGRAM_DATA], FLASH_WAIT, progress)
+            await memory.ready(procedure)
         await memory.wait(NO_ERROR)
     with _left(node, f"the program is written and not started: download it again, or {start} as it is"):
-        crc = await memory.identify(content) if check_crc else ""
+        crc = await memory.identify(content, procedure) if check_crc else ""
     with _left(node, f"the program is written and does not run; {start}, or download it again"):
         with suppress(NoAnswer):  # nor need one that leaves its loader
             await memory.control(ProgramControl.START)
@@ -183,7 +210,19 @@ class ProgramMemory:
             maker = f" (the manufacturer's 0x{status >> 16:04X})" if status >> 16 else ""
             raise ProgramError(f"{self.where(FLASH_STATUS)} says: {words}{maker}")
 
-    async def identify(self, content: bytes) -> str:
+    async def ready(self, procedure: DownloadProcedure) -> None:
+        """Wait until the node is ready for what comes next, as its maker says; raises NoAnswer."""
+        if procedure.ready_at is None:
+            return
+        clock = self._node.master.clock
+        end = clock() + FLASH_WAIT
+        while int.from_bytes(await self._node.upload.steps(procedure.ready_at), "little") != procedure.ready:
+            if clock() >= end:
+                where = f"{label(procedure.ready_at)} = {procedure.ready}"
+                raise NoAnswer("a part of the program", where, 1, FLASH_WAIT)
+            await self._node.master.pump.steps(POLL)
+
+    async def identify(self, content: bytes, procedure: DownloadProcedure = STANDARD) -> str:
         """Return the CRC by which the node identifies a program, empty if it does not; raises ProgramError."""
         found = await self.read_if_there(PROGRAM_IDENTIFICATION)
         known = {
@@ -191,6 +230,8 @@ class ProgramMemory:
             "CRC-16 (start value 0)": crc_hqx(content, 0),
             "CRC-16 (start value 0xFFFF)": crc_hqx(content, 0xFFFF),
         }
+        if procedure.crc is not None:
+            known = {"the maker's CRC": procedure.crc(content)}
         if found is None or found in known.values():
             return next((name for name, crc in known.items() if crc == found), "")
         # CiA 302-3 leaves to the maker how 0x1F56 identifies a program; these three CRCs are in use.

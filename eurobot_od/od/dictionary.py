@@ -66,8 +66,8 @@ class Dictionary:
             raise DictionaryError(file, None, "not an EDS: it describes no object")
         self._present: Mapping[Address, Value] = {}
         self.makers = tuple(makers)
-        for each in self.makers:
-            each.describe(self.objects)
+        for maker in self.makers:
+            maker.describe(self.objects)
 
     def described_by(self, *makers: MakersWords) -> Self:
         """Return the same device with what makers say of it, the last one first."""

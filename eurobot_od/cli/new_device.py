@@ -1,0 +1,87 @@
+"""`new-device`: writes a device package that works at once, for a device whose EDS is there."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from keyword import iskeyword
+from pathlib import Path
+from typing import Annotated
+
+from eurobot_od.cli.signature import Option
+from eurobot_od.device.profiles import SimulatedDrive, SimulatedModule, simulated_kind
+from eurobot_od.errors import LocalError
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import all_objects, limits
+from eurobot_od.od.units import RAW, scale_of
+from eurobot_od.od.values import label
+
+FILES = Path(__file__).with_name("new_device_files")
+"""What a device package is made of; each file has `.new` at the end of its name, as it is no part of this package."""
+
+SUFFIX = ".new"
+INSIDE = ("device.py", "device.yaml")
+"""Files in the folder of the package's modules."""
+
+
+def new_device(
+    folder: Annotated[Path, Option(metavar="FOLDER")],
+    *,
+    package: bool = False,
+    eds: Annotated[Path | None, Option(metavar="FILE", is_file=True)] = None,
+) -> None:
+    """Write a device package that works at once: words, units, decoder, watcher, steps, simulated device, its test.
+
+    Raises LocalError, DictionaryError, OSError.
+
+    folder: where it goes, and what it is called: a new folder, or an empty one
+    package: a package, which `pip install .` installs
+    eds: the device's EDS, whose identity (0x1018) the package is for
+
+    $ new-device gripper --package --eds gripper.eds
+    """
+    if not package or eds is None:
+        raise LocalError("a device package needs the device's EDS: write new-device NAME --package --eds FILE")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise LocalError(f"{folder}: it is there, and not empty")
+    name = folder.resolve().name
+    module = re.sub(r"\W+", "_", name.lower()).strip("_")
+    if not module.isidentifier() or iskeyword(module) or not module.isascii():
+        raise LocalError(f"{name}: a package's name begins with a letter and is not a word of Python")
+    for path, text in _texts(name, module, Dictionary.load(eds, 5)).items():
+        file = folder / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+        print(file)
+    shutil.copyfile(eds, folder / module / eds.name)
+    (folder / module / "__init__.py").write_text(f'"""{name}, a device package for eurobot-od."""\n', encoding="utf-8")
+    print("\ntry it:", f"cd {folder}", "pip install -e .", "pytest", sep="\n  ")
+
+
+def _texts(name: str, module: str, device: Dictionary) -> dict[str, str]:
+    """Return the files of a package by their paths."""
+    kind = simulated_kind(device, None)
+    numbers = [each for each in all_objects(device.objects) if each.index >= 0x2000 and limits(each)]
+    if not numbers:
+        raise LocalError(f"{device.file}: it has no number of its own (0x2000 and above) to give a unit")
+    example = next((each for each in numbers if scale_of(each) == RAW), numbers[0])
+    at = label((example.index, example.subindex))
+    vendor, product, *_ = device.identity
+    words = {
+        "KIND_MODULE": "profiles" if issubclass(kind, (SimulatedDrive, SimulatedModule)) else "simulated",
+        "KIND": kind.__name__,
+        "PACKAGE": module,
+        "NAME": name,
+        "VENDOR": f"0x{vendor:X}",
+        "PRODUCT": f"0x{product:X}",
+        "EDS_FILE": device.file.name,
+        "EXAMPLE_OBJECT": at,
+        "EXAMPLE_UNITS": f"  {at}: {{unit: digits, factor: 1}}  # {example.qualname}",
+    }
+    found = re.compile("|".join(map(re.escape, words)))
+    texts = {}
+    for file in sorted(FILES.glob(f"*{SUFFIX}")):
+        plain_name = file.name.removesuffix(SUFFIX)
+        home = f"{module}/" if plain_name in INSIDE else "tests/" if plain_name.startswith("test_") else ""
+        texts[f"{home}{plain_name}"] = found.sub(lambda each: words[each[0]], file.read_text(encoding="utf-8"))
+    return texts

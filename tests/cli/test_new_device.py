@@ -1,0 +1,137 @@
+"""`new-device --package`: what it writes works at once, and what a package brings is used by every command."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from eurobot_od import plugin
+from tests.cli.console import run
+
+SERVO = Path(__file__).parents[2] / "docs" / "servo.eds"
+LOG = """(0.0) can0 705#00
+(0.5) can0 085#01FF010000000000
+(1.0) can0 6E5#0C00000001
+"""
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("devices") / "gripper"
+    made = subprocess.run(
+        [sys.executable, "-m", "eurobot_od", "new-device", str(folder), "--package", "--eds", str(SERVO)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "pip install -e ." in made.stdout
+    return folder
+
+
+@pytest.fixture
+def named(package: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    monkeypatch.setenv(plugin.PACKAGES, str(package / "gripper"))
+    plugin._packages.cache_clear()
+    return ["--eds", f"5={SERVO}"]
+
+
+def test_what_it_writes_passes_its_own_test(package: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(package), *sys.path])}
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests"],
+        cwd=package,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout
+    assert "6 passed" in done.stdout
+
+
+def test_a_log_is_decoded_with_the_maker_s_words_and_frames(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, named: list[str]
+) -> None:
+    log = tmp_path / "run.log"
+    log.write_text(LOG)
+    out = run(capsys, "decode", str(log), *named).out
+    assert "0xFF01 gearbox jammed" in out
+    assert "Beacon" in out
+    assert "uptime=12 s, restarts=1" in out
+    assert "servo: has restarted 1 times" in run(capsys, "diagnose", str(log), *named).out
+
+
+@pytest.mark.usefixtures("named")
+def test_another_device_has_nothing_of_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    log = tmp_path / "run.log"
+    log.write_text(LOG)
+    out = run(capsys, "decode", str(log), "--eds", f"5={SERVO.with_name('motor.eds')}").out
+    assert "gearbox" not in out
+    assert "Beacon" not in out
+
+
+def test_its_command_and_its_step_are_there(
+    capsys: pytest.CaptureFixture[str], package: Path, named: list[str]
+) -> None:
+    assert run(capsys, "gripper-hello", "--times", "2").out == "gripper says hello\n" * 2
+    suite = package / "own.check.yaml"
+    assert run(capsys, "check", str(suite), "--simulate", *named).status == 0
+    suite_text = suite.read_text()
+    cold = suite.with_name("cold.check.yaml")
+    cold.write_text(suite_text.replace("below: 100000", "below: -100000"))
+    done = run(capsys, "check", str(cold), "--simulate", *named)
+    assert (done.status, "too warm" in done.out) == (1, True)
+    cold.write_text(suite_text.replace("below: 100000", "above: 1"))
+    assert "cold.check.yaml:4:" in run(capsys, "check", str(cold), "--simulate", *named).err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("DEVICE = 1 / 0\n", "device.py:1: ZeroDivisionError"),
+        ("DEVICE = 5\n", "no `DEVICE` in it that is an eurobot_od.plugin.Plugin"),
+        ("import nothing_such\n", "device.py:1: ModuleNotFoundError"),
+        ("def (\n", "device.py:1: SyntaxError"),
+    ],
+)
+def test_a_broken_package_is_one_warning_with_its_place(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, said: str
+) -> None:
+    (tmp_path / "device.py").write_text(text)
+    log = tmp_path / "run.log"
+    log.write_text(LOG[: LOG.index("(1.0)")])
+    plugin._packages.cache_clear()
+    done = run(capsys, "decode", str(log), "--eds", f"5={SERVO}", "--package", str(tmp_path))
+    assert (done.status, done.err.count("\n")) == (0, 1)
+    assert said in done.err
+    assert "0xFF01" in done.out
+
+
+def test_the_most_exact_of_several_packages_counts() -> None:
+    of_maker, of_product, other = (plugin.Plugin(identity=each) for each in ((7,), (7, 5), (7, 6)))
+    among = [of_maker, of_product, other]
+    assert plugin.package_of((7, 5, 1, 9), among) is of_product
+    assert plugin.package_of((7, 8, 1, 9), among) is of_maker
+    assert plugin.package_of((8, 5, 1, 9), among) is plugin.NO_ROBOT
+    assert plugin.package_of((0, 0, 0, 0), [plugin.Plugin()]) is plugin.NO_ROBOT
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["x"], "a device package needs the device's EDS: write new-device NAME --package --eds FILE"),
+        (["class", "--package", "--eds", str(SERVO)], "a package's name begins with a letter"),
+        (["x", "--package", "--eds", "none.eds"], "none.eds"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run(capsys, "new-device", *words)
+    assert (done.status != 0, done.err.count("\n")) == (True, 1)
+    assert said in done.err
+    assert list(tmp_path.iterdir()) == []
