@@ -38,7 +38,7 @@ def new_device(
     package: a package, which `pip install .` installs
     eds: the device's EDS, whose identity (0x1018) the package is for
 
-    $ new-device gripper --package --eds gripper.eds
+    $ new-device gripper --package --eds servo.eds
     """
     if not package or eds is None:
         raise LocalError("a device package needs the device's EDS: write new-device NAME --package --eds FILE")

@@ -197,7 +197,7 @@ def node(
 
     $ node --eds 5=motor.eds --share 54701
     $ node --eds 5=motor.eds --set Motor.Speed=1200 -i socketcan -c can0
-    $ node --eds 255=motor.eds --serial 1234 --share 54701
+    $ node --eds 255=motor.eds --serial 1234 -i socketcan -c can0
     """
     from eurobot_od.bus.live import Live  # faults are listed without
 

@@ -91,7 +91,7 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
     file: write the bytes of this file, by block transfer
 
     $ write 5 0x1017 500 -i socketcan -c can0
-    $ write 5 Motor.Temperature 21.5 -i socketcan -c can0
+    $ write 5 "Motor.Target speed" 900 --eds motor.eds -i socketcan -c can0
     """
     if (value is None) is (file is None):
         raise LocalError("what to write: give a value or --file FILE, one of them")
