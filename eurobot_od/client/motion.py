@@ -48,6 +48,9 @@ NOISE = 2
 LAST_STEP = 1.0
 """When a stop without effect becomes disable voltage and NMT stop, in s after its start."""
 
+MOST_ASKED = 32
+"""Most requests whose answers may still come late."""
+
 GIVE_UP = 2.0
 """When a program that has to end, or a call, gives up a stop without effect, in s after its start."""
 
@@ -138,6 +141,10 @@ class AxisAnswer:
     index: int
     command: ServerCommand | None
     value: int | None
+
+    def is_to(self, request: AxisRequest) -> bool:
+        """Return whether it is the answer to a request, or its abort."""
+        return self.index == request.index and self.command in (request.command, ServerCommand.ABORT)
 
 
 class StopKind(Enum):
@@ -252,7 +259,9 @@ class AxisStop:
         self.done, self.next, self._again = False, now, now
         self.word = LADDERS[self.kind][0][1]
         self._confirmed = self._is_stopped_by_nmt = self._follows = False
-        self._awaited: AxisRequest | None = None
+        self._asked: list[AxisRequest] = []
+        """Requests without an answer; one that comes late still counts."""
+        self._last: AxisRequest | None = None
         self._left = 0
         writes = [AxisRequest(each, 0) for each in RESTING if axis.has(each)]
         reads = [AxisRequest(each) for each in (cia402.STATUSWORD, cia402.VELOCITY, cia402.POSITION) if axis.has(each)]
@@ -266,8 +275,8 @@ class AxisStop:
         """Return the frames of this time: the controlword; further requests follow as they are answered."""
         if self.done or now < self.next:
             return []
-        if self._awaited is not None:  # its answer is lost: the others get their turn first
-            self._put_back(self._awaited)
+        if self._last is not None:  # its answer is late or lost: the others get their turn first
+            self._put_back(self._last)
         if now < self._again:
             frames = self._go_on()
             self.next = min(self._again, now + ANSWER) if frames else self._again
@@ -282,7 +291,7 @@ class AxisStop:
         # A drive without torque is not commanded any more: "enable operation" with halt could take it out of Ready.
         if self._confirmed and self.word == HALTED and self.evidence.is_without_torque:
             return self._go_on()
-        self._awaited = AxisRequest(cia402.CONTROLWORD, self.word)
+        self._ask(AxisRequest(cia402.CONTROLWORD, self.word))
         return [self.axis.writing(cia402.CONTROLWORD, self.word)]
 
     def _nmt(self, now: float) -> list[Frame]:
@@ -300,12 +309,12 @@ class AxisStop:
             return None
         if answer.value is not None and self._confirmed:
             self.evidence.take(answer.index, answer.value, now)
-        awaited = self._awaited
-        is_ours = awaited is not None and awaited.index == answer.index
-        if awaited is None or not is_ours or answer.command not in (awaited.command, ServerCommand.ABORT):
+        request = next((each for each in self._asked if answer.is_to(each)), None)
+        if request is None:
             return None
-        self._awaited = None
-        self._take(awaited, answer)
+        self._asked.remove(request)
+        is_last, self._last = request == self._last, None if request == self._last else self._last
+        self._take(request, answer)
         if now - self.since >= GIVE_UP:  # it was told often enough
             self.refused |= {each.index for each in self._open if each.value is not None}
             self._open = deque(each for each in self._open if each.value is None and each.index != cia402.MODE_DISPLAY)
@@ -315,10 +324,13 @@ class AxisStop:
             self._open.appendleft(AxisRequest(cia402.TARGET_POSITION, self.evidence.position))
         else:
             self.done = stands
+        if self.done or not is_last:
+            return []
         self.next = min(self._again, now + ANSWER)
-        return [] if self.done else self._go_on()
+        return self._go_on()
 
     def _take(self, request: AxisRequest, answer: AxisAnswer) -> None:
+        self._open = deque(each for each in self._open if each != request)
         is_refused = answer.command is ServerCommand.ABORT
         if request.index == cia402.CONTROLWORD:
             self._confirmed |= not is_refused
@@ -339,19 +351,25 @@ class AxisStop:
         if not self._open or self._left <= 0:
             return []
         self._left -= 1
-        self._awaited = self._open.popleft()
-        value = self._awaited.value
-        index = self._awaited.index
-        return [self.axis.reading(index) if value is None else self.axis.writing(index, value)]
+        request = self._open.popleft()
+        self._ask(request)
+        if request.value is None:
+            return [self.axis.reading(request.index)]
+        return [self.axis.writing(request.index, request.value)]
+
+    def _ask(self, request: AxisRequest) -> None:
+        self._last = request
+        self._asked = [*self._asked[-MOST_ASKED:], request]
 
     def _put_back(self, request: AxisRequest) -> None:
-        self._awaited = None
+        self._last = None
         if request.index != cia402.CONTROLWORD:
             self._open.append(request)
 
     @property
     def _unwritten(self) -> bool:
-        return any(each.value is not None or each.index == cia402.MODE_DISPLAY for each in self._open)
+        under_way = [self._last] if self._last is not None else []
+        return any(each.value is not None or each.index == cia402.MODE_DISPLAY for each in [*self._open, *under_way])
 
     # In words
 

@@ -60,7 +60,7 @@ LOOK = 0.01
 IDLE = 0.1
 """The same while nothing may move, in s."""
 
-STALE = 1.0
+STALE = 2.0
 """Longest time between an order and its turn, in s; what was ordered longer ago is no longer expected."""
 
 SHOWN_FOR = 15.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -77,17 +78,19 @@ class Requests:
         self, session: Session, folder: Path, control: bool = False, stop: str = "", own_id: int = OWN_ID
     ) -> None:
         self.session, self.folder, self.control, self.stop_message = session, folder, control, stop
-        self.master, orders = Master(session.tap), OrderMaster(session.orders)
+        self.master, self._polling, orders = Master(session.tap), Master(session.polls), OrderMaster(session.orders)
         dictionaries = session.decoder.dictionaries
         for each in dictionaries:
-            self.master.follow(each)
-            orders.follow(each)
+            for master in (self.master, self._polling, orders):
+                master.follow(each)
         self._cyclic: dict[str, Cyclic] = {}
         self.drives = Drives(orders, dictionaries, lambda: session.now, session.tap.send_frame, own_id)
         session.first = self.drives.hear
         self.guard = MotionGuard(dictionaries, makers=not session.panels)
         # An SDO frame does not say which transfer it belongs to: two at once would take each other's answers.
         self._one_at_a_time, self._one_order = asyncio.Lock(), asyncio.Lock()
+        self._turns: dict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+        """Held while a node is asked, by its name: what is polled does not wait for questions to another node."""
 
     async def answer(self, text: str, who: object = None) -> str:
         """Answer a request of somebody, both as JSON; `asks` in an answer is a question to be confirmed by `sure`."""
@@ -105,7 +108,9 @@ class Requests:
                 return json.dumps({"re": number, "ok": done()})
             if way is Way.ORDERS:
                 return json.dumps({"re": number, "ok": await done()})
-            return json.dumps({"re": number, "ok": await (self._ask if way is Way.ASKS else asyncio.to_thread)(done)})
+            if way is Way.ASKS:
+                return json.dumps({"re": number, "ok": await self._ask(done, str(said.get("node")))})
+            return json.dumps({"re": number, "ok": await asyncio.to_thread(done)})
         except MayMove as question:
             return json.dumps({"re": number, "error": f"not sent: {question}", "asks": str(question)})
         except (ValueError, RecursionError):  # RecursionError: too many nested brackets
@@ -113,9 +118,9 @@ class Requests:
         except (EurobotError, OSError) as error:
             return json.dumps({"re": number, "error": str(error)})
 
-    async def _ask(self, question: Callable[[], Any]) -> Any:
-        """Do something that talks to nodes, one transfer after the other; a stop never waits for that."""
-        async with self._one_at_a_time:
+    async def _ask(self, question: Callable[[], Any], node: str) -> Any:
+        """Do something that talks to a node, one transfer after the other; orders and stops never wait for that."""
+        async with self._one_at_a_time, self._turns[node]:
             return await asyncio.to_thread(question)
 
     @asynccontextmanager
@@ -141,14 +146,15 @@ class Requests:
             now = self.session.now
             self.session.polled = {key: each for key, each in self.session.polled.items() if each.wanted_until > now}
             for each in self.session.polled.values():
-                value, each.trouble = await self._ask(partial(self._read_polled, each))
+                async with self._turns[each.node]:
+                    value, each.trouble = await asyncio.to_thread(self._read_polled, each)
                 # The next turn: also for a browser that already has the present one.
                 each.samples += [] if each.trouble else [Sample(self.session.turn + 1, self.session.now, value)]
             await asyncio.sleep(POLL_PERIOD)
 
     def _read_polled(self, each: PolledObject) -> tuple[Any, str]:
         try:
-            data = read_object(self.master.node(each.node_id), each.thing)
+            data = read_object(self._polling.node(each.node_id), each.thing)
             return _plain(objects.decode(each.thing, data)), ""
         except EurobotError as error:
             return None, str(error)
@@ -203,7 +209,7 @@ class Requests:
         key = f"{_text(said, 'node')} {label(objects.address_of(thing))}"
         if key not in self.session.polled and len(self.session.polled) >= MOST_POLLED:
             raise LocalError(f"{MOST_POLLED} objects are read again and again already: leave another one out first")
-        each = self.session.polled.get(key) or PolledObject(node.node_id, thing)
+        each = self.session.polled.get(key) or PolledObject(_text(said, "node"), node.node_id, thing)
         each.wanted_until = self.session.now + POLLED_FOR
         # A new dict, as `poll` may be iterating over the old one on another thread.
         self.session.polled = {**self.session.polled, key: each}

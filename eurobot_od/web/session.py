@@ -119,6 +119,7 @@ class Sample(NamedTuple):
 class PolledObject:
     """An object of a node, its last values, what was wrong with the last reading, and until when it is read."""
 
+    node: str
     node_id: int
     thing: ODVariable
     samples: deque[Sample] = field(default_factory=lambda: deque(maxlen=MOST_SAMPLES))
@@ -199,7 +200,8 @@ class Session:
     `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
     `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames, and
     `history` has the last of these. `diagnosis` says what the frames show to be wrong. `tap` is for questions, `orders`
-    for a second master that they do not delay; `first` is called with each frame, and tells whether it keeps it.
+    and `polls` are for masters that they do not delay. `first` is called with each frame; it returns whether it keeps
+    it.
     By its `name` a page notices that it is another session.
     """
 
@@ -231,7 +233,8 @@ class Session:
         self._origin: float | None = None
         self._source = BusSource(open_bus(), clock, open_bus)
         answers = [SdoChannel.of(each).answers for each in decoder.dictionaries]
-        self.tap, self.orders = Tap(self._source.send, answers), Tap(self._source.send, answers)
+        self.tap, self.orders, self.polls = (Tap(self._source.send, answers) for _ in range(3))
+        self._taps = self.tap, self.orders, self.polls
         self.first: Callable[[Frame], bool] = lambda _: False
 
     @property
@@ -256,7 +259,9 @@ class Session:
             if self._origin is None:  # a driver's clock may start anywhere
                 self._origin = min(self._source.now - self.now, frame_time)
             self._take(frame_time - self._origin, raw)
-        self.trouble = self.tap.trouble = self.orders.trouble = self._source.trouble
+        self.trouble = self._source.trouble
+        for tap in self._taps:
+            tap.trouble = self.trouble
         for event in self._watch.look(self.now, self._traffic.nodes):
             self._enter(event)
         self._load = self._traffic.load(self.now)
@@ -271,8 +276,8 @@ class Session:
         self._changed[raw[0]] = self.turn
         if isinstance(raw, Frame):
             if not self.first(raw):
-                self.tap.give(raw)
-                self.orders.give(raw)
+                for tap in self._taps:
+                    tap.give(raw)
             self.recording.write(now, raw)
         shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, wrong(meaning)]
         self.history.add(COMPACT(shown))
@@ -292,8 +297,8 @@ class Session:
     def close(self) -> None:
         """Let go of the bus and end a recording; raises OSError if that cannot be finished, BusError."""
         with ExitStack() as leaving:  # if one fails, the others are still closed
-            leaving.callback(self.tap.shutdown)
-            leaving.callback(self.orders.shutdown)
+            for tap in self._taps:
+                leaving.callback(tap.shutdown)
             leaving.callback(self._source.close)
             self.recording.stop()
 

@@ -443,3 +443,117 @@ def test_without_control_a_drive_is_looked_at_only(tmp_path: Path, window: Page,
             window.run("[...document.querySelectorAll('.drive .buttons button')].some(each => each.offsetParent)")
             is False
         )
+
+
+# STOP, in simulated time
+
+
+def nmt_of(scene: Jogged, seconds: float) -> list[bytes]:
+    """Let time pass, and return the NMT commands that are sent meanwhile."""
+    sent: list[bytes] = []
+    scene.network.simulation.observers.append(lambda _, frame: sent.append(frame.data) if frame.cob_id == 0 else None)
+    scene.pass_time(seconds)
+    return sent
+
+
+def test_stop_means_every_node_that_was_heard(jogged: Jogged) -> None:
+    jogged.drives.jog(AXIS, 1000)
+    jogged.drives.hear(Frame(0x709, b"\5"))
+    jogged.drives.hear(Frame(0x18A, b"\5"))  # a TPDO of node 10, by its COB-ID
+    said = jogged.drives.stop_all()
+    assert said == "quick stop to servo; NMT stop to node 9, node 10, and to all: no file describes node 9, node 10"
+    sent = nmt_of(jogged, 0.5)
+    assert abs(jogged.velocity) < 0.001
+    assert sent[:2] == [bytes([2, 9]), bytes([2, 10])], "at once"
+    assert bytes([2, 0]) in sent, "to all, once the axis stands"
+    jogged.drives.hear(Frame(0x709, b"\4"))
+    jogged.pass_time(2)
+    data = jogged.drives.data()
+    assert "node 9 is stopped (NMT)" in data["said"]
+    assert [text.partition(":")[0] for text in data["wrong"]] == ["node 10 is not known to be stopped"]
+
+
+def test_stop_of_known_drives_alone_leaves_them_where_they_can_be_asked(jogged: Jogged) -> None:
+    assert jogged.drives.stop_all() == "quick stop to servo"
+    assert nmt_of(jogged, 0.5) == []
+    assert jogged.drives.data()["said"][0].startswith("servo stands, ")
+
+
+def test_a_node_that_was_never_heard_does_not_count_as_stopped() -> None:
+    other = Dictionary.load(EDS, 7, "other").renumbered(7)
+    with simulated(SimulatedDrive(SERVO)) as network:
+        scene = Jogged(network, Drives(network.master, [SERVO, other], network.master.clock))
+        network.master.observers += (lambda cob_id, data, _: scene.drives.hear(Frame(cob_id, data)),)
+        scene.drives.stop_all()
+        scene.pass_time(1.5)
+        wrong = scene.drives.data()["wrong"]
+        assert len(wrong) == 1
+        assert wrong[0].startswith("other is not known to stand: quick stop, disable voltage, NMT stop sent for")
+        assert "nothing was heard of it since" in wrong[0]
+
+
+# Controls do not move under the pointer
+
+
+PLACES = """JSON.stringify([...document.querySelectorAll('.drive .controls button, .drive .controls input')]
+    .filter(each => each.offsetParent).map(each => {
+        const box = each.getBoundingClientRect();
+        return [box.x, box.y, box.width, box.height].map(Math.round);
+    }))"""
+
+
+@pytest.mark.parametrize("width", [390, 820, 1440])
+def test_no_control_moves_whatever_header_and_state_say(tmp_path: Path, window: Page, width: int) -> None:
+    window.size(width)
+    with bench(tmp_path) as scene:
+        open_drives(window, scene.served)
+        window.wait("document.querySelector('.jog button').offsetParent")
+        before = window.run(PLACES)
+        window.run("""(() => {
+            document.querySelector('header .status span:nth-of-type(2)').textContent = 'a bus that is lost '.repeat(20);
+            document.querySelector('.drive-state').textContent = 'Fault: error code 0x8611 '.repeat(9);
+            document.querySelector('.drive .facts').textContent = 'long '.repeat(200);
+        })()""")
+        assert window.run(PLACES) == before
+
+
+def test_no_control_touches_another(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as scene:
+        open_drives(window, scene.served)
+        window.wait("document.querySelector('.jog button').offsetParent")
+        boxes = json.loads(window.run(PLACES))
+        apart = [
+            max(x2 - x1 - w1, x1 - x2 - w2, y2 - y1 - h1, y1 - y2 - h2)
+            for n, (x1, y1, w1, h1) in enumerate(boxes)
+            for x2, y2, w2, h2 in boxes[n + 1 :]
+        ]
+        assert min(apart) >= 6
+
+
+def test_no_velocity_is_invented(tmp_path: Path, window: Page) -> None:
+    file = tmp_path / "none.eds"
+    head, tail = EDS.read_text().split("[6081]", 1)
+    file.write_text(f"{head}[6081]{tail.replace('DefaultValue=1000', '', 1)}")
+    dictionary, name = Dictionary.load(file, 5, "servo"), channel()
+    with (
+        Live.node(open_bus("virtual", name), SimulatedDrive(dictionary)),
+        live_page(name, tmp_path, network=Decoder([dictionary]), panels=()) as served,
+    ):
+        open_drives(window, served)
+        assert window.run("document.querySelector('.jog input').value") == ""
+
+
+@pytest.mark.parametrize("event", ["visibilitychange", "pagehide", "blur"])
+def test_a_jog_ends_when_nobody_sees_the_page(tmp_path: Path, window: Page, event: str) -> None:
+    with bench(tmp_path) as scene:
+        scene.drive_to("enable")
+        open_drives(window, scene.served)
+        window.run("document.querySelector('.jog button').focus()")
+        window.call("Input.dispatchKeyEvent", type="keyDown", key=" ")
+        until(lambda: scene.velocity < 0)
+        window.run(f"""(() => {{
+            Object.defineProperty(document, 'hidden', {{get: () => true, configurable: true}});
+            ('{event}' === 'visibilitychange' ? document : window).dispatchEvent(new Event('{event}'));
+        }})()""")
+        assert not window.run("document.querySelector('.jog .held')")
+        until(lambda: abs(scene.velocity) < 0.001)

@@ -56,13 +56,13 @@ def test_an_object_is_read_where_a_file_says_that_the_sdo_server_is(moved: Reque
 
 
 def test_its_time_is_told_to_a_tenth_of_a_millisecond() -> None:
-    polled = PolledObject(5, find_one("0x1017", None))
+    polled = PolledObject("5", 5, find_one("0x1017", None))
     polled.samples.append(Sample(0, 1.23456, 1000))
     assert polled.shown(-1) == {"samples": [(1.2346, 1000)], "trouble": ""}
 
 
 def test_a_browser_gets_the_values_since_its_turn_and_a_new_one_all_that_are_kept() -> None:
-    polled = PolledObject(5, find_one("0x1017", None))
+    polled = PolledObject("5", 5, find_one("0x1017", None))
     for turn in range(4):
         polled.samples.append(Sample(turn, turn / 4, turn))
     seen = [[value for _, value in polled.shown(since)["samples"]] for since in (-1, 1, 3)]
