@@ -35,6 +35,7 @@ from programs import Program, free_port  # noqa: E402
 
 from eurobot_od.bus.live import Live, open_bus  # noqa: E402
 from eurobot_od.bus.live.buses import share  # noqa: E402
+from eurobot_od.device.faults import Leaving  # noqa: E402
 from eurobot_od.device.profiles import SimulatedDrive  # noqa: E402
 from eurobot_od.frame import Frame  # noqa: E402
 from eurobot_od.od.cia402 import State  # noqa: E402
@@ -62,7 +63,7 @@ MODES = ("velocity", "torque", "position")
 CONDITIONS = ("alone", "master each 20 ms", "master each 100 ms", "1 answer in 3 lost", "32 requests pending")
 
 
-class Lossy(SimulatedDrive):
+class Lossy(Leaving, SimulatedDrive):
     """Loses one SDO answer in three while it is told to."""
 
     loses = False
