@@ -28,7 +28,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Catalogue
-from eurobot_od.season import campaign, columns
+from eurobot_od.season import campaign, columns, packing
 from eurobot_od.season import season as tables
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
 from eurobot_od.season.columns import ENTRY, FOREIGN, FROM_DATA, LENGTH, ColumnBatch, batches
@@ -128,21 +128,26 @@ MANY = 1 << 16
 """Frames of a message that are decoded and written at once, if there are as many."""
 
 
+def writer(file: Path, schema: pa.Schema) -> pq.ParquetWriter:
+    """Open a file of a table for writing."""
+    return pq.ParquetWriter(
+        file,
+        schema,
+        compression="zstd",
+        compression_level=1,
+        use_dictionary=[name for name in schema.names if name not in UNREPEATED],
+        column_encoding={name: each for name, each in ENCODINGS.items() if name in schema.names},
+        write_page_checksum=True,
+        write_statistics=list(ENCODINGS),  # in order, so that a reader can leave out most for a time or a line
+    )
+
+
 class _Table:
     """One table of a run, written batch after batch; written even without a row, so that a query finds it."""
 
     def __init__(self, file: Path, schema: pa.Schema) -> None:
         self.schema = schema
-        self._writer = pq.ParquetWriter(
-            file,
-            schema,
-            compression="zstd",
-            compression_level=1,
-            use_dictionary=[name for name in schema.names if name not in UNREPEATED],
-            column_encoding=ENCODINGS,
-            write_page_checksum=True,
-            write_statistics=list(ENCODINGS),  # in order, so that a reader can leave out most for a time or a line
-        )
+        self._writer = writer(file, schema)
         self.close = self._writer.close
 
     def write(self, rows: pl.DataFrame) -> None:
@@ -350,6 +355,9 @@ class RunTables:
             self._counts["damage"] += len(damage)
 
 
+PACKED = 200
+"""Logs after which small ones are packed, and at the end."""
+
 HASHED = 1 << 20
 BEGUN = ".begun"
 """The folder of a season in which runs are made."""
@@ -397,7 +405,12 @@ def archive(
     # A bar on this terminal cannot be moved by another process.
     archiver = Archiver(season, network, form, unwatched if workers.executor else progress)
     with _begun(season / BEGUN):
-        yield from campaign.run(archiver, each_once, workers._replace(block=BLOCK))
+        for number, each in enumerate(campaign.run(archiver, each_once, workers._replace(block=BLOCK)), 1):
+            yield each
+            if number % PACKED == 0:
+                packing.pack(season, season / BEGUN, writer)
+        if each_once:
+            packing.pack(season, season / BEGUN, writer)
 
 
 @contextmanager
@@ -450,17 +463,28 @@ class Archiver:
             while part := file.read(HASHED):
                 digest.update(part)
             run = digest.hexdigest()
-            names = (*tables.SCHEMAS, *(each.table for each in self._decoding.messages.values()))
             # One table that is missing or damaged is reason enough to put the log in again.
-            there = tables.ArchivedRun.read(tables.file_of(self.season, tables.RUNS, run))
-            if there and all(
-                name in there.seals and tables.is_sound(tables.file_of(self.season, name, run), there.seals[name])
-                for name in {*names, *there.seals} - {tables.RUNS}
-            ):
+            if self._is_there(run) or run in self._packed:
                 return Archived(str(log), run, True, size)
             file.seek(0)
             row = self._put(file, {"run": run, "log": encodable(str(log)), "format": form, "bytes": size})
         return Archived(str(log), run, False, size, row["frames"], row["damage"])
+
+    def _is_there(self, part: str) -> bool:
+        """Return whether all files of a part are there, and none is damaged."""
+        names = (*tables.SCHEMAS, *(each.table for each in self._decoding.messages.values()))
+        there = tables.ArchivedRun.read(tables.file_of(self.season, tables.RUNS, part))
+        return there is not None and all(
+            name in there.seals and tables.is_sound(tables.file_of(self.season, name, part), there.seals[name])
+            for name in {*names, *there.seals} - {tables.RUNS}
+        )
+
+    @cached_property
+    def _packed(self) -> frozenset[str]:
+        """The logs in packs that are whole: those that were there when the first log of a block was put in."""
+        found = (self.season / tables.RUNS).glob(f"{tables.PACK}*{tables.SUFFIX}")
+        packs = (tables.ArchivedRun.read(file) for file in sorted(found) if self._is_there(file.stem))
+        return frozenset(run for each in packs if each for run in each.row["run"].to_pylist())
 
     def _read(self, file: BinaryIO) -> Iterator[ColumnBatch]:
         with files.naming(Path(file.name)):
@@ -487,13 +511,7 @@ class Archiver:
         try:
             with files.naming(self.season):
                 row = self._make(begun, file, known)
-                # The table `runs` goes last: a run without its row there is not in the season, and is made again.
-                for made in sorted(begun.iterdir(), key=lambda each: each.stem == tables.RUNS):
-                    target = tables.file_of(self.season, made.stem, run)
-                    target.parent.mkdir(exist_ok=True)
-                    with made.open("rb+") as opened:  # on the disk before it is in place: a power cut leaves no half
-                        os.fsync(opened.fileno())
-                    made.replace(target)
+                packing.put_in_place(begun, self.season, run)
         finally:
             shutil.rmtree(begun, ignore_errors=True)
         return row

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import secrets
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -190,8 +191,18 @@ def is_sound(file: Path, seal: Seal | None) -> bool:
         return False
 
 
+PACK = "pack-"
+"""Begins the names of files of several logs; those of a log alone have the name of its run."""
+
+
+def pack_name(parts: Iterable[str]) -> str:
+    """Return the name of a pack of some parts; of packs that have the same log the later one comes last."""
+    before = [int(each.removeprefix(PACK).split("-")[0]) for each in parts if each.startswith(PACK)]
+    return f"{PACK}{max(before, default=0) + 1:04}-{secrets.token_hex(8)}"
+
+
 class ArchivedRun(NamedTuple):
-    """A log in a season: its row of `runs`, and by table the seals of its files; an old one has none."""
+    """A log in a season, or a pack of logs: its rows of `runs`, and by table the seals of its files, if it has any."""
 
     row: pa.Table
     seals: Mapping[str, Seal]
@@ -200,7 +211,7 @@ class ArchivedRun(NamedTuple):
     def read(cls, file: Path) -> ArchivedRun | None:
         """Read a file of `runs`, and verify the checksums of its pages; None if it is damaged."""
         row = verified(file, SCHEMAS[RUNS])
-        if row is None or len(row) != 1:
+        if row is None or not len(row):
             return None
         try:
             seals = json.loads((row.schema.metadata or {}).get(SEALS, b"{}"))
@@ -233,6 +244,9 @@ class SqlError(LocalError):
 class Season:
     """The Parquet files of a season, by table, without those that are `damaged`.
 
+    Its `parts` are logs, or packs of several, by the name of their files. Of a log that is in two parts, as when it was
+    archived again, or packing was interrupted, the rows in one of them are `hidden`.
+
     Raises LocalError for a folder without any.
     """
 
@@ -240,10 +254,11 @@ class Season:
         self.folder = checked(folder)
         self.damaged: list[Path] = []
         # Files of a run that is being moved here, or was interrupted while it was, have no row in `runs` yet.
-        self._runs = {
+        self.parts = {
             file.stem: run for file in _files(folder / RUNS) if (run := self._undamaged(file, ArchivedRun.read(file)))
         }
-        if not self._runs:
+        self.hidden = _hidden(self.parts)
+        if not self.parts:
             why = ", ".join(f"{each} is damaged" for each in self.damaged) or "no log is archived in it"
             raise LocalError(f"{folder} is not a season: {why}; `archive` makes one")
         self._verified = {RUNS}
@@ -260,8 +275,8 @@ class Season:
 
     def _add(self, table: str, files: Iterable[Path], is_right: Callable[[Path, Seal | None], bool]) -> None:
         """Take in those files of a table that are right; a table without any is none."""
-        known = (file for file in files if file.stem in self._runs)
-        seals = ((file, self._runs[file.stem].seals.get(table)) for file in known)
+        known = (file for file in files if file.stem in self.parts)
+        seals = ((file, self.parts[file.stem].seals.get(table)) for file in known)
         self.files[table] = [file for file, seal in seals if self._undamaged(file, is_right(file, seal))]
         if not self.files[table]:
             del self.files[table]
@@ -289,23 +304,33 @@ class Season:
         if table == RUNS:
             return pl.DataFrame(self._rows).lazy()
         # Names of files, not patterns: a folder's may have a `*`.
-        return pl.concat([pl.scan_parquet(files, glob=False) for files in self._alike(table)], how="diagonal")
+        found = (pl.scan_parquet(files, glob=False).filter(self._is_shown(files[0])) for files in self._alike(table))
+        return pl.concat(found, how="diagonal")
+
+    def _is_shown(self, file: Path) -> pl.Expr:
+        hidden = self.hidden.get(file.stem)
+        return ~pl.col("run").cast(pl.String).is_in(hidden) if hidden else pl.lit(value=True)
 
     def _alike(self, table: str) -> list[list[Path]]:
-        """Return the files of a table in groups that have the same columns: those of one network's logs."""
-        groups: dict[str, list[Path]] = {}
+        """Return the files of a table in groups that have the same columns and rows hidden."""
+        groups: dict[tuple[str, ...], list[Path]] = {}
         for file in self.files[table]:
-            groups.setdefault(self._eds(file), []).append(file)
+            groups.setdefault((self._eds(file), *self.hidden.get(file.stem, ())), []).append(file)
         return list(groups.values())
+
+    def rows_of(self, name: str) -> pa.Table:
+        """Return the rows of `runs` of a part, without those that are hidden."""
+        rows, hidden = self.parts[name].row, self.hidden.get(name)
+        return rows.filter([run not in hidden for run in rows["run"].to_pylist()]) if hidden else rows
 
     @property
     def _rows(self) -> pa.Table:
         """The table `runs`, of which the files were verified when they were read."""
-        return pa.concat_tables([each.row for each in self._runs.values()])
+        return pa.concat_tables(map(self.rows_of, self.parts))
 
     def _eds(self, file: Path) -> str:
-        """Return the hash of the EDS files that a file's log was read by."""
-        return str(self._runs[file.stem].row["eds"][0])
+        """Return the hash of the EDS files that a file's logs were read by."""
+        return str(self.parts[file.stem].row["eds"][0])
 
     @cached_property
     def messages(self) -> pl.DataFrame:
@@ -357,6 +382,12 @@ class Season:
         connection.execute("SET enable_external_access = false; SET python_enable_replacements = false")
         connection.execute("SET lock_configuration = true")  # or the query could allow itself everything again
 
+    def _selected(self, files: list[Path]) -> str:
+        """Return the query for the rows of files with the same columns."""
+        listed, hidden = ", ".join(_quoted(_named(file)) for file in files), self.hidden.get(files[0].stem)
+        left_out = f" WHERE run NOT IN ({', '.join(map(_quoted, hidden))})" if hidden else ""
+        return f"SELECT * FROM read_parquet([{listed}]){left_out}"
+
     def _add_views(self, connection: duckdb.DuckDBPyConnection, query: str) -> None:
         """Add a view for each table that the query names: opening all files takes long."""
         # A word in a string or a comment opens a table for nothing; one that is missed would be an error.
@@ -367,14 +398,25 @@ class Season:
             connection.register("verified", self._rows)
             connection.execute(f"CREATE TABLE {RUNS} AS SELECT * FROM verified")
         for table in words & self.files.keys() - {RUNS}:
-            listed = (", ".join(_quoted(_named(file)) for file in files) for files in self._alike(table))
             # By name, as logs of another network may have other columns.
-            parts = " UNION ALL BY NAME ".join(f"SELECT * FROM read_parquet([{files}])" for files in listed)
+            parts = " UNION ALL BY NAME ".join(map(self._selected, self._alike(table)))
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
         if MESSAGES in words and MESSAGES not in self.files:
             # Copied: DuckDB reports progress only for tables of its own.
             connection.register("known", self.messages)
             connection.execute(f"CREATE TABLE {MESSAGES} AS SELECT * FROM known")
+
+
+def _hidden(parts: Mapping[str, ArchivedRun]) -> dict[str, list[str]]:
+    """Return by part the runs that count elsewhere: a log's own files come before packs, a later pack before others."""
+    seen, hidden = set[str](), dict[str, list[str]]()
+    packs = sorted((name for name in parts if name.startswith(PACK)), reverse=True)
+    for name in [*(each for each in parts if not each.startswith(PACK)), *packs]:
+        runs = parts[name].row["run"].to_pylist()
+        if twice := sorted(seen.intersection(runs)):
+            hidden[name] = twice
+        seen.update(runs)
+    return hidden
 
 
 def _named(path: Path) -> str:
