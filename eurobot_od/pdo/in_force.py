@@ -12,7 +12,7 @@ or when a device answers with something else than its file says.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -174,7 +174,18 @@ class InForce:
         Return its description by the one file for such devices; None without one, with several, or if that node-ID has
         a file.
         """
-        files = {each.file: each for each in self._files.values() if _is_of(each.identity, identity)}
+        return self._renumber([each for each in self._files.values() if _is_of(each.identity, identity)], node_id)
+
+    def renumber_only(self, heard: Container[int], node_id: int) -> Dictionary | None:
+        """Take in that the one device on a bus has a new node-ID; of several files that of the one that was `heard`.
+
+        Return as `renumber` does.
+        """
+        files = list(self._files.values())
+        return self._renumber([each for each in files if each.node_id in heard] or files, node_id)
+
+    def _renumber(self, found: Iterable[Dictionary], node_id: int) -> Dictionary | None:
+        files = {each.file: each for each in found}
         if node_id in self._files or len(files) != 1:
             return None
         (file,) = files.values()
@@ -219,7 +230,12 @@ class InForce:
         numbers = self._identities.setdefault(node_id, {})
         numbers[address] = int.from_bytes(octets, "little")
         found = self._describe(node_id, numbers, self._named.get(node_id))
-        if found is None or found is self._files.get(node_id):
+        if found is None and (standard.IDENTITY, 2) in numbers:  # a file that is named for another node-ID
+            named = {sub - 1: number for (index, sub), number in numbers.items() if index == standard.IDENTITY}
+            found = self.renumber(named, node_id)
+        elif found is self._files.get(node_id):
+            return False
+        if found is None:
             return False
         self._files[node_id] = found
         self._learned.pop(node_id, None)

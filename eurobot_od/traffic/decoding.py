@@ -18,6 +18,7 @@ from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
 from eurobot_od.device.nmt import RESETS, TOGGLE, NmtState
 from eurobot_od.frame import Frame, RemoteFrame, identifier_text
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ANSWERS
 from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_IDS, Address
 from eurobot_od.pdo import in_force
@@ -317,6 +318,7 @@ class Following:
         self._unconfirmed = defaultdict[tuple[str, int], set[Address]](set)
         self._ways = defaultdict[str, set[bool]](set)
         self._settings = set[str]()
+        self._heard = defaultdict[str, set[int]](set)
         self._lss = defaultdict[str, LssConfiguration](LssConfiguration)
 
     def decoder(self, channel: str) -> Decoder:
@@ -388,6 +390,7 @@ class Following:
             self._settings.add(channel)
         said = self._transfers.take(time, channel, end, meaning.raw.data)
         if end.is_answer:
+            self._heard[channel].add(end.server)
             where = f"at line {self._request_lines.get(key) or line}" if line else f"at {time:.6f} s"
             self._confirm(channel, end.server, said, f"by SDO {where}")
         else:
@@ -443,8 +446,7 @@ class Following:
             return meaning
         node_id = frame.cob_id - ERROR_CONTROL_BASE
         self._news(channel, self._in_force(channel).start(node_id))
-        identity = self._lss[channel].taken.pop(node_id, {})
-        if device := self._in_force(channel).renumber(identity, node_id) if identity else None:
+        if device := self._renumbered(channel, node_id):
             self._news(channel, True)
             meaning = meaning._replace(text=f"{meaning.text}; by LSS it is {device.name}, read by {device.file}")
         self._unconfirmed.pop((channel, node_id), None)
@@ -452,6 +454,15 @@ class Following:
             lost = (Defect(Damage.INCOMPLETE, f"{frame}: {said.lost}"),) if said.lost else ()
             meaning = meaning._replace(defects=(*meaning.defects, *lost), transfer=said.ended)
         return meaning
+
+    def _renumbered(self, channel: str, node_id: int) -> Dictionary | None:
+        """Return the description of a device that starts with a node-ID by LSS; None for any other."""
+        taken, heard = self._lss[channel].taken, self._heard[channel] - {node_id}
+        self._heard[channel].add(node_id)
+        if node_id not in taken:
+            return None
+        identity, shown = taken.pop(node_id), self._in_force(channel)
+        return shown.renumber_only(heard, node_id) if identity is None else shown.renumber(identity, node_id)
 
     def _guarded(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
         """Name what a node answers to a remote frame: only by its toggle bit would it be told from a heartbeat."""

@@ -453,13 +453,15 @@ STEPS: tuple[Mapping[tuple[int, int], SdoStep], ...] = (
 class LssConfiguration:
     """Which devices of a bus LSS gives a node-ID: by that, what was said of each one's identity.
 
-    `taken` are those that the devices have confirmed; they hold from the next boot-up under the node-ID on.
+    `taken` are those that the devices have confirmed; they hold from the next boot-up under the node-ID on. None stands
+    for the one device on the bus: who switches all into configuration state at once has only one there.
     """
 
     def __init__(self) -> None:
         self._named: dict[int, int] = {}
         self._asked = b""
-        self.taken: dict[int, dict[int, int]] = {}
+        self._is_global = False
+        self.taken: dict[int, dict[int, int] | None] = {}
 
     def take(self, is_answer: bool, data: bytes) -> None:
         """Take in a request or an answer."""
@@ -467,13 +469,13 @@ class LssConfiguration:
         if not is_answer:
             self._asked = data
         if command in (Lss.SWITCH_GLOBAL, Lss.SELECT):
-            self._named = {}
+            self._named, self._is_global = {}, command == Lss.SWITCH_GLOBAL
         if command in SELECTS or (command in INQUIRES and is_answer):
             self._named[(command - Lss.SELECT) % (Lss.INQUIRE - Lss.SELECT)] = int.from_bytes(data[1:5], "little")
         elif command == Lss.IDENTIFY_SLAVE and asked[:1] == bytes([Lss.FASTSCAN]) and asked[5] == 0:
             self._named[asked[6]] = int.from_bytes(asked[1:5], "little")  # all bits down to the lowest one are found
         elif command == Lss.CONFIGURE_NODE_ID and is_answer and asked[:1] == data[:1] and not data[1]:
-            self.taken[asked[1]] = dict(self._named)
+            self.taken[asked[1]] = None if self._is_global and not self._named else dict(self._named)
 
 
 SELECTS, INQUIRES = (range(first, first + len(LSS_IDENTITY)) for first in (Lss.SELECT, Lss.INQUIRE))
