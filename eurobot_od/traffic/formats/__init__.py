@@ -6,12 +6,12 @@ A log is opened once, read forwards, and never held in memory.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from importlib import import_module
 from itertools import chain
 from pathlib import PurePath
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, NamedTuple, cast
 
 from eurobot_od.errors import LocalError, look_up
 from eurobot_od.traffic.entries import LARGEST, Batch, Damage, Entries, Foreign, gathered
@@ -21,37 +21,73 @@ STANDARD_INPUT = CANDUMP = "log"
 """Format of standard input, unless its first bytes or an option name another."""
 
 
-FORMATS = {
-    CANDUMP: ("lines", "CandumpFormat"),
-    "candump": ("lines", "CandumpFormat"),
-    "console": ("lines", "ConsoleFormat"),
-    "busmaster": ("lines", "BusmasterFormat"),
-    "gvret": ("lines", "GvretFormat"),
-    "ixxat": ("lines", "IxxatFormat"),
-    "kvaser": ("lines", "KvaserFormat"),
-    "asc": ("lines", "AscFormat"),
-    "csv": ("lines", "CsvFormat"),
-    "trc": ("lines", "TrcFormat"),
-    "blf": ("binary", "read_blf"),
-    "db": ("python_can", "read_table"),
-    "mf4": ("python_can", "read_mf4"),
-    "pcap": ("binary", "read_pcap"),
-    "pcapng": ("binary", "read_pcapng"),
-}
-"""Formats by suffix: a module of this package, and in it a LineFormat or a function; imported when they are needed."""
+class LogFormat(NamedTuple):
+    """A format: a module of this package, in it a LineFormat or a function, and the first bytes that identify a log.
 
-BY_NAME = ("db", "mf4")
+    Blank lines and comments may stand before those of text. One `by_name` is not read from front to back.
+    """
+
+    module: str
+    reader: str
+    beginning: bytes = b""
+    is_text: bool = True
+    by_name: bool = False
+
+
+_CONSOLE = rb"\s*(?:[<>]\s+)?(?:\([-:. \d]+\)\s+)?\S+\s+(?:[RT]X [-B] [-E]\s+)?[0-9A-F]{3,8}\s+[\[{][0-9A-F]{1,2}[\]}]"
+_PCAP = rb"\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x4d\x3c\xb2\xa1|\xa1\xb2\x3c\x4d"
+_ASC = rb"date |base +(?:hex|dec)|[ \t]*\d+\.\d+ +(?:\d+ +[0-9A-Fa-f]+x? +|CANFD +\d+ +)[RT]x "
+_TRC = rb";\$|[ \t]*\d+\)?[ \t]+[\d.,]+[ \t]+(?:\d[ \t]+)?(?:[RT]x|DT|[0-9A-F]{4,8})[ \t]+(?:\d[ \t]+)?[0-9A-F]"
+_CARBUS = rb"@ TEXT @|\d+,\d+\t\d+\t[0-9A-Fa-f]+\t[0-9A-Fa-f]+\t\d\t"
+_COLUMNS = (
+    rb"(?i:(?=[^\n]*(?:\b|_)(?:can[ _]?id|id|identifier|addr|address|cob[ _-]?id)\b)"
+    rb"(?=[^\n]*(?:\b(?:data|payload|[db][01]|byte ?[01])|bytes\b))[^\n]*[,;\t][^\n]*\n)"
+)
+"""Patterns that do not fit into a row: a log may also begin in its middle, as people paste a part of it."""
+
+FORMATS: Mapping[str, LogFormat] = {
+    CANDUMP: LogFormat("lines", "CandumpFormat", rb"\(\d+\.\d+\) \S+ +[0-9A-Fa-f]+#"),
+    "candump": LogFormat("lines", "CandumpFormat"),
+    "console": LogFormat("lines", "ConsoleFormat", _CONSOLE),
+    "old": LogFormat("pasted", "OldFormat", rb"[ \t]*<0x[0-9A-Fa-f]+>[ \t]+\["),
+    "message": LogFormat("pasted", "MessageFormat", rb"[ \t]*Timestamp:[ \t]*[\d.]+[ \t]+ID:"),
+    "asc": LogFormat("lines", "AscFormat", _ASC),
+    "trc": LogFormat("lines", "TrcFormat", _TRC),
+    "crtd": LogFormat("pasted", "CrtdFormat", rb"\d+\.\d+ \d*(?:[RT](?:11|29)|C[A-Z]{2}) "),
+    "yacht": LogFormat("pasted", "YachtFormat", rb"\d\d:\d\d:\d\d\.\d+ [RT] [0-9A-Fa-f]{8} "),
+    "carbus": LogFormat("pasted", "CarbusFormat", _CARBUS),
+    "microchip": LogFormat("pasted", "MicrochipFormat", rb"//-+\r?\n[^\n]*Microchip|\d+;[RT]X;0x"),
+    "csv": LogFormat("lines", "CsvFormat", rb"timestamp,arbitration_id,extended,remote,error,dlc,data"),
+    "busmaster": LogFormat("lines", "BusmasterFormat", rb"\*{3}BUSMASTER"),
+    "gvret": LogFormat("lines", "GvretFormat", rb"Time Stamp,ID,Extended,"),
+    "ixxat": LogFormat("lines", "IxxatFormat", rb"ASCII Trace IXXAT|\"Bus\"[;,]\"No\"[;,]\"Time"),
+    "kvaser": LogFormat("lines", "KvaserFormat", rb"Chn +Identifier +Flg"),
+    "columns": LogFormat("pasted", "ColumnsFormat", _COLUMNS),
+    "blf": LogFormat("binary", "read_blf", rb"LOGG", is_text=False),
+    "db": LogFormat("python_can", "read_table", rb"SQLite format 3\0", is_text=False, by_name=True),
+    "mf4": LogFormat("python_can", "read_mf4", rb"MDF {5}", is_text=False, by_name=True),
+    "pcap": LogFormat("binary", "read_pcap", _PCAP, is_text=False),
+    "pcapng": LogFormat("binary", "read_pcapng", rb"\n\r\r\n", is_text=False),
+}
+"""Formats by suffix, or by a name for what has no suffix of its own; the first that fits is a log's."""
+
+BY_NAME = tuple(suffix for suffix, each in FORMATS.items() if each.by_name)
 """Formats that are not read from front to back."""
 
-CONTENT = re.compile(
-    rb"(?P<blf>LOGG)|(?P<db>SQLite format 3\0)|(?P<mf4>MDF {5})|(?P<pcapng>\n\r\r\n)"
-    rb"|(?P<pcap>\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x4d\x3c\xb2\xa1|\xa1\xb2\x3c\x4d)"
-    rb"|(?:\xef\xbb\xbf)?(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:(?P<log>\(\d+\.\d+\) \S+ +[0-9A-Fa-f]+#)"
-    rb"|(?P<console>\s*(?:\([-:. \d]+\)\s+)?\S+\s+(?:[RT]X [-B] [-E]\s+)?[0-9A-F]{3,8}\s+[\[{][0-9A-F]{1,2}[\]}])"
-    rb"|(?P<asc>date |base +(?:hex|dec))|(?P<trc>;\$)|(?P<csv>timestamp,)"
-    rb"|(?P<busmaster>\*{3}BUSMASTER)|(?P<gvret>Time Stamp,)"
-    rb"|(?P<ixxat>ASCII Trace IXXAT|\"Bus\"[;,]\"No\"[;,]\"Time)|(?P<kvaser>Chn +Identifier +Flg))"
-)
+
+def _content_pattern() -> re.Pattern[bytes]:
+    """Return what the first bytes of a log are matched with; a group for each format."""
+
+    def beginning(suffix: str, each: LogFormat) -> bytes:
+        return b"(?P<%b>%b)" % (suffix.encode(), each.beginning)
+
+    known = {suffix: each for suffix, each in FORMATS.items() if each.beginning}
+    binary = b"|".join(beginning(suffix, each) for suffix, each in known.items() if not each.is_text)
+    text = b"|".join(beginning(suffix, each) for suffix, each in known.items() if each.is_text)
+    return re.compile(rb"%b|(?:\xef\xbb\xbf)?(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:%b)" % (binary, text))
+
+
+CONTENT = _content_pattern()
 """First bytes that identify a format; blank lines and comments may stand before those of text."""
 
 LIKELY = (
@@ -60,11 +96,15 @@ LIKELY = (
     (rb"BZh|\xfd7zXZ|\x28\xb5\x2f\xfd", "it is packed: `bunzip2`, `unxz` or `unzstd` unpacks it (gzip is read)"),
     (rb"\s*<\?xml", "it is XML: export the frames as ASC or BLF from the program that made it"),
     (rb"MDF {5}", "it is MF4 with measured values alone: record the frames of the bus, too"),
-    (rb".*(?i:canalyser)", "it looks like IXXAT's canAnalyser: export it as ASC, or convert it with SavvyCAN"),
+    (rb".*(?i:canalyser)", "it looks like IXXAT's canAnalyser: export it as ASC or CSV from there"),
 )
 """How logs begin that are of formats not read here."""
 
-OTHERS = f"--format names its format ({', '.join(FORMATS)}); SavvyCAN and python-can's `can_logconvert` convert others"
+OTHERS = (
+    f"--format names its format ({', '.join(FORMATS)}); any other program's frames are read as CSV "
+    "whose first line names the columns: time, id, data"
+)
+"""What helps with any other."""
 
 PACKED = b"\x1f\x8b"
 """First bytes of a gzip file (RFC 1952)."""
@@ -176,10 +216,10 @@ def _said_by(beginning: bytes, name: object) -> str:
 
 def _reader(suffix: str, name: object, most: int = MANY) -> Callable[[BinaryIO, int], Iterator[Batch]]:
     """Return the function that reads a format; of one without lines in batches of at most `most` entries."""
-    module, function = look_up("log format", suffix, FORMATS)
-    if suffix in BY_NAME and not isinstance(name, str):  # SQLite and asammdf open the file themselves
+    form = look_up("log format", suffix, FORMATS)
+    if form.by_name and not isinstance(name, str):  # SQLite and asammdf open the file themselves
         raise LocalError(f"a log in the format {suffix} must be a file")
-    found: Any = getattr(import_module(f"eurobot_od.traffic.formats.{module}"), function)
+    found: Any = getattr(import_module(f"eurobot_od.traffic.formats.{form.module}"), form.reader)
     if isinstance(found, type):
         return lambda file, largest: read_lines(file, found(), largest)
     return lambda file, largest: gathered(found(file, largest), most)

@@ -74,6 +74,8 @@ def _pieces(file: BinaryIO, largest: int) -> Iterator[bytes]:
     first = True
     while block := source.read1(PIECE):
         block, first = block.removeprefix(BOM_UTF8) if first else block, False
+        if b"\n" not in block and block.count(b"\r") > 1:  # line ends of an old Mac
+            block = block.replace(b"\r", b"\n")
         lines, end, rest = block.rpartition(b"\n")
         if end:
             yield _shortened(left + lines + end, largest)
@@ -109,7 +111,8 @@ def _entries(piece: bytes, form: LineFormat, before: int, time: float) -> Entrie
             yield number, time, channel, raw
 
 
-def _matched(found: re.Match[bytes] | None) -> re.Match[bytes]:
+def matched(found: re.Match[bytes] | None) -> re.Match[bytes]:
+    """Return a match; raises ValueError without one."""
     if found is None:
         raise ValueError("a line of another form")
     return found
@@ -129,10 +132,10 @@ CANDUMP_DIRECTIONS = (b"R", b"T")
 COB_ID = re.compile(rb"([0-7][0-9A-F]{2})#", re.IGNORECASE)
 
 CANDUMP_OTHER = re.compile(
-    rb"(?P<identifier>[0-7][0-9A-F]{2}|[01][0-9A-F]{7})#(?:R(?P<length>[0-9A-F]?)|(?P<data>(?:[0-9A-F]{2}){0,8}))",
+    rb"(?P<identifier>[0-7][0-9A-F]{2}|[01][0-9A-F]{7})#(?:R(?P<length>[0-9A-F]?)|(?P<data>(?:[0-9A-F]{2}){0,8}))(?:_[9A-F])?",
     re.IGNORECASE,
 )
-"""Frames that are remote, or have 29-bit identifiers, which are written with eight digits."""
+"""Frames that are remote, have 29-bit identifiers, which are written with eight digits, or a DLC above 8 (-8)."""
 
 CANDUMP_FOREIGN = (
     (Damage.ERROR_FRAME, rb"[2367ABEF][0-9A-F]{7}#([0-9A-F]{2})*"),
@@ -224,14 +227,14 @@ def _other_candump(rest: bytes) -> Raw:
 
 @cache  # int() alone would also read `0_8` and `+08`; there are few identifiers, so that each is checked once
 def _cob_id(text: bytes) -> int:
-    return int(_matched(COB_ID.fullmatch(text))[1], 16)
+    return int(matched(COB_ID.fullmatch(text))[1], 16)
 
 
 # candump on a terminal, ` (1396.123456)  can0  008   [8]  D2 74 23 59 2C 01 C3 A5`, with any of its options for times
 
 
 CONSOLE = re.compile(
-    rb"\s*(?:\((?P<time>[-:. \d]+)\)\s+)?(?P<channel>\S+)\s+(?:[RT]X [-B] [-E]\s+)?"
+    rb"\s*(?:[<>]\s+)?(?:\((?P<time>[-:. \d]+)\)\s+)?(?P<channel>\S+)\s+(?:[RT]X [-B] [-E]\s+)?"
     rb"(?P<identifier>[0-9A-F]{8}|[0-9A-F]{3})\s+(?:\[(?P<length>\d{1,2})\]|\{(?P<dlc>[0-9A-F])\})"
     rb"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2}\b)*))",
     re.IGNORECASE,
@@ -248,7 +251,7 @@ class ConsoleFormat(LineFormat):
         return super().comment(line) or line[:1] == b"\t"  # candump -e explains an error frame in a line of its own
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        found = _matched(CONSOLE.match(line))
+        found = matched(CONSOLE.match(line))
         time = _console_time(found["time"].decode()) if found["time"] else 0.0
         identifier, extended = int(found["identifier"], 16), len(found["identifier"]) == CANDUMP_EXTENDED
         length = int(found["length"] or found["dlc"], 10 if found["length"] else 16)
@@ -272,7 +275,9 @@ def _console_time(text: str) -> float:
 BASE = re.compile(rb"base\s+(hex|dec)", re.IGNORECASE)
 NUMBER = {b"hex": 16, b"dec": 10}
 ASC_HEADER = re.compile(rb"(//|date\s|base\s|(no\s+)?internal\s|begin\s|end\s|previous\s)|$", re.IGNORECASE)
-ASC_EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|TxTrc|Trigger))", re.IGNORECASE)
+ASC_EVENT = re.compile(
+    rb"\d+\.\d+\s+((?:CANFD\s+)?(?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|TxTrc|Trigger))", re.IGNORECASE
+)
 """A line with a time that is not a frame: a word in place of the channel, or after it."""
 
 ASC_DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
@@ -364,6 +369,19 @@ def _asc_channel(channel: bytes) -> str:
 TRC_COLUMNS = {"1.0": "N,O,I,L,D", "1.1": "N,O,T,I,L,D", "1.2": "N,O,B,T,I,L,D", "1.3": "N,O,B,T,I,R,L,D"}
 """Columns of the versions that do not list theirs; letters as in version 2: number, offset, type, identifier, ..."""
 
+TRC_2 = {"2.0": "N,O,T,I,d,L,D", "2.1": "N,O,T,B,I,d,R,L,D"}
+"""Those that list theirs, for a piece of a log without its head."""
+
+TRC_LINES = (
+    (rb"\d+\)\s+[\d.,]+\s+[0-9A-F]{4,8}\s", "1.0"),
+    (rb"\d+\)\s+[\d.,]+\s+(?:Rx|Tx|Warng|Error)\s", "1.1"),
+    (rb"\d+\)\s+[\d.,]+\s+\d\s+(?:Rx|Tx|Warng|Error)\s+[0-9A-F]+\s+\d", "1.2"),
+    (rb"\d+\)\s+[\d.,]+\s+\d\s+(?:Rx|Tx|Warng|Error)\s+[0-9A-F]+\s+-", "1.3"),
+    (rb"\d+\s+[\d.,]+\s+[A-Z]{2}\s+[0-9A-F]{4,8}\s+(?:Rx|Tx)\s", "2.0"),
+    (rb"\d+\s+[\d.,]+\s+[A-Z]{2}\s+\d\s+[0-9A-F]{4,8}\s+(?:Rx|Tx)\s", "2.1"),
+)
+"""How a line of each version begins."""
+
 TRC_FRAMES: dict[str, Damage | None] = {
     **dict.fromkeys(("DT", "Rx", "Tx")),
     **dict.fromkeys(("FD", "FB", "FE", "BI"), Damage.FD),
@@ -389,7 +407,7 @@ class TrcFormat(LineFormat):
     """Reads one TRC log."""
 
     def __init__(self) -> None:
-        self._start = 0.0
+        self._start, self._has_columns = 0.0, False
         self._set_columns(TRC_COLUMNS["1.0"])
 
     def _set_columns(self, columns: str) -> None:
@@ -409,11 +427,21 @@ class TrcFormat(LineFormat):
             self._start = (TRC_EPOCH + timedelta(days=float(value))).timestamp()
         elif key == ";$COLUMNS":
             self._set_columns(value)
-        elif key == ";$FILEVERSION" and value in TRC_COLUMNS:
-            self._set_columns(TRC_COLUMNS[value])
+            self._has_columns = True
+        elif key == ";$FILEVERSION":
+            self._set_columns(TRC_COLUMNS.get(value, TRC_COLUMNS["1.0"]))
+            self._has_columns = True
         return True
 
+    def _guess_columns(self, line: bytes) -> None:
+        """Take the columns of the version whose lines begin like this one: the log's head is missing."""
+        self._has_columns = True
+        version = next((each for start, each in TRC_LINES if re.match(start, line.strip(), re.IGNORECASE)), "1.0")
+        self._set_columns((TRC_COLUMNS | TRC_2)[version])
+
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        if not self._has_columns and line.strip()[:1].isdigit():
+            self._guess_columns(line)
         _, offset, rest = line.split(None, 2)
         time = float(offset.replace(b",", b".")) / 1000 + self._start  # PCAN-View writes numbers as its user does
         if line[:1] == b";" or not abs(time) < entries.LATEST:
@@ -563,7 +591,7 @@ class KvaserFormat(LineFormat):
         return not line.strip()[:1].isdigit()
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        found = _matched(KVASER.fullmatch(line))
+        found = matched(KVASER.fullmatch(line))
         time, channel = entries.seconds(found["time"]), found["channel"].decode()
         if found["error"]:
             return time, channel, Foreign(Damage.ERROR_FRAME, entries.shortened(line))

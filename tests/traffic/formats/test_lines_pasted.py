@@ -107,7 +107,11 @@ def test_a_log_without_entries_is_nothing(text: str) -> None:
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("hello\nworld\n", "can_logconvert"), ("<?xml version='1.0'?>\n", "XML"), ("PK\x03\x04abc\n", "zip archive")],
+    [
+        ("hello\nworld\n", "as CSV whose first line names the columns"),
+        ("<?xml version='1.0'?>\n", "XML"),
+        ("PK\x03\x04abc\n", "zip archive"),
+    ],
 )
 def test_a_log_of_which_nothing_can_be_read_is_an_error_that_says_what_helps(text: str, words: str) -> None:
     with pytest.raises(LocalError, match=f"standard input: nothing in it can be read as a frame.*{words}"):
