@@ -108,8 +108,8 @@ MISTAKES = {
         "decode|picture.png",
         2,
         "picture.png: not a known log; --format names its format (log, candump, console, old, message, asc, trc, crtd, "
-        "yacht, carbus, microchip, csv, busmaster, gvret, ixxat, kvaser, columns, blf, db, mf4, pcap, pcapng); any other "
-        "program's frames are read as CSV whose first line names the columns: time, id, data",
+        "yacht, carbus, microchip, csv, busmaster, gvret, ixxat, kvaser, columns, blf, db, mf4, pcap, pcapng); any "
+        "other program's frames are read as CSV whose first line names the columns: time, id, data",
     ),
     "a node-ID too high": ("read|200|0x1000|-i|virtual", 2, "node-ID 200 is not in 1..127"),
     "a node that is not there": (
