@@ -459,7 +459,7 @@ class Target(Access):
             return None
         found = devices.describer(())(node.node_id, read_numbers(node))
         if found is not None:
-            complain_of_repairs([found])
+            complain_of_repairs([found] if found.left_out else ())  # what was repaired, `devices` and `lint` say
             node.master.follow(found)
         return found
 

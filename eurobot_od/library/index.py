@@ -8,7 +8,6 @@ time, and nothing else.
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -103,8 +102,9 @@ Rows = dict[str, list[Any]]
 
 def entries(folder: Path) -> list[LibraryEntry]:
     """Return the entries of all device files in a folder and those below it, by path; reads those that have changed."""
-    kept, rows = _read(folder), Rows()
-    for name, state in sorted(_states(folder)):
+    states = sorted(_states(folder))
+    kept, rows = _read(folder) if states else Rows(), Rows()
+    for name, state in states:
         row = kept.get(name)
         rows[name] = row if row and row[:2] == state else [*state, *described(folder / name)[1:]]
     if rows != kept:
@@ -133,6 +133,8 @@ def file_of(folder: Path) -> Path:
 
 def _read(folder: Path) -> Rows:
     """Return the rows of an index; none if it is missing, damaged, or of another version."""
+    import json  # most commands start without a library
+
     with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         content: Mapping[str, Any] = json.loads(file_of(folder).read_bytes())
         fields = len(LibraryEntry._fields) + 1
@@ -143,6 +145,8 @@ def _read(folder: Path) -> Rows:
 
 
 def _write(folder: Path, rows: Rows) -> None:
+    import json
+
     from eurobot_od.support.files import write_whole
 
     with suppress(OSError):  # a folder that cannot be written: the files are read each time
