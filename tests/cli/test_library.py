@@ -10,11 +10,13 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.bus.live import Live
-from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from tests.cli.console import Said, run
+from tests.client.lss_slave import LssStation
 from tests.client.peers import new_channel, open_bus
+from tests.client.wired import WiredBus
 from tests.kit.library import LISTS, OTHER_PRODUCT, device_text, library_of
 from tests.rows import rows
 
@@ -157,13 +159,16 @@ def test_scan_complains_of_a_file_for_another_device(capsys: pytest.CaptureFixtu
     assert said.err.count("another device") == 1
 
 
-def test_lss_says_which_file_fits_a_device_without_a_node_id(capsys: pytest.CaptureFixture[str]) -> None:
-    channel = new_channel()
-    dictionary = Dictionary.read(device_text().encode(), Path("axis.eds"), 127)
-    device = SimulatedDevice(dictionary, lss=LssSlave.of(dictionary, Commissioning(), 7))
-    with Live.node(open_bus(channel), device):
-        said = run(capsys, "lss", "find", "--timeout", "50 ms", "--library", "makers", "-i", "virtual", "-c", channel)
-    assert said.out == "0x0000029C:0x00001001:0x00020003:0x00000007  no node-ID  axis.eds\n"
+def test_lss_says_which_file_fits_a_device_without_a_node_id(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    devices = LssStation(Identity(0x29C, 0x1001, 0x20003, 7)), LssStation(Identity(1, 2, 3, 4))
+    monkeypatch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: WiredBus(*devices))
+    said = run(capsys, "lss", "find", "--timeout", "1 ms", "--library", "makers")
+    assert sorted(said.out.splitlines()) == [
+        "0x00000001:0x00000002:0x00000003:0x00000004  no node-ID",
+        "0x0000029C:0x00001001:0x00020003:0x00000007  no node-ID  axis.eds",
+    ]
 
 
 # A command, and what it prints that only a file knows.
