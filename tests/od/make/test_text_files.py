@@ -11,7 +11,6 @@ from eurobot_od.od.make.text import differences, make_files, write_files
 from eurobot_od.od.network import NetworkFile, NodeFile, TrafficEntry, read_network_file
 from tests.od.make.tables import TABLE
 
-EDS = Path(__file__).resolve().parents[3] / "eds"
 TEXTS = make_files(read_table(TABLE, "table.yaml"))
 EMPTY = TABLE[: TABLE.index("messages:")] + "messages: {}\ndialects: {plain: {revision_number: 1}}\n"
 
@@ -56,8 +55,8 @@ def test_the_network_says_how_often_what_is_sent() -> None:
 
 def test_the_network_is_that_of_the_first_dialect() -> None:
     two = TABLE.replace("identifier: 12, senders: [drive]", "identifier: 4, senders: [core, drive]")
-    network = read_network_file(make_files(read_table(two, ""))["network.yaml"], "eds/network.yaml")
-    nodes = [NodeFile("eds/plain/core.eds", 1, "core"), NodeFile("eds/plain/drive.eds", 2, "drive")]
+    network = read_network_file(make_files(read_table(two, ""))["network.yaml"], "made/network.yaml")
+    nodes = [NodeFile("made/plain/core.eds", 1, "core"), NodeFile("made/plain/drive.eds", 2, "drive")]
     assert network == NetworkFile(nodes, ("Confirm",), ("Confirm", "Goto"), 500)
 
 
