@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import signal
 from collections.abc import Callable, Iterator
@@ -15,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from eurobot_od.od.dictionary import Dictionary
+from tests.eds_text import with_entry
 
 # No test may depend on how fast the machine is. In CI the same inputs are tried each time: what a change did not break
 # stays green. Everywhere else they are other ones each time.
@@ -80,14 +80,6 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 EDS = Path(__file__).parents[1] / "eds"
-
-
-def with_entry(text: str, section: str, key: str, value: str | None) -> str:
-    """Give `key` in `[section]` another value, None: take its line out."""
-    line = "" if value is None else f"{key}={value}\n"
-    changed, count = re.subn(rf"(\[{section}\]\n(?:[^\[\n].*\n)*?){key}=.*\n", rf"\g<1>{line}", text)
-    assert count == 1, (section, key)
-    return changed
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from eurobot_od.od.values import DATA_TYPES
 
 CODES = {each.name: code for code, each in DATA_TYPES.items()}
@@ -35,3 +37,11 @@ def pdo(
     mapped = [(sub, "UNSIGNED32", entry) for sub, entry in enumerate(entries, 1)]
     communication = record(index, name, (0, "UNSIGNED8", "6"), (1, "UNSIGNED32", cob_id), *said)
     return communication + record(index + 0x200, "mapping", (0, "UNSIGNED8", str(len(entries))), *mapped)
+
+
+def with_entry(text: str, section: str, key: str, value: str | None) -> str:
+    """Give `key` in `[section]` another value, None: take its line out."""
+    line = "" if value is None else f"{key}={value}\n"
+    changed, count = re.subn(rf"(\[{section}\]\n(?:[^\[\n].*\n)*?){key}=.*\n", rf"\g<1>{line}", text)
+    assert count == 1, (section, key)
+    return changed

@@ -25,8 +25,7 @@ from eurobot_od.robot.model.messages import GotoConfirm, GotoXY
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.support.progress import Progress, unwatched
 from tests.client.peers import EDS, LIFT, line, master_on, open_bus, stock_lift
-from tests.conftest import with_entry
-from tests.eds_text import DEVICE_TYPE, variable
+from tests.eds_text import DEVICE_TYPE, variable, with_entry
 from tests.rows import rows
 
 NOW = datetime(2014, 5, 28, 12, 0, 1)

@@ -6,11 +6,14 @@ messages can have: no field, an enum, a tail that may be left out, numbers with 
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 from eurobot_od.device.bound import BoundObject, period, seconds, setting
@@ -25,6 +28,7 @@ from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Catalogue, Choice, Kind, Message, OutOfRange, Quantity, words_of
 from eurobot_od.pdo.protocol import Protocol
+from tests.eds_text import with_entry
 
 TABLE = Path(__file__).with_suffix(".yaml")
 DIALECT, REVERSED = "plain", "reversed"
@@ -257,6 +261,24 @@ def dictionaries(dialect: str = DIALECT) -> list[Dictionary]:
 def protocol(dialect: str = DIALECT) -> LiftProtocol:
     """Return the lift's messages as a dialect maps them."""
     return LiftProtocol.of_devices(dictionaries(dialect), CATALOGUE)
+
+
+@cache
+def files() -> Path:
+    """Write the files where they stay until the end of the tests; return the folder of both dialects."""
+    folder = Path(mkdtemp(prefix="lift-"))
+    atexit.register(rmtree, folder)
+    write(folder)
+    return folder
+
+
+def spoilt(folder: Path, *changes: tuple[str, str, str, str | None]) -> Path:
+    """Write the files of the plain dialect, and change entries: node, section, key, value; return their folder."""
+    plain = write(folder)
+    for node, *change in changes:
+        file = plain / f"{node}.eds"
+        file.write_text(with_entry(file.read_text(), *change))
+    return plain
 
 
 def write(folder: Path) -> Path:

@@ -6,7 +6,7 @@ import pytest
 
 from eurobot_od.lint.file_rules import is_date, is_time, is_version, looks_like_object
 from eurobot_od.lint.rules import lint
-from tests.conftest import with_entry
+from tests.eds_text import with_entry
 from tests.lint.mutations import CLEAN
 from tests.rows import rows
 

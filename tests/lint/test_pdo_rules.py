@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.lint.rules import lint
-from tests.conftest import with_entry
+from tests.eds_text import with_entry
 from tests.lint.mutations import BASES, CLEAN, WHOLE, Defect, mutated
 from tests.rows import rows
 

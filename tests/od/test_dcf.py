@@ -19,16 +19,16 @@ from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import COMMISSIONING, parse
 from eurobot_od.od.values import Address, Value
-from eurobot_od.robot import dialects
+from tests.kit import lift
 from tests.rows import rows
 
-FILES = sorted(dialects.eds_folder().glob("*/*.eds"))
-DRIVE = (dialects.eds_folder() / "canopen" / "drive.eds").read_text()
+FILES = sorted(lift.files().glob("*/*.eds"))
+CABIN = lift.texts()["plain/cabin.eds"]
 VALUES: dict[Address, Value] = {(0x1017, 0): 500, (0x1403, 1): 0x18, (0x1014, 0): 0x99, (0x2101, 1): 900}
 
 
-def drive_dcf(values: dict[Address, Value], text: str = DRIVE) -> str:
-    return dcf.with_values(DescribedDevice(parse(text)), values, 2, "drive", 500)
+def cabin_dcf(values: dict[Address, Value], text: str = CABIN) -> str:
+    return dcf.with_values(DescribedDevice(parse(text)), values, 2, "cabin", 500)
 
 
 @pytest.mark.parametrize(
@@ -37,46 +37,46 @@ def drive_dcf(values: dict[Address, Value], text: str = DRIVE) -> str:
         ((0x1017, 0), 500, "ParameterValue=500"),  # decimal, as its default
         ((0x1403, 1), 0x18, "ParameterValue=0x00000018"),  # hexadecimal with 8 digits, as its default
         ((0x1014, 0), 0x99, "ParameterValue=0x00000099"),  # a number where the default counts from the node-ID
-        ((0x1008, 0), "Fast drive", "ParameterValue=Fast drive"),  # text
+        ((0x1008, 0), "Fast cabin", "ParameterValue=Fast cabin"),  # text
         ((0x1021, 0), b"\x01\xab", "ParameterValue=01AB"),  # bytes
         ((0x1018, 3), -1, "ParameterValue=-1"),  # a negative number has no hexadecimal form
         ((0x1017, 0), True, "ParameterValue=1"),  # a bool is a number in a DCF
     ],
 )
 def test_a_value_is_written_in_the_form_of_its_default(address: Address, value: Value, line: str) -> None:
-    added = set(drive_dcf({address: value}).split("\n")) - set(drive_dcf({}).split("\n"))
+    added = set(cabin_dcf({address: value}).split("\n")) - set(cabin_dcf({}).split("\n"))
     assert added == {line}
 
 
 def test_every_line_of_the_eds_stays_but_its_own_name() -> None:
-    lines = drive_dcf(VALUES).split("\n")
-    assert [line for line in DRIVE.split("\n") if line not in lines] == ["FileName=drive.eds"]
+    lines = cabin_dcf(VALUES).split("\n")
+    assert [line for line in CABIN.split("\n") if line not in lines] == ["FileName=cabin.eds"]
 
 
 def test_the_dcf_names_the_eds_it_was_made_from() -> None:
-    text = drive_dcf({})
-    assert "FileName=drive.dcf\n" in text
-    assert "LastEDS=drive.eds\n" in text
+    text = cabin_dcf({})
+    assert "FileName=cabin.dcf\n" in text
+    assert "LastEDS=cabin.eds\n" in text
 
 
 def test_a_dcf_of_a_dcf_replaces_values_and_doubles_nothing() -> None:
-    once = drive_dcf(VALUES)
-    assert drive_dcf(VALUES, once) == once
-    assert drive_dcf({(0x1017, 0): 501}, once) == once.replace("ParameterValue=500", "ParameterValue=501")
+    once = cabin_dcf(VALUES)
+    assert cabin_dcf(VALUES, once) == once
+    assert cabin_dcf({(0x1017, 0): 501}, once) == once.replace("ParameterValue=500", "ParameterValue=501")
 
 
 def test_none_leaves_an_object_without_a_value() -> None:
-    assert drive_dcf({(0x1017, 0): None}) == drive_dcf({})
+    assert cabin_dcf({(0x1017, 0): None}) == cabin_dcf({})
 
 
 def test_line_ends_of_windows_are_read() -> None:
-    assert drive_dcf(VALUES, DRIVE.replace("\n", "\r\n")) == drive_dcf(VALUES)
+    assert cabin_dcf(VALUES, CABIN.replace("\n", "\r\n")) == cabin_dcf(VALUES)
 
 
 @pytest.mark.parametrize("address", [(0x5000, 0), (0x1017, 1), (0x1018, 0x99), (0x1018, -1)])
 def test_an_object_that_the_eds_lacks_is_refused(address: Address) -> None:
     with pytest.raises(UnknownName, match=f"0x{address[0]:04X}"):
-        drive_dcf({address: 1})
+        cabin_dcf({address: 1})
 
 
 @rows("file", FILES)
@@ -118,7 +118,7 @@ def there_and_back(folder: Path, eds: bytes, contents: dict[Address, bytes]) -> 
 
 
 KEPT = [
-    (0x09, b"Fast drive", b"ParameterValue=Fast drive\n"),
+    (0x09, b"Fast cabin", b"ParameterValue=Fast cabin\n"),
     (0x09, "10 €".encode(), "ParameterValue=10 €\n".encode()),  # in the file's encoding
     (0x09, b"caf\xe9", None),  # not UTF-8, as the file is
     (0x09, b"two\nlines", None),  # would be an entry of its own
@@ -226,7 +226,7 @@ def test_a_name_that_would_be_more_than_a_name_is_left_out(tmp_path: Path, name:
 @pytest.mark.parametrize("text", ["two\nlines", "a ;comment", b"caf\xe9"])
 def test_a_text_that_a_line_cannot_hold_is_refused(text: Value) -> None:
     with pytest.raises(FieldError, match="0x1008:0: Manufacturer device name"):
-        drive_dcf({(0x1008, 0): text})
+        cabin_dcf({(0x1008, 0): text})
 
 
 # What is missing
@@ -235,10 +235,10 @@ def test_a_text_that_a_line_cannot_hold_is_refused(text: Value) -> None:
 @pytest.mark.parametrize(
     ("text", "missing"),
     [
-        (DRIVE.replace("[1017]", "[9999]"), ["1017"]),  # a listed object
-        (DRIVE.replace("[1018sub4]", "[9999]"), ["1018sub"]),  # a counted member
-        (DRIVE.replace("[MandatoryObjects]", "[9999]"), ["MandatoryObjects"]),  # the list that every file has
-        (DRIVE.replace("[OptionalObjects]", "[9999]"), []),
+        (CABIN.replace("[1017]", "[9999]"), ["1017"]),  # a listed object
+        (CABIN.replace("[1018sub4]", "[9999]"), ["1018sub"]),  # a counted member
+        (CABIN.replace("[MandatoryObjects]", "[9999]"), ["MandatoryObjects"]),  # the list that every file has
+        (CABIN.replace("[OptionalObjects]", "[9999]"), []),
         ("", ["MandatoryObjects"]),  # everything
     ],
 )
@@ -247,12 +247,12 @@ def test_what_is_announced_and_not_there_is_named(text: str, missing: list[str])
 
 
 def test_a_number_of_members_that_is_none_counts_as_none() -> None:
-    assert dcf.missing(parse(DRIVE.replace("SubNumber=6", "SubNumber=six"))) == []
+    assert dcf.missing(parse(CABIN.replace("SubNumber=6", "SubNumber=six"))) == []
 
 
-@rows("line", range(0, drive_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
+@rows("line", range(0, cabin_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
 def test_a_dcf_cut_off_anywhere_misses_something(line: int) -> None:
-    cut = "\n".join(drive_dcf(VALUES).split("\n")[:line])
+    cut = "\n".join(cabin_dcf(VALUES).split("\n")[:line])
     assert dcf.missing(parse(cut)) or f"[{COMMISSIONING}]" not in cut
 
 

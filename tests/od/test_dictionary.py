@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +18,22 @@ from eurobot_od.od.normal import normal
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED16, Limits, PdoDirection, Value
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.pdo.protocol import Protocol
 from tests.eds_text import DEVICE_TYPE, variable
+from tests.kit import lift
+from tests.kit.devices import DOCS
 from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
-EDS = ROOT / "eds" / "canopen"
-DRIVE = Dictionary.load(EDS / "drive.eds")
+EDS = lift.files() / lift.DIALECT
+MADE = sorted(lift.files().glob("*/*.eds"))
+CABIN = Dictionary.load(EDS / "cabin.eds")
 SAMPLES = ROOT / "tests" / "lint" / "samples"
 CANOPEN_READS = [
-    *sorted(ROOT.glob("eds/*/*.eds")),
+    *MADE,
+    *sorted(DOCS.glob("*.eds")),
     *(SAMPLES / name for name in ("clean.eds", "configured.dcf", "crlf_io_module.eds", "generated.eds", "old.eds")),
 ]
-
-Spoil = Callable[..., Path]
 
 
 def pdo(dictionary: Dictionary, index: int) -> Pdo:
@@ -42,7 +43,7 @@ def pdo(dictionary: Dictionary, index: int) -> Pdo:
 # What is read
 
 
-@pytest.mark.parametrize(("name", "node_id"), [("core", 1), ("drive", 2), ("navigation", 3)])
+@pytest.mark.parametrize(("name", "node_id"), [("panel", 1), ("cabin", 2), ("door", 3)])
 def test_has_the_files_name_and_node_id(name: str, node_id: int) -> None:
     dictionary = Dictionary.load(EDS / f"{name}.eds")
     assert (dictionary.name, dictionary.node_id, dictionary.file) == (name, node_id, EDS / f"{name}.eds")
@@ -50,10 +51,10 @@ def test_has_the_files_name_and_node_id(name: str, node_id: int) -> None:
 
 @pytest.mark.parametrize("node_id", [1, 5, 127])
 def test_another_node_id_moves_what_depends_on_it(node_id: int) -> None:
-    dictionary = Dictionary.load(EDS / "drive.eds", node_id)
+    dictionary = Dictionary.load(EDS / "cabin.eds", node_id)
     assert dictionary.node_id == node_id
     assert dictionary.default((0x1014, 0)) == 0x80 + node_id  # COB-ID EMCY, $NODEID+0x80 in the file
-    assert dictionary.default((0x1403, 1)) == DRIVE.default((0x1403, 1))
+    assert dictionary.default((0x1403, 1)) == CABIN.default((0x1403, 1))
 
 
 @rows("said, node_id", [("0xFF", None), ("127", 127), ("$NODEID", None)])
@@ -67,25 +68,25 @@ def test_a_setting_of_no_node_id_is_not_one(said: str, node_id: int | None) -> N
 
 
 def test_gives_objects_by_address_and_by_name() -> None:
-    variable = DRIVE.variable((0x2000, 1))
+    variable = CABIN.variable((0x2000, 1))
     assert variable is not None
-    assert variable.name == "X position"
-    assert DRIVE.address("Transmit.Mailboxes") == (0x2110, 1)
-    assert DRIVE.address("Device type") == (0x1000, 0)
-    assert DRIVE.default((0x2110, 1)) == 3
+    assert variable.name == "Height"
+    assert CABIN.address("Motion.Control period") == (0x2101, 2)
+    assert CABIN.address("Device type") == (0x1000, 0)
+    assert CABIN.default((0x2101, 2)) == 10
 
 
 @pytest.mark.parametrize("address", [(0x2FFF, 0), (0x2000, 99), (0x1000, 1)])
 def test_has_nothing_where_the_file_has_nothing(address: tuple[int, int]) -> None:
-    assert DRIVE.variable(address) is None
-    assert DRIVE.default(address) is None
+    assert CABIN.variable(address) is None
+    assert CABIN.default(address) is None
 
 
-@pytest.mark.parametrize("name", ["Transmit.Mailbox", "Transmission.Mailboxes", ""])
+@pytest.mark.parametrize("name", ["Motion.Control", "Moving.Control period", ""])
 def test_tells_a_name_that_no_object_has(name: str) -> None:
     with pytest.raises(DictionaryError) as error:
-        DRIVE.address(name)
-    assert str(error.value) == f"{DRIVE.file}: no object is named {name!r}"
+        CABIN.address(name)
+    assert str(error.value) == f"{CABIN.file}: no object is named {name!r}"
 
 
 def variables(objects: Any) -> dict[tuple[int, int], dict[str, object]]:
@@ -108,7 +109,7 @@ def test_canopens_own_reader_gives_the_same_objects(file: Path) -> None:
     assert ours.bitrate == theirs.bitrate
 
 
-@pytest.mark.parametrize("file", sorted(ROOT.glob("eds/*/*.eds")), ids=lambda file: f"{file.parent.name}-{file.name}")
+@pytest.mark.parametrize("file", MADE, ids=lambda file: f"{file.parent.name}-{file.name}")
 def test_canopen_gets_the_very_text_of_our_files(file: Path) -> None:
     made = normal(file.read_bytes())
     assert made.text.encode() == file.read_bytes()
@@ -116,64 +117,63 @@ def test_canopen_gets_the_very_text_of_our_files(file: Path) -> None:
 
 
 def test_a_dummy_that_is_left_out_is_not_there(tmp_path: Path) -> None:
-    file = tmp_path / "drive.eds"
-    file.write_text((EDS / "drive.eds").read_text().replace("Dummy0004=1\n", "").replace("Dummy0005=0", "Dummy0005=1"))
+    file = tmp_path / "cabin.eds"
+    file.write_text((EDS / "cabin.eds").read_text().replace("Dummy0004=1\n", "").replace("Dummy0005=0", "Dummy0005=1"))
     assert [code for code in range(1, 8) if code in Dictionary.load(file).objects] == [5]
 
 
 def test_a_dcfs_value_goes_before_the_default(tmp_path: Path) -> None:
-    dcf = tmp_path / "drive.dcf"
-    eds = (EDS / "drive.eds").read_text()
-    section = eds.index("[2110sub1]")
-    value = eds.index("DefaultValue=3\n", section)
+    dcf = tmp_path / "cabin.dcf"
+    eds = (EDS / "cabin.eds").read_text()
+    section = eds.index("[2101sub2]")
+    value = eds.index("DefaultValue=10\n", section)
     dcf.write_text(eds[:value] + "ParameterValue=7\n" + eds[value:] + "\n[DeviceComissioning]\nNodeID=9\n")
     dictionary = Dictionary.load(dcf)
-    assert dictionary.default((0x2110, 1)) == 7
+    assert dictionary.default((0x2101, 2)) == 7
     assert dictionary.node_id == 9
     assert Dictionary.load(dcf, node_id=10).node_id == 10
 
 
 def test_reads_a_pdo_with_its_mapping() -> None:
-    goto = pdo(DRIVE, 0x1403)
-    assert (goto.name, goto.direction, goto.cob_id, goto.valid) == ("Goto XY", PdoDirection.RPDO, 0x008, True)
-    assert (goto.transmission_type, goto.mapping_index) == (254, 0x1603)
-    assert [(each.address, each.bits, each.name, each.limits, each.type) for each in goto.mapping] == [
-        ((0x2000, 1), 12, "X position", Limits(0, 3000), UNSIGNED16),
-        ((0x2000, 2), 12, "Y position", Limits(0, 2000), UNSIGNED16),
-        ((0x2000, 3), 10, "Angle", Limits(0, 359), UNSIGNED16),
-        ((0x2000, 4), 8, "Speed", Limits(0, 100), UNSIGNED16),
-        ((0x2000, 6), 6, "Reserved", Limits(0, 0), UNSIGNED8),
-        ((0x2000, 5), 16, "Barriers", Limits(0, 0xFFFF), UNSIGNED16),
+    move = pdo(CABIN, 0x1403)
+    assert (move.name, move.direction, move.cob_id, move.valid) == ("Move To", PdoDirection.RPDO, 0x108, True)
+    assert (move.transmission_type, move.mapping_index) == (254, 0x1603)
+    assert [(each.address, each.bits, each.name, each.limits, each.type) for each in move.mapping] == [
+        ((0x2000, 1), 12, "Height", Limits(0, 3000), UNSIGNED16),
+        ((0x2000, 2), 2, "Ride", Limits(0, 2), UNSIGNED8),
+        ((0x2000, 3), 7, "Speed", Limits(0, 100), UNSIGNED16),
+        ((0x2000, 5), 3, "Reserved", Limits(0, 0), UNSIGNED8),
+        ((0x2000, 4), 16, "Pause", Limits(0, 600), UNSIGNED16),
     ]
 
 
 def test_reads_a_pdo_that_is_not_valid() -> None:
-    listener = pdo(Dictionary.load(EDS / "core.eds"), 0x1402)
-    assert (listener.name, listener.cob_id, listener.valid) == ("Navi Position Response", 0x080, False)
+    listener = pdo(Dictionary.load(EDS / "panel.eds"), 0x1402)
+    assert (listener.name, listener.cob_id, listener.valid) == ("Floor Response", 0x195, False)
 
 
 def test_a_slice_has_the_limits_of_its_whole() -> None:
-    drive = Dictionary.load(EDS.parent / "firmware2014" / "drive.eds")
-    first = pdo(drive, 0x1403).mapping[0]
-    assert (first.name, first.bits, first.limits) == ("X position (11:4)", 8, Limits(0, 3000))
-    assert any(each.is_padding for each in pdo(drive, 0x1403).mapping)
+    cabin = Dictionary.load(EDS.parent / lift.REVERSED / "cabin.eds")
+    first = pdo(cabin, 0x1403).mapping[0]
+    assert (first.name, first.bits, first.limits) == ("Height (11:4)", 8, Limits(0, 3000))
+    assert any(each.is_padding for each in pdo(cabin, 0x1403).mapping)
 
 
-def test_a_dummy_is_padding(spoil_eds: Spoil) -> None:
-    drive = Dictionary.load(spoil_eds(("drive", "1603sub1", "DefaultValue", "0x00050008")) / "drive.eds")
-    assert pdo(drive, 0x1603 - 0x200).mapping[0].is_padding
+def test_a_dummy_is_padding(tmp_path: Path) -> None:
+    cabin = Dictionary.load(lift.spoilt(tmp_path, ("cabin", "1603sub1", "DefaultValue", "0x00050008")) / "cabin.eds")
+    assert pdo(cabin, 0x1603 - 0x200).mapping[0].is_padding
 
 
-# Mappings that do not hold: entry changed in drive.eds, its new value (None: no such line), index and reason told.
+# Mappings that do not hold: entry changed in cabin.eds, its new value (None: no such line), index and reason told.
 UNMAPPED = [
     ("1603sub1", "0x2FFF010C", 0x1603, "maps 0x2FFF sub 1, which is missing"),
-    ("1603sub2", "0x2000090C", 0x1603, "maps 0x2000 sub 9, which is missing"),
+    ("1603sub2", "0x20000902", 0x1603, "maps 0x2000 sub 9, which is missing"),
     ("1603sub3", "0x20000311", 0x1603, "maps 0x2000 sub 3 with 17 bits, its type has 16"),
     ("1603sub3", "0x20000300", 0x1603, "maps 0x2000 sub 3 with 0 bits, its type has 16"),
     ("1603sub4", None, 0x1603, "sub 4 is missing or has no number as its value"),
     ("1603sub4", "speed", 0x1603, "sub 4 is missing or has no number as its value"),
     ("1603sub0", None, 0x1603, "sub 0 is missing or has no number as its value"),
-    ("1603sub0", "7", 0x1603, "maps 0x0000 sub 0, which is missing"),
+    ("1601sub0", "2", 0x1601, "maps 0x0000 sub 0, which is missing"),
     ("1404sub1", None, 0x1404, "sub 1 is missing or has no number as its value"),  # only the first four have a default
     ("1403sub1", "0x20000008", 0x1403, "COB-ID 0x20000008 asks for a 29-bit identifier"),
 ]
@@ -181,17 +181,17 @@ UNMAPPED = [
 
 @rows("section, value, index, what", UNMAPPED)
 def test_mapping_that_does_not_hold_is_told_with_file_and_index(
-    section: str, value: str | None, index: int, what: str, spoil_eds: Spoil
+    section: str, value: str | None, index: int, what: str, tmp_path: Path
 ) -> None:
-    file = spoil_eds(("drive", section, "DefaultValue", value)) / "drive.eds"
+    file = lift.spoilt(tmp_path, ("cabin", section, "DefaultValue", value)) / "cabin.eds"
     with pytest.raises(MappingError) as error:
-        EurobotProtocol.of(Dictionary.load(file))
+        Protocol.of(Dictionary.load(file))
     assert (error.value.file, error.value.index) == (str(file), index)
     assert str(error.value) == f"{file}: 0x{index:04X}: {what}"
 
 
-def test_pdo_without_a_mapping_record_is_told(spoil_eds: Spoil) -> None:
-    file = spoil_eds() / "drive.eds"
+def test_pdo_without_a_mapping_record_is_told(tmp_path: Path) -> None:
+    file = lift.spoilt(tmp_path) / "cabin.eds"
     file.write_text(file.read_text().replace("[1603", "[1703"))
     with pytest.raises(MappingError, match="0x1603: sub 0 is missing"):
         _ = Dictionary.load(file).pdos
@@ -199,7 +199,7 @@ def test_pdo_without_a_mapping_record_is_told(spoil_eds: Spoil) -> None:
 
 # Files that are no EDS
 
-GOOD = (EDS / "drive.eds").read_bytes()
+GOOD = (EDS / "cabin.eds").read_bytes()
 BROKEN = [
     ("empty", b"", "not an EDS: it describes no object"),
     ("an INI file of another kind", b"[a]\nb=1\n", "not an EDS: it describes no object"),
@@ -219,7 +219,7 @@ BROKEN = [
 
 @rows("content, what", [row[1:] for row in BROKEN])
 def test_file_that_is_no_eds_is_refused_in_one_line(content: bytes, what: str, tmp_path: Path) -> None:
-    file = tmp_path / "drive.eds"
+    file = tmp_path / "cabin.eds"
     file.write_bytes(content)
     with pytest.raises(DictionaryError) as error:
         Dictionary.load(file)
@@ -230,28 +230,28 @@ def test_file_that_is_no_eds_is_refused_in_one_line(content: bytes, what: str, t
 
 def test_file_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(DictionaryError) as error:
-        Dictionary.load(tmp_path / "drive.eds")
-    assert str(error.value) == f"{tmp_path / 'drive.eds'}: No such file or directory"
+        Dictionary.load(tmp_path / "cabin.eds")
+    assert str(error.value) == f"{tmp_path / 'cabin.eds'}: No such file or directory"
 
 
 @pytest.mark.parametrize("node_id", [0, 128, -1, 255])
 def test_node_id_outside_its_range_is_refused(node_id: int) -> None:
     with pytest.raises(DictionaryError) as error:
-        Dictionary.load(EDS / "drive.eds", node_id)
-    assert str(error.value) == f"{EDS / 'drive.eds'}: node-ID {node_id} is not in 1..127"
+        Dictionary.load(EDS / "cabin.eds", node_id)
+    assert str(error.value) == f"{EDS / 'cabin.eds'}: node-ID {node_id} is not in 1..127"
 
 
-def test_a_broken_file_costs_the_user_one_line(spoil_eds: Spoil) -> None:
-    folder = spoil_eds()
-    (folder / "drive.eds").write_text("[a]\nb=1\n")
-    command = [sys.executable, "-m", "eurobot_od", "show", "--dialect", str(folder)]
+def test_a_broken_file_costs_the_user_one_line(tmp_path: Path) -> None:
+    folder = lift.spoilt(tmp_path)
+    (folder / "cabin.eds").write_text("[a]\nb=1\n")
+    command = [sys.executable, "-m", "eurobot_od", "show", "--network", str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == f"eurobot-od: {folder / 'drive.eds'}: not an EDS: it describes no object\n"
+    assert done.stderr == f"eurobot-od: {folder / 'cabin.eds'}: not an EDS: it describes no object\n"
 
 
 def test_what_canopen_logs_is_not_printed() -> None:
-    load = f"from eurobot_od.od.dictionary import Dictionary; Dictionary.load({str(EDS / 'drive.eds')!r})"
+    load = f"from eurobot_od.od.dictionary import Dictionary; Dictionary.load({str(EDS / 'cabin.eds')!r})"
     log = "import logging; [logging.getLogger(f'canopen.{name}').error('leak') for name in ('sdo', 'objectdictionary')]"
     done = subprocess.run([sys.executable, "-c", f"{load}; {log}"], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")
@@ -327,14 +327,14 @@ def test_the_file_may_name_the_node_id(data: bytes, node_id: int) -> None:
 @pytest.mark.parametrize(
     ("name", "index"),
     [
-        ("Kalman position", 0x2011),
-        ("Goto XY", 0x2000),  # not 0x1403, the record of the PDO with that name
+        ("Place", 0x2011),
+        ("Move to", 0x2000),  # not 0x1403, the record of the PDO with that name
         ("Identity object", None),  # a communication object
         ("Nothing", None),
     ],
 )
 def test_data_is_found_by_its_name(name: str, index: int | None) -> None:
-    assert DRIVE.data_index(name) == index
+    assert CABIN.data_index(name) == index
 
 
 def test_node_id_as_the_value_of_the_own_setting_names_none(tmp_path: Path) -> None:

@@ -26,11 +26,12 @@ from eurobot_od.od.normal import in_normal_form
 from eurobot_od.od.values import DATA_TYPES, Address, Value
 from eurobot_od.sdo.wire import Abort, Reason
 from tests.eds_text import DEVICE_TYPE, variable
+from tests.kit import lift
 from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 FILES = [
-    *sorted(ROOT.glob("eds/*/*.eds")),
+    *sorted(lift.files().glob("*/*.eds")),
     *sorted((ROOT / "tests" / "lint" / "samples").iterdir()),
     *sorted(ROOT.glob("tests/kit/makers/*.eds")),
     *sorted(ROOT.glob("tests/od/samples/*.eds")),

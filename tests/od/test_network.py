@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ from eurobot_od.errors import DictionaryError, FileError, YamlError
 from eurobot_od.od.maker import read_error_words
 from eurobot_od.od.network import NodeFile, load, node_file, read_network
 from tests.eds_text import DEVICE_TYPE
+from tests.kit import lift
 from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
@@ -114,9 +114,9 @@ def test_devices_of_one_name_are_told_apart_by_node_id(folder: Path) -> None:
     assert [each.name for each in found] == ["motor_3", "arm", "motor_9"]
 
 
-def test_two_files_with_one_node_id_are_refused(spoil_eds: Callable[..., Path]) -> None:
-    nodes = read_network(spoil_eds(("navigation", "2100sub1", "DefaultValue", "2"))).nodes
-    with pytest.raises(DictionaryError, match="node-ID 2 is taken by drive"):
+def test_two_files_with_one_node_id_are_refused(tmp_path: Path) -> None:
+    nodes = read_network(lift.spoilt(tmp_path, ("door", "2100sub1", "DefaultValue", "2"))).nodes
+    with pytest.raises(DictionaryError, match="node-ID 2 is taken by cabin"):
         load(nodes)
 
 

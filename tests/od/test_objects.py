@@ -8,10 +8,10 @@ from canopen.objectdictionary import ODVariable, datatypes
 from eurobot_od.errors import FieldError, LocalError
 from eurobot_od.od.objects import address_of, decode, encode, find, find_one, limits, parse, undescribed, written
 from eurobot_od.od.values import Value
-from eurobot_od.robot import dialects
+from tests.kit import lift
 from tests.rows import rows
 
-DRIVE = dialects.load("drive", "canopen").objects
+CABIN = lift.dictionary("cabin").objects
 
 
 def typed(data_type: int, low: int | None = None, high: int | None = None) -> ODVariable:
@@ -34,23 +34,23 @@ def typed(data_type: int, low: int | None = None, high: int | None = None) -> OD
         ("0x5000", (0x5000, 0)),  # unknown to the EDS, perhaps not to the node
         ("Producer heartbeat time", (0x1017, 0)),  # by name
         ("motion.maximum SPEED", (0x2101, 1)),  # in any letter case
-        ("Goto XY.X position", (0x2000, 1)),  # two records have the name, one has the member
-        ("Goto XY.COB-ID used by PDO", (0x1403, 1)),
+        ("Move to.Height", (0x2000, 1)),  # two records have the name, one has the member
+        ("Move To.COB-ID used by PDO", (0x1403, 1)),
     ],
 )
 def test_one_object_by_number_or_name(text: str, address: tuple[int, int]) -> None:
-    assert address_of(find_one(text, DRIVE)) == address
+    assert address_of(find_one(text, CABIN)) == address
 
 
 @pytest.mark.parametrize("text", ["0x1018", "identity object"])
 def test_an_index_is_all_its_members(text: str) -> None:
-    assert [address_of(thing) for thing in find(text, DRIVE)] == [(0x1018, subindex) for subindex in range(5)]
+    assert [address_of(thing) for thing in find(text, CABIN)] == [(0x1018, subindex) for subindex in range(5)]
 
 
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("Goto XY", "0x1403, 0x2000"),  # two objects of that name
+        ("Move To", "0x1403, 0x2000"),  # two objects of that name
         ("Motion.Maximum sped", "Motion.Maximum speed"),  # a slip: what is similar
         ("nothing like it", "nothing like it"),
         ("0x10177", "0x10177"),  # five digits are no index
@@ -59,12 +59,12 @@ def test_an_index_is_all_its_members(text: str) -> None:
 )
 def test_a_name_of_none_or_several_is_refused(text: str, named: str) -> None:
     with pytest.raises(LocalError, match=named):
-        find(text, DRIVE)
+        find(text, CABIN)
 
 
 def test_a_record_is_no_single_object() -> None:
     with pytest.raises(LocalError, match="0x1018:4 Identity object"):
-        find_one("0x1018", DRIVE)
+        find_one("0x1018", CABIN)
 
 
 def test_without_an_eds_there_are_numbers_and_no_names() -> None:

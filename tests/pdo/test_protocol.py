@@ -14,8 +14,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import Message, OutOfRange, flagged_fields
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
-from tests.conftest import with_entry
-from tests.eds_text import DEVICE_TYPE, pdo
+from tests.eds_text import DEVICE_TYPE, pdo, with_entry
 from tests.kit import lift
 from tests.kit.lift import (
     OFFICE,

@@ -15,6 +15,7 @@ from eurobot_od.cli.lint import read_network
 from eurobot_od.lint.findings import Finding, Severity
 from eurobot_od.lint.network import lint_network
 from eurobot_od.lint.rules import lint
+from eurobot_od.od.normal import normal
 from eurobot_od.robot import dialects
 
 EDS = dialects.eds_folder()
@@ -40,6 +41,13 @@ def test_canopen_reads_without_a_word(file: Path, caplog: pytest.LogCaptureFixtu
     with caplog.at_level(logging.DEBUG):
         canopen.import_od(str(file), node_id=2)
     assert caplog.messages == []
+
+
+@every_file
+def test_canopen_gets_the_very_text(file: Path) -> None:
+    made = normal(file.read_bytes())
+    assert made.text.encode() == file.read_bytes()
+    assert (made.changes, made.refusals) == ([], [])
 
 
 @every_file

@@ -23,7 +23,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Faults, Plugin
 from eurobot_od.traffic.entries import Timed
 from eurobot_od.traffic.meaning import Decoder
-from tests.conftest import with_entry
+from tests.eds_text import with_entry
 from tests.kit.plant import messages as m
 from tests.kit.plant import nodes
 from tests.kit.plant.messages import CATALOGUE
