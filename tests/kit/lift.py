@@ -275,9 +275,9 @@ def files() -> Path:
 def spoilt(folder: Path, *changes: tuple[str, str, str, str | None]) -> Path:
     """Write the files of the plain dialect, and change entries: node, section, key, value; return their folder."""
     plain = write(folder)
-    for node, *change in changes:
+    for node, section, key, value in changes:
         file = plain / f"{node}.eds"
-        file.write_text(with_entry(file.read_text(), *change))
+        file.write_text(with_entry(file.read_text(), section, key, value))
     return plain
 
 
