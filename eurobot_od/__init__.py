@@ -42,16 +42,4 @@ def __getattr__(name: str) -> Any:
     home = import_module(_HOMES[name])
     # A module has its own name: `eurobot_od.robot.model` need not have imported it.
     found = getattr(home, name) if hasattr(home, name) else import_module(f"{_HOMES[name]}.{name}")
-    if name == "Protocol":
-        found = type(name, (found,), {"__module__": __name__, "__doc__": found.__doc__, "load": staticmethod(_load)})
     return globals().setdefault(name, found)
-
-
-def _load(dialect: Any = None) -> Any:
-    """Load the robot's messages. Deprecated, gone in version 2.0: use `eurobot_od.robot.Protocol.load`."""
-    from warnings import warn
-
-    from eurobot_od.robot.protocol import EurobotProtocol
-
-    warn("the robot's messages are eurobot_od.robot.Protocol.load()", DeprecationWarning, stacklevel=2)
-    return EurobotProtocol.load(dialect)

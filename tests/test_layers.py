@@ -208,7 +208,7 @@ def test_only_the_robots_tests_use_the_robot() -> None:
     assert users - ABOUT_BOTH.keys() - NOT_YET == set()
 
 
-# One model for each noun: its class, and what else is called so, each of them another thing.
+# One model for each noun: the class that has its name, and what is another thing though its name ends in it.
 NOUNS: dict[str, dict[str, str]] = {
     "Pdo": {
         "od.pdos.Pdo": "what a device's records say, file or not",

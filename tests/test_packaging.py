@@ -87,3 +87,9 @@ def test_a_pre_commit_hook_takes_its_files_and_fails_on_wrong_ones(
 def test_the_package_is_typed(project: dict[str, Any]) -> None:
     assert "Typing :: Typed" in project["project"]["classifiers"]
     assert Path(eurobot_od.__file__).with_name("py.typed").is_file()
+
+
+def test_the_first_version_of_the_changelog_has_one_screen() -> None:
+    _, first, *others = re.split("^## .*$", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.MULTILINE)
+    assert len(first.strip().splitlines()) <= 70
+    assert others == []  # nothing was published before it

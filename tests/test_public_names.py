@@ -9,11 +9,9 @@ import pydoc
 import re
 import subprocess
 import sys
-import warnings
 from importlib import import_module
 from pathlib import Path
 
-import pytest
 from make_pages import MODULES, NAMES, public_names
 
 import eurobot_od
@@ -33,16 +31,6 @@ def test_every_public_name_is_listed() -> None:
 def test_at_most_five_modules_are_promised() -> None:
     assert len(MODULES) <= 5
     assert set(re.findall(r"^\| `(eurobot_od[\w.]*)` \|", API.read_text(encoding="utf-8"), re.MULTILINE)) == {*MODULES}
-
-
-def test_the_robot_s_messages_under_their_former_name_warn() -> None:
-    with pytest.warns(DeprecationWarning, match=r"eurobot_od\.robot\.Protocol\.load"):
-        protocol = eurobot_od.Protocol.load()  # type: ignore[attr-defined]  # which is how a type checker says so
-    assert protocol.names() == import_module("eurobot_od.robot").Protocol.load().names()
-    assert not hasattr(import_module("eurobot_od.pdo.protocol").Protocol, "load")  # nobody else's class has changed
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        import_module("eurobot_od.robot").Protocol.load()
 
 
 def test_help_explains_every_public_name() -> None:

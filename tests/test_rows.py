@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import inspect
+import re
 from pathlib import Path
 
+import nightly
 import pytest
 
 from tests.rows import rows
+
+ROOT = Path(__file__).parents[1]
 
 TRIED: list[int] = []
 
@@ -35,7 +39,7 @@ def test_what_is_no_column_is_a_fixture() -> None:
     assert list(inspect.signature(has_square).parameters) == ["tmp_path"]
 
 
-def test_a_sample_has_other_rows_each_time() -> None:
+def test_a_sample_has_the_same_rows_each_time() -> None:
     tried: list[int] = []
 
     @rows("number", range(1000), sample=3)
@@ -45,7 +49,18 @@ def test_a_sample_has_other_rows_each_time() -> None:
     for _ in range(20):
         take()
     assert len(tried) == 60
+    assert len({*tried}) == 3
     assert set(tried) <= set(range(1000))
+
+
+def test_each_night_all_rows_of_a_sample_are_tried() -> None:
+    sampled = re.compile(r"^@rows\(.*sample=", re.MULTILINE)
+    files = {
+        each.relative_to(ROOT).as_posix()
+        for each in (ROOT / "tests").rglob("test_*.py")
+        if sampled.search(each.read_text("utf-8"))
+    }
+    assert files == {*nightly.SAMPLED[1:]}
 
 
 def test_the_test_is_skipped_if_all_rows_are() -> None:

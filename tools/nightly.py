@@ -23,6 +23,14 @@ LONG = ("-m", "long")
 CAMPAIGN = ("--hypothesis-profile=campaign", "tests/properties", "tests/robot/properties")
 """Properties on 300 inputs each instead of 16; the profile is in tests/conftest.py."""
 
+SAMPLED = (
+    "--hypothesis-profile=campaign",
+    "tests/check/conformance/test_faults.py",
+    "tests/robot/test_faults.py",
+    "tests/robot/check/test_shipped.py",
+)
+"""The tests that otherwise try a sample of their rows (tests/rows.py), on all of them."""
+
 SOCKETCAN = ("-p", "no:cacheprovider", "-m", "socketcan", "tests/bus/live/test_socketcan.py")
 
 
@@ -31,6 +39,7 @@ def rows() -> tuple[Step, ...]:
     return (
         Step("long tests", python(*SUITE, *LONG), python(*ONCE_MORE, *LONG)),
         Step("properties", python(*SUITE, *CAMPAIGN), python(*ONCE_MORE, *CAMPAIGN)),
+        Step("samples", python(*SUITE, *SAMPLED), python(*ONCE_MORE, *SAMPLED), longest=3600),
         *map(_suite, (each for each in pythons.ROWS if each != "lowest")),
         _socketcan(),
         Step("broken", python("tools/broken.py"), longest=2400),

@@ -4,7 +4,7 @@ Rule of the simulated one: the same suite and the same seed give the same frames
 
 The tester is one more node on it. What it sends has to win the arbitration like any other frame, so `send` ends
 when the bus has carried the frame, and that is the time from which an answer is measured. The bus runs between two
-steps of the event loop (see `simulation.loop`): what it carries is put into the trace by the loop, in its order.
+steps of the event loop (see `bus.simulated.loop`): what it carries is put into the trace by the loop, in its order.
 """
 
 from __future__ import annotations

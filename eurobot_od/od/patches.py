@@ -160,7 +160,7 @@ KEYS: Mapping[str, PatchKey] = {
     **dict.fromkeys(("factor", "offset"), PatchKey(lambda text: plain_value(text, REAL64), "a number")),
     **dict.fromkeys(FILES, PatchKey(lambda text: text or None, "a file")),
 }
-"""The keys of which the text alone says whether it can be; those of `cia306.TYPED` go by the variable's type."""
+"""The keys of which the text alone says whether it can be; those of `document.TYPED` go by the variable's type."""
 
 OF_A_RECORD = ("parametername", "objecttype", "objflags", "denotation")
 """The keys of an object with sub-indices; the others are of its sub-indices."""

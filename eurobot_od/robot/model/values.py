@@ -122,7 +122,7 @@ class Barriers(int):
     """The barrier flags of a goto: two bits each for barriers 1 to 8 (document Table 1, Figure 2).
 
     It is an integer of 16 bits, so that a received `11` stays what it was; `passage` gives the meaning. Which barrier
-    has which number, and what it is called, is a fact of the field (see `facts.Facts`).
+    has which number, and what it is called, is a fact of the field (see `robot_file.Facts`).
     """
 
     @classmethod

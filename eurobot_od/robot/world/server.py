@@ -320,7 +320,7 @@ class _Connection:
 
 
 class RemoteVehicle:
-    """Our robot in a world of another process (see `instruments.Vehicle`); any thread may call it.
+    """Our robot in a world of another process (see `world.Vehicle`); any thread may call it.
 
     `report` is called once when the world can no longer be reached, and once when it is back. A restarted world is
     found again.

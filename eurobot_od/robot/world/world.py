@@ -1,6 +1,6 @@
 """The world around the robots: where everybody truly is, what they run into, and the points they get.
 
-Theory of operation. The truth stays in here. Nodes see it through `instruments`, which have errors and reach their
+Theory of operation. The truth stays in here. Nodes see it through instruments, which have errors and reach their
 robot by a `Vehicle`. A robot that is driven by nodes moves when its wheels say so, one control period at a time. The
 others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for anything: the world
 needs neither a thread nor a timer, and where nobody looks nothing is computed.
@@ -389,7 +389,7 @@ class World:
 
 
 class LocalVehicle:
-    """One robot of a world in this process (see `instruments.Vehicle`)."""
+    """One robot of a world in this process (see `Vehicle`)."""
 
     def __init__(self, world: World, name: str) -> None:
         self._world, self._name, self._seen = world, name, SEEN_BY[name]
@@ -506,7 +506,7 @@ class SimulatedBeacons:
 
 
 class Sensor:
-    """The distance sensor of a core (see `nodes.equipment.DistanceSensor`), on a vehicle in the world.
+    """The distance sensor of a core (see `nodes.node.DistanceSensor`), on a vehicle in the world.
 
     It has a range, is slightly off, misses things, and sees things that are not there. It sees robots and what has
     fallen over; barriers, trees and the border are too low for it.

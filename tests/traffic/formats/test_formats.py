@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import re
 import sqlite3
 import struct
 import tracemalloc
@@ -474,3 +475,22 @@ def test_blf_without_containers_and_what_hardware_for_can_fd_records(kind: int, 
     found = list(formats.read(io.BytesIO(bare_blf((kind, body), (kind, body))), "blf"))
     assert [(time, channel) for _, time, channel, _ in found] == [(1.0, "0")] * 2
     assert [each.damage if isinstance(each, Foreign) else each for *_, each in found] == [raw] * 2
+
+
+# A new format: what may have been forgotten
+
+
+def test_each_format_is_identified_by_its_first_bytes() -> None:
+    assert formats.FORMATS.keys() - formats.CONTENT.groupindex.keys() == {"candump"}  # another name of `log`
+
+
+@pytest.mark.parametrize("form", formats.FORMATS)
+def test_each_format_is_read_in_a_test(form: str) -> None:
+    texts = [each.read_text("utf-8") for each in Path(__file__).parent.glob("test_*.py")]
+    assert any(re.search(rf'"{form}"|\.{form}"|{formats.FORMATS[form][1]}', each) for each in texts)
+
+
+def test_the_page_lists_each_format() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "watching.md").read_text("utf-8")
+    (listed,) = re.findall(r"`--format` names it: (.+?)\.", page, flags=re.DOTALL)
+    assert listed.replace("`", "").replace("\n", " ").split(", ") == [*formats.FORMATS]
