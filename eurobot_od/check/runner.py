@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from eurobot_od.check.report import GOES_ON, Line, Status, StepReason, StepResult, SuitePart, SuiteResult
-from eurobot_od.check.steps import Bench, Doer, Failed, Gone, Skipped
+from eurobot_od.check.steps import Bench, Failed, Gone, Skipped, StepRunner
 from eurobot_od.check.suite import Group, Never, Report, SdoRead, SdoWrite, Step, Suite
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import BusError, LocalError, RemoteError
@@ -125,7 +125,7 @@ class Runner:
         suite = self._suite
         await self._bench.begin()
         self._start = self._trace.now
-        self._doer = Doer(suite.timeout, suite.decoder, self._bench, self._options.reported)
+        self._step_runner = StepRunner(suite.timeout, suite.decoder, self._bench, self._options.reported)
         await self._options.interrupt.guard(self._until_teardown())
         # A lost bus is waited for only where that can help: with a teardown to do, and a bus that has worked once. One
         # that never did (a wrong channel, no other node) would only cost `RECOVERY` seconds for each suite.
@@ -201,13 +201,13 @@ class Runner:
         """Do a step as often as it says, and return how it ended."""
         try:
             for _ in range(step.repeat):
-                await self._doer.do(step.action)
+                await self._step_runner.do(step.action)
             return Status.PASSED, None
         except Skipped as skipped:
             return Status.SKIPPED, skipped.reason
         except Failed as failed:
             status, reason = Status.FAILED, failed.reason
-            if await self._doer.follows_from_own_error(step.action):
+            if await self._step_runner.follows_from_own_error(step.action):
                 return Status.SKIPPED, StepReason(f"{reason.what}: {OWN_ERROR}")
             self._gone = self._gone or isinstance(failed, Gone)
             self._stopped = self._stopped or self._gone
@@ -219,7 +219,7 @@ class Runner:
         # Decoded only here: the frames of a step that passed are shown nowhere.
         frames = (
             Line(time - self._start, own, frame, words)
-            for (time, frame, own), words in self._doer.last_frames(FRAMES_SHOWN)
+            for (time, frame, own), words in self._step_runner.last_frames(FRAMES_SHOWN)
         )
         return status, reason._replace(frames=tuple(frames), cause=self._reported())
 
@@ -232,7 +232,7 @@ class Runner:
             if not own and frame in boots:
                 break
             if not own and frame.cob_id in emcys and len(frame.data) == EMCY_LENGTH:
-                return self._doer.words(frame) if any(frame.data[:2]) else ""
+                return self._step_runner.words(frame) if any(frame.data[:2]) else ""
         return ""
 
     def _tell(self, result: StepResult) -> None:

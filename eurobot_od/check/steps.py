@@ -188,7 +188,7 @@ class Skipped(NotPassed):
     """A step is not done."""
 
 
-class Doer:
+class StepRunner:
     """Does the steps of a suite; keeps what they know of each other: the last question, used frames, variables."""
 
     def __init__(self, timeout: float, decoder: Decoder, bench: Bench, reported: set[suite.Report]) -> None:
@@ -698,44 +698,44 @@ class StepTools:
     `node` is the name of a device; without one it is the first.
     """
 
-    def __init__(self, doer: Doer) -> None:
-        self._doer = doer
+    def __init__(self, runner: StepRunner) -> None:
+        self._runner = runner
 
     def device(self, node: str = "") -> Dictionary:
         """Return the dictionary of a device; raises UnknownName."""
-        named = {each.name: each for each in self._doer._decoder.dictionaries}
+        named = {each.name: each for each in self._runner._decoder.dictionaries}
         return look_up("node", node, named) if node else next(iter(named.values()))
 
     async def read(self, name: str, node: str = "") -> Any:
         """Return the physical value of an object; raises as an `sdo` step."""
         device = self.device(node)
         thing = objects.find_one(name, device.objects)
-        await self._doer._sdo_read(suite.SdoRead(suite.NodeServices.of(device), thing, save=name))
-        return objects.physical(thing, self._doer._variables[name])
+        await self._runner._sdo_read(suite.SdoRead(suite.NodeServices.of(device), thing, save=name))
+        return objects.physical(thing, self._runner._variables[name])
 
     async def write(self, name: str, text: str, node: str = "") -> None:
         """Write an object, the value as a person writes it; raises as an `sdo` step."""
         device = self.device(node)
         thing = objects.find_one(name, device.objects)
         operand = Operand(objects.parse(thing, text), None, ObjectValues(thing))
-        await self._doer._sdo_write(suite.SdoWrite(suite.NodeServices.of(device), thing, operand))
+        await self._runner._sdo_write(suite.SdoWrite(suite.NodeServices.of(device), thing, operand))
 
     async def send(self, frame: Frame) -> None:
         """Send a frame."""
-        await self._doer._put(frame)
+        await self._runner._put(frame)
 
     async def receive(self, cob_id: int, within: float = 1.0) -> bytes:
         """Return the data of the next frame with an identifier; raises Failed if none comes `within` so many s."""
-        trace = self._doer._trace
-        number = await trace.first(frozenset({cob_id}), self._doer._edge, trace.now + within)
+        trace = self._runner._trace
+        number = await trace.first(frozenset({cob_id}), self._runner._edge, trace.now + within)
         if number is None:
             raise Failed(f"no 0x{cob_id:03X} within {texts.text(within)}", f"0x{cob_id:03X}", "nothing")
-        self._doer._use(number)
+        self._runner._use(number)
         return trace.frames[number].frame.data
 
     async def wait(self, seconds: float) -> None:
         """Let time pass."""
-        await self._doer._trace.sleep(seconds)
+        await self._runner._trace.sleep(seconds)
 
     def fail(self, what: str, expected: object = "", came: object = "") -> NoReturn:
         """End the step red."""
