@@ -40,7 +40,7 @@ from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, SdoTransfer
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
 
-VERSION = b"5"
+VERSION = b"6"
 """To be raised when the same log would give other tables, so that it is archived again."""
 
 
@@ -103,6 +103,8 @@ class MessageDecoding:
         said |= {"senders": ", ".join(binding.senders), "receivers": ", ".join(binding.receivers)}
         schema = pa.schema([*tables.PLACE, *made], said)
         self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in fields})
+        said_of_columns = repr([(each.name, str(each.type)) for each in self.schema]).encode()
+        self.fingerprint = hashlib.blake2b(said_of_columns, digest_size=3).hexdigest()
         self._checks = columns.MessageChecks(binding)
         self._readable = columns.readable(binding)
         self._columns = [*place, *(each.expression.alias(each.name) for each in fields)]
@@ -121,8 +123,11 @@ ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT"}
 UNREPEATED = (*ENCODINGS, "data")
 """Columns whose values seldom repeat: a dictionary of them would not pay."""
 
-REMAPPED = "_remapped"
-"""Ends the name of the table of a message that has been mapped anew when it had rows already."""
+REMAPPED = "_mapped_"
+"""Stands before a hash of the columns in the name of the table of a message that was mapped anew behind its first rows.
+
+So one mapping has one name in all logs.
+"""
 
 MANY = 1 << 16
 """Frames of a message that are decoded and written at once, if there are as many."""
@@ -234,9 +239,9 @@ class RunTables:
 
     def _file(self, decoding: MessageDecoding) -> _Table:
         """Return the file for a message's rows; the first mapping that has some takes the message's name."""
-        name = decoding.table
-        while name in self._files and not self._files[name].schema.equals(decoding.schema):
-            name += REMAPPED
+        name, mapped = decoding.table, f"{decoding.table}{REMAPPED}{decoding.fingerprint}"
+        if name in self._files and not self._files[name].schema.equals(decoding.schema):
+            name = mapped
         if name not in self._files:
             self._files[name] = self._table(name, decoding.schema)
         return self._files[name]

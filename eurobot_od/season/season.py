@@ -299,6 +299,7 @@ class Season:
         """
         if table in self.files:
             self._verify(table)
+        self._complain(table)
         if table not in self.files:
             raise UnknownName("table", table, self.files)
         if table == RUNS:
@@ -310,6 +311,15 @@ class Season:
     def _is_shown(self, file: Path) -> pl.Expr:
         hidden = self.hidden.get(file.stem)
         return ~pl.col("run").cast(pl.String).is_in(hidden) if hidden else pl.lit(value=True)
+
+    def _complain(self, table: str) -> None:
+        """Raise LocalError for a table of which only damaged files are left."""
+        damaged = [each for each in self.damaged if each.parent.name == table]
+        if table not in self.files and damaged:
+            named = ", ".join(map(str, damaged))
+            raise LocalError(
+                f"table {table}: {named} is damaged, and there is no other file of it; `archive` the log again"
+            )
 
     def _alike(self, table: str) -> list[list[Path]]:
         """Return the files of a table in groups that have the same columns and rows hidden."""
@@ -394,6 +404,8 @@ class Season:
         words = set(re.findall(r"\w+", query.lower()))
         for table in words & self.files.keys():
             self._verify(table)
+        for table in words & {each.parent.name for each in self.damaged}:
+            self._complain(table)
         if RUNS in words:  # those that were verified
             connection.register("verified", self._rows)
             connection.execute(f"CREATE TABLE {RUNS} AS SELECT * FROM verified")

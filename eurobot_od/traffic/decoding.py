@@ -13,6 +13,7 @@ import json
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from functools import cache, lru_cache, partial
 from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
@@ -28,7 +29,7 @@ from eurobot_od.pdo.kinds import plain, units
 from eurobot_od.sdo.wire import Initiate
 from eurobot_od.support.texts import cell, one_line
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Batch, Damage, Raw
+from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Batch, Damage, Foreign, Raw
 from eurobot_od.traffic.filters import Wanted, Window
 from eurobot_od.traffic.meaning import (
     CANOPEN,
@@ -196,17 +197,34 @@ class JsonOutput(Output):
     def line_writer(self, log: str) -> WriteLine:
         start, quoted = f'{{"log": {_json(log)}, "line":', lru_cache(_json)
         return lambda number, time, channel, row: (
-            f'{start} {number}, "time": {time:.6f}, "channel": {quoted(channel)}, {row}\n'
+            f'{start} {number}, "time": {time:.6f}, {_dated(time)}"channel": {quoted(channel)}, {row}\n'
         )
+
+
+OF_DATES = 1e8
+"""Times from here on, in s, count from 1970: no log lasts three years."""
+
+
+def _date(time: float) -> str:
+    """Return the date of a time in ISO 8601; empty for a log that has none."""
+    return datetime.fromtimestamp(time, UTC).isoformat(timespec="microseconds") if time >= OF_DATES else ""
+
+
+def _dated(time: float) -> str:
+    return f'"datetime": "{_date(time)}", ' if time >= OF_DATES else ""
 
 
 def _identification(meaning: Meaning) -> dict[str, Any]:
     """Return identifier, data, message or service, group and nodes, as far as they are known."""
-    frame = meaning.raw if isinstance(meaning.raw, Frame) else None
+    raw = meaning.raw
+    cob_id, data = (raw.frame or (None, b"")) if isinstance(raw, Foreign) else raw
+    is_remote, is_fd = isinstance(raw, RemoteFrame), isinstance(raw, Foreign) and cob_id is not None
     known = {
-        "id": frame and f"0x{identifier_text(frame.cob_id)}",
-        "data": frame.data.hex().upper() if frame and not frame.is_remote else None,
-        "remote": True if frame and frame.is_remote else None,
+        "id": None if cob_id is None else f"0x{identifier_text(cob_id)}",
+        "data": None if cob_id is None or is_remote else data.hex().upper(),
+        "remote": is_remote or None,
+        "fd": is_fd or None,
+        "brs": raw.has_bit_rate_switch if isinstance(raw, Foreign) else None,
         "message": meaning.name or None,
         "protocol": meaning.group or None,
         "nodes": list(meaning.nodes) or None,
@@ -223,7 +241,7 @@ def _json(data: Any) -> str:
 UNITS = "units"
 """The last column of CSV."""
 
-FRAME = ("id", "data", "message", "protocol")
+FRAME = ("id", "data", "fd", "brs", "message", "protocol")
 """What of a frame is in a column of CSV; of a remote frame the text says that it is one."""
 
 
@@ -235,7 +253,7 @@ class CsvOutput(Output):
 
     def __init__(self, fields: Iterable[str]) -> None:
         self._fields = tuple(dict.fromkeys((*fields, *SERVICE_FIELDS)))
-        names = "log", "line", "timestamp", "channel", *FRAME, "text", "damage", *self._fields, UNITS
+        names = "log", "line", "timestamp", "datetime", "channel", *FRAME, "text", "damage", *self._fields, UNITS
         self.header = f"{','.join(names)}\n"
 
     def row(self, meaning: Meaning) -> str:
@@ -247,7 +265,7 @@ class CsvOutput(Output):
 
     def line_writer(self, log: str) -> WriteLine:
         start, quoted = _joined([log]), lru_cache(lambda channel: _joined([channel]))
-        return lambda number, time, channel, row: f"{start},{number},{time:.6f},{quoted(channel)},{row}\n"
+        return lambda number, time, channel, row: f"{start},{number},{time:.6f},{_date(time)},{quoted(channel)},{row}\n"
 
 
 def _joined(values: Sequence[Any]) -> str:

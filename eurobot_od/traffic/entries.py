@@ -61,6 +61,12 @@ class Foreign(NamedTuple):
         return int(found["identifier"], 16) | extended, bytes.fromhex(found["data"])
 
     @property
+    def has_bit_rate_switch(self) -> bool | None:
+        """Whether the data of a frame of CAN FD came at a higher bit rate; None if the log does not say it."""
+        found = FOREIGN_FRAME.fullmatch(self.text) if self.damage is Damage.FD else None
+        return bool(int(found["flags"], 16) & BIT_RATE_SWITCH) if found and found["flags"] else None
+
+    @property
     def is_read(self) -> bool:
         """Whether it is something that a bus can carry, and not text that nobody understands."""
         return self.damage not in (Damage.UNREADABLE, Damage.CUT_OFF)
@@ -69,10 +75,15 @@ class Foreign(NamedTuple):
 LONGEST_FOREIGN = 140
 """Characters of a frame of CAN FD, with its 64 bytes."""
 
+BIT_RATE_SWITCH = 1
+"""Bit of the flags of a frame of CAN FD (CANFD_BRS, linux/can.h)."""
+
 EXTENDED_DIGITS = 8
 """Digits of a 29-bit identifier, as candump writes it; an 11-bit one has three."""
 
-FOREIGN_FRAME = re.compile(r"(?P<identifier>[0-9A-F]{3}|[0-9A-F]{8})#(?:#[0-9A-F])?(?P<data>(?:[0-9A-F]{2})*)", re.I)
+FOREIGN_FRAME = re.compile(
+    r"(?P<identifier>[0-9A-F]{3}|[0-9A-F]{8})#(?:#(?P<flags>[0-9A-F]))?(?P<data>(?:[0-9A-F]{2})*)", re.I
+)
 """How the text of a frame of CAN FD is written; candump has its flags after a second mark."""
 
 Raw: TypeAlias = Frame | Foreign
