@@ -176,6 +176,8 @@ def test_nothing_names_the_robot_but_itself() -> None:
 TESTS = ROOT / "tests"
 ROBOTS_FILES = re.compile(r"\beds/(canopen|firmware2014|protocol|network|robot)|eurobot_od\.robot")
 ABOUT_BOTH = {
+    "conftest": "EDS files of a dialect, spoilt for the robot's tests",
+    "test_docs": "all pages, of the robot, too",
     "test_layers": "the house itself",
     "test_packaging": "what is delivered",
     "test_plugin": "how the robot is found",
