@@ -8,7 +8,7 @@ import test
 from environment import ONCE_MORE, SUITE
 from steps import Step, python, run
 
-PAGE = ("-m", "long", "tests/web")
+PAGE = ("-m", "long", "tests/web", "tests/robot/web")
 STEPS = (
     Step("other programs", python("tools/interop.py", "--install")),  # tshark, a browser, ...: kept for what follows
     *test.STEPS,

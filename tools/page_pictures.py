@@ -18,8 +18,8 @@ from eurobot_od.frame import Frame  # noqa: E402
 from eurobot_od.robot.match.stage import play_simulated  # noqa: E402
 from eurobot_od.robot.model.options import MatchOptions  # noqa: E402
 from eurobot_od.robot.scene.files import draw  # noqa: E402
+from tests.robot.web.scene import live_page, robot  # noqa: E402
 from tests.web.browser import Page, running  # noqa: E402
-from tests.web.scene import live_page, robot  # noqa: E402
 
 SIZE = (1400, 860)
 SHOWN = 57.0

@@ -1,10 +1,9 @@
-"""What the tests of the page look at: a robot on an in-process bus, and the server in a thread of its own."""
+"""What the tests of the page look at: nodes on an in-process bus, and the server in a thread of its own."""
 
 from __future__ import annotations
 
 import asyncio
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -13,21 +12,13 @@ from itertools import count
 from pathlib import Path
 
 from eurobot_od.bus.live import Live, open_bus
-from eurobot_od.robot import dialects
-from eurobot_od.robot.match.stage import stores
-from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.model.values import TeamColour
-from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.protocol import decoder
-from eurobot_od.robot.scene.panel import FieldPanel
-from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import assemble
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.page import Panel, described, page, stop_message
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.server import served
 from eurobot_od.web.session import Session
+from tests.kit import plant
 
 LONG = 20.0
 """Seconds after which a test gives up."""
@@ -35,10 +26,6 @@ LONG = 20.0
 NUMBERS = count(1)
 
 LOCAL = AccessRules()
-
-
-SETTINGS = (("core.Position polling.Start delay", "0"), ("core.Position polling.Polling period", "200"))
-"""So that a test need not wait for places."""
 
 
 def channel() -> str:
@@ -84,11 +71,11 @@ def live_page(
     control: bool = True,
     access: AccessRules = LOCAL,
     network: Decoder | None = None,
-    panels: tuple[type[Panel], ...] = (FieldPanel,),
+    panels: tuple[type[Panel], ...] = (),
     port: int = 0,
 ) -> Iterator[Served]:
     """Serve the page of an in-process bus."""
-    known = network or decoder()
+    known = network or plant.decoder()
     session = Session(partial(open_bus, "virtual", channel), known, 500_000, panels)
     text = page(channel, [{"name": channel, "bitrate": 500_000, **described(known)}], panels, live=True)
     try:
@@ -99,18 +86,9 @@ def live_page(
 
 
 @contextmanager
-def robot(channel: str) -> Iterator[tuple[Core, World]]:
-    """Run our robot's three nodes on a bus, configured for a match it plays alone; gives the core and the world."""
-    files = {each.name: each for each in dialects.load_all()}
-    kept = stores(SETTINGS, files)
-    kinds: dict[str, type[Node]] = {"core": Core, "drive": Drive, "navigation": Navigation}
-    nodes = [kind(files[name], store=kept[name]) for name, kind in kinds.items()]
-    world = assemble(nodes, MatchOptions(enemies=0, confederates=0), time.perf_counter)
+def line(channel: str) -> Iterator[None]:
+    """Run the three nodes of the packaging line on a bus."""
     with ExitStack() as stack:
-        for node in reversed(nodes):
-            stack.enter_context(Live.node(open_bus("virtual", channel), node))
-        core = nodes[0]
-        assert isinstance(core, Core)
-        core.check_nodes().result(LONG)
-        core.configure_start(TeamColour.RED).result(LONG)
-        yield core, world
+        for dictionary in plant.load_all():
+            stack.enter_context(Live.node(open_bus("virtual", channel), plant.NODES[dictionary.name](dictionary)))
+        yield

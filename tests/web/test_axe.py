@@ -12,10 +12,8 @@ import pytest
 from environment import ROOT
 from interop_rows.tools import AXE_CORE, NODE_MODULES
 
-from eurobot_od import cli
-from tests.cli.processes import command, line
 from tests.web.browser import Page
-from tests.web.scene import channel, live_page, robot
+from tests.web.scene import channel, line, live_page
 from tests.web.test_drives import Bench, bench
 
 AXE = NODE_MODULES / "axe-core" / "axe.min.js"
@@ -46,19 +44,10 @@ def a_drive(folder: Path) -> Iterator[str]:
 
 
 @contextmanager
-def our_robot(folder: Path) -> Iterator[str]:
+def line_on_a_bus(folder: Path) -> Iterator[str]:
     name = channel()
-    with robot(name), live_page(name, folder) as served:
+    with line(name), live_page(name, folder) as served:
         yield served.address
-
-
-@contextmanager
-def two_logs(folder: Path) -> Iterator[str]:
-    logs = [str(folder / f"match-{seed}.log") for seed in (1, 2)]
-    for seed, log in enumerate(logs, 1):
-        assert cli.main(["match", "--seed", str(seed), "--duration", "6", "--log", log]) == 0
-    with command("serve", "--listen", "127.0.0.1:0", *logs) as process:
-        yield line(process, "http://").split()[0]
 
 
 def serious(page: Page) -> list[Any]:
@@ -71,7 +60,7 @@ def serious(page: Page) -> list[Any]:
 
 @needs_axe
 @pytest.mark.parametrize(("width", "height", "dark"), SIZES)
-@pytest.mark.parametrize("shown", [a_drive, our_robot, two_logs])
+@pytest.mark.parametrize("shown", [a_drive, line_on_a_bus])
 def test_no_serious_finding_in_any_view_and_none_is_wider_than_the_window(
     shown: Callable[[Path], AbstractContextManager[str]],
     tmp_path: Path,

@@ -9,15 +9,14 @@ import re
 
 import pytest
 
-from eurobot_od.robot.protocol import decoder
-from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.web.page import FILES, SCRIPTS, Columns, page
+from tests.kit import plant
 
-EMPTY = Columns("empty", decoder(), 500_000).data()
+EMPTY = Columns("empty", plant.decoder(), 500_000).data()
 
 
 def test_it_loads_nothing_from_elsewhere() -> None:
-    text = page("Match", [EMPTY], [FieldPanel])
+    text = page("Match", [EMPTY], [])
     assert re.findall(r"""<(?:script|img|iframe)[^>]*src=|url\((?!#)|@import""", text) == []
     assert re.findall(r'href="(?!data:image/svg)[^"]*"', text) == []
 
@@ -26,8 +25,8 @@ def test_it_loads_nothing_from_elsewhere() -> None:
     "evil", ["</script><script>alert(1)</script>", "<!-- <script>", "{{scripts}}", "'\"&", "\u2028", "]]>"]
 )
 def test_names_stay_data(evil: str) -> None:
-    text = page(evil, [{**EMPTY, "name": evil}], [FieldPanel])
-    plain = page("plain", [{**EMPTY, "name": "plain"}], [FieldPanel])
+    text = page(evil, [{**EMPTY, "name": evil}], [])
+    plain = page("plain", [{**EMPTY, "name": "plain"}], [])
     assert text.count("<script") == plain.count("<script")
     found = re.search(r'<script type="application/json" id="content">(.*?)</script>', text, re.DOTALL)
     assert found is not None
@@ -35,7 +34,7 @@ def test_names_stay_data(evil: str) -> None:
 
 
 def test_its_policy_names_every_script_and_style_by_its_hash() -> None:
-    text = page("Match", [EMPTY], [FieldPanel])
+    text = page("Match", [EMPTY], [])
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', text)
     assert policy is not None
     for tag in ("script", "style"):

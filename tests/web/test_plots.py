@@ -9,18 +9,17 @@ import pytest
 
 from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.frame import Frame
-from eurobot_od.robot.model.messages import GotoStateResponse, KalmanPositionResponse
-from eurobot_od.robot.model.values import Source
-from eurobot_od.robot.protocol import EurobotProtocol
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.web.browser import Page
 from tests.web.scene import channel, live_page
 
-PROTOCOL = EurobotProtocol.load()
-ROW = "sources[0].row('Kalman Position Response')"
+PROTOCOL = plant.protocol()
+ROW = "sources[0].row('Place Response')"
 
 
 def place(x: int, angle: int = 0) -> Frame:
-    return PROTOCOL.encode(KalmanPositionResponse(x, 1000, angle, Source.INTERNAL))
+    return PROTOCOL.encode(m.PlaceResponse(x, 1000, angle, m.Source.ENCODER))
 
 
 @pytest.fixture
@@ -144,7 +143,7 @@ def test_a_period_is_not_one_interval(tmp_path: Path, window: Page) -> None:
         window.open(served.address)
         window.wait("connection.alive")
         for _ in range(2):
-            Driver(bus).send(PROTOCOL.encode(GotoStateResponse(5)))
+            Driver(bus).send(PROTOCOL.encode(m.MoveStateResponse(5)))
         window.click("#tab-messages")
         window.wait("document.querySelector('.messages tbody .count')?.textContent === '2'")
         assert window.text(".messages tbody .period") == "–"

@@ -16,19 +16,19 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import find_one
-from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web import requests as module
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.session import PolledObject, Sample, Session
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.kit import plant
 from tests.web.scene import LONG, channel
 
 
 @pytest.fixture
 def requests(tmp_path: Path) -> Iterator[Requests]:
     """What a page asks on a bus without nodes."""
-    session = Session(partial(open_bus, "virtual", channel()), decoder(), 500_000)
+    session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000)
     found = Requests(session, tmp_path)
     found.master.answer_wait = 0.01
     yield found
@@ -86,7 +86,7 @@ def test_what_was_read_is_new_also_to_a_browser_that_has_the_present_turn(moved:
 
 def test_an_object_that_no_page_wants_any_more_is_read_no_more(requests: Requests) -> None:
     session = requests.session
-    key = requests.watch({"node": "drive", "object": "0x1017"})
+    key = requests.watch({"node": "lift", "object": "0x1017"})
     session.polled[key].wanted_until = session.now
 
     async def poll_once() -> None:
@@ -102,10 +102,10 @@ def test_when_all_places_are_taken_those_who_have_one_keep_it(
     requests: Requests, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "MOST_POLLED", 1)
-    known = {"node": "drive", "object": "0x1017"}
+    known = {"node": "lift", "object": "0x1017"}
     key = requests.watch(known)
     before = requests.session.polled[key].wanted_until
     requests.watch(known)
     assert requests.session.polled[key].wanted_until > before
     with pytest.raises(LocalError, match="1 objects are read again and again already"):
-        requests.watch({"node": "drive", "object": "0x1018:1"})
+        requests.watch({"node": "lift", "object": "0x1018:1"})

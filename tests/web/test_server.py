@@ -9,7 +9,7 @@ import logging
 import resource
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import AsyncExitStack, ExitStack, closing, suppress
+from contextlib import AsyncExitStack, closing, suppress
 from email.message import Message
 from functools import partial
 from pathlib import Path
@@ -19,16 +19,13 @@ from urllib.parse import urlsplit
 import aiohttp
 import pytest
 
-from eurobot_od.bus.live import Driver, Live, open_bus
+from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.values import TeamColour
-from eurobot_od.robot.nodes import ROLES, Core
 from eurobot_od.web import requests, server
 from eurobot_od.web.access import AccessRules, is_local
 from eurobot_od.web.server import HEADERS, MOST_BROWSERS, MOST_OWED
 from tests.rows import rows
-from tests.web.scene import LONG, Served, channel, live_page, robot
+from tests.web.scene import LONG, Served, channel, line, live_page
 
 TOKEN = "a-token-that-nobody-guesses"
 MUCH = 100_000_000
@@ -244,17 +241,17 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1, "do": "read", "node": "nobody", "object": "1000"}', "unknown node 'nobody'"),
         ('{"id": 1, "do": "read", "node": "128", "object": "1000"}', "unknown node '128'"),
         ('{"id": 1, "do": "read", "node": "\\u00b2", "object": "1000"}', "unknown node '²'"),
-        ('{"id": 1, "do": "read", "node": "drive", "object": "Nothing"}', "unknown object 'Nothing'"),
-        ('{"id": 1, "do": "send", "message": "Goto XY", "fields": []}', "fields are texts by name"),
-        ('{"id": 1, "do": "send", "message": "Goto XY", "fields": {"x": 5}}', "fields are texts by name"),
-        ('{"id": 1, "do": "send", "message": "Goto XY", "fields": {"x": "9999"}}', "y, angle, speed missing"),
+        ('{"id": 1, "do": "read", "node": "lift", "object": "Nothing"}', "unknown object 'Nothing'"),
+        ('{"id": 1, "do": "send", "message": "Move To", "fields": []}', "fields are texts by name"),
+        ('{"id": 1, "do": "send", "message": "Move To", "fields": {"x": 5}}', "fields are texts by name"),
+        ('{"id": 1, "do": "send", "message": "Move To", "fields": {"x": "9999"}}', "y, angle, speed missing"),
         ('{"id": 1, "do": "send", "message": "Goto YX"}', "unknown message 'Goto YX'"),
         ('{"id": 1, "do": "nmt", "command": "explode", "node": "all"}', "unknown NMT command 'explode'"),
-        ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "70000"}', "allowed: 0..65535"),
-        ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "soon"}', "allowed: an integer"),
-        ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "1_000"}', "allowed: an integer"),
-        ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "\\u0663"}', "allowed: an integer"),
-        ('{"id": 1, "do": "watch", "node": "drive", "object": 7}', "object is missing, or not a text"),
+        ('{"id": 1, "do": "write", "node": "lift", "object": "1017", "value": "70000"}', "allowed: 0..65535"),
+        ('{"id": 1, "do": "write", "node": "lift", "object": "1017", "value": "soon"}', "allowed: an integer"),
+        ('{"id": 1, "do": "write", "node": "lift", "object": "1017", "value": "1_000"}', "allowed: an integer"),
+        ('{"id": 1, "do": "write", "node": "lift", "object": "1017", "value": "\\u0663"}', "allowed: an integer"),
+        ('{"id": 1, "do": "watch", "node": "lift", "object": 7}', "object is missing, or not a text"),
         ('{"id": 1, "do": "send frame", "frame": "800#"}', "'800#' is not a frame"),
         ('{"id": 1, "do": "send frame", "frame": "100#000102030405060708"}', "is not a frame"),
         ('{"id": 1, "do": "cycle", "key": "a", "frame": "100#", "period": 1}', "allowed: 5..60000 ms"),
@@ -282,10 +279,10 @@ def test_a_request_that_is_too_long_ends_the_connection_and_nothing_else(local: 
 @pytest.mark.parametrize(
     "words",
     [
-        {"do": "send", "message": "Stop Drive"},
+        {"do": "send", "message": "Halt Lift"},
         {"do": "nmt", "command": "stop", "node": "all"},
         {"do": "stop"},
-        {"do": "write", "node": "drive", "object": "1017", "value": "100"},
+        {"do": "write", "node": "lift", "object": "1017", "value": "100"},
         {"do": "send frame", "frame": "100#"},
         {"do": "cycle", "key": "a", "frame": "100#", "period": "100"},
         {"do": "record"},
@@ -303,7 +300,7 @@ def test_without_control_nothing_gets_on_the_bus_or_the_disk(tmp_path: Path, wor
 
 
 @pytest.mark.parametrize(
-    ("node", "data"), [("all", "0200"), ("drive", "0202"), ("3", "0203"), ("node 127", "027F"), ("nav", None)]
+    ("node", "data"), [("all", "0200"), ("lift", "0202"), ("3", "0203"), ("node 127", "027F"), ("nav", None)]
 )
 def test_an_nmt_command_goes_to_a_node_or_to_all(tmp_path: Path, node: str, data: str | None) -> None:
     name = channel()
@@ -317,15 +314,6 @@ def test_an_nmt_command_goes_to_a_node_or_to_all(tmp_path: Path, node: str, data
         assert said["ok"] == f"000#{data}"
         assert heard
         assert (heard.arbitration_id, heard.data.hex().upper()) == (0, data)
-
-
-def test_stop_is_sent_again_when_who_leads_is_held(tmp_path: Path) -> None:
-    """What the core had in its mailbox when it heard of the stop leaves after the first one."""
-    name = channel()
-    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
-        talk(served, lambda opened: answer(opened, json.dumps({"id": 1, "do": "stop"})))
-        heard = [message for _ in range(3) if (message := other.recv(LONG))]
-    assert [(each.arbitration_id, bytes(each.data)) for each in heard] == [(4, b""), (0, b"\x80\1"), (4, b"")]
 
 
 def test_what_is_sent_again_and_again_ends_with_stop(tmp_path: Path) -> None:
@@ -356,8 +344,8 @@ def test_what_no_page_asks_for_any_more_is_sent_no_more(tmp_path: Path, monkeypa
 
 def test_an_object_is_read_and_its_value_shown(tmp_path: Path) -> None:
     name = channel()
-    with robot(name), live_page(name, tmp_path) as served:
-        words = json.dumps({"id": 1, "do": "read", "node": "drive", "object": "0x1017"})
+    with line(name), live_page(name, tmp_path) as served:
+        words = json.dumps({"id": 1, "do": "read", "node": "lift", "object": "0x1017"})
         said = talk(served, lambda opened: answer(opened, words))
         assert said["ok"] == {"value": 1000, "text": "1000"}
 
@@ -380,7 +368,7 @@ def test_the_diagnosis_is_told_without_control(tmp_path: Path) -> None:
 
 def test_an_object_that_is_watched_is_read_and_comes_with_the_snapshots(tmp_path: Path) -> None:
     async def watch(opened: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
-        words = {"id": 1, "do": "watch", "node": "drive", "object": "0x1017"}
+        words = {"id": 1, "do": "watch", "node": "lift", "object": "0x1017"}
         key = (await answer(opened, json.dumps(words)))["ok"]
         while True:
             read = (await snapshot(opened))["objects"].get(key)
@@ -388,7 +376,7 @@ def test_an_object_that_is_watched_is_read_and_comes_with_the_snapshots(tmp_path
                 return dict(read)
 
     name = channel()
-    with robot(name), live_page(name, tmp_path) as served:
+    with line(name), live_page(name, tmp_path) as served:
         read = talk(served, watch)
     time, value = read["samples"][0]
     assert time > 0
@@ -448,9 +436,9 @@ def test_a_browser_that_confirms_nothing_is_left_out_and_then_has_every_frame(tm
 def test_of_too_many_requests_at_once_the_last_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def flood(opened: aiohttp.ClientWebSocketResponse) -> list[int]:
         for number in (1, 2, 3):  # a node that is silent keeps the first of them waiting, and the others wait for it
-            await opened.send_str(json.dumps({"id": number, "do": "read", "node": "drive", "object": "0x1017"}))
+            await opened.send_str(json.dumps({"id": number, "do": "read", "node": "lift", "object": "0x1017"}))
         answered = [(await answer(opened, "0"))["re"] for _ in range(2)]  # "0" asks nothing: it confirms no turn
-        return [*answered, (await answer(opened, '{"id": 4, "do": "objects", "node": "drive"}'))["re"]]
+        return [*answered, (await answer(opened, '{"id": 4, "do": "objects", "node": "lift"}'))["re"]]
 
     monkeypatch.setattr(server, "MOST_PENDING", 2)
     with live_page(channel(), tmp_path) as served:
@@ -493,59 +481,6 @@ def test_a_connection_that_says_nothing_harms_nobody(local: Served) -> None:
     address = urlsplit(local.address)
     with socket.create_connection((address.hostname or "", address.port or 0)):
         assert ask(local).status == 200
-
-
-# The page's goto
-
-GO = {"do": "send", "message": "Goto XY", "fields": {"x": "600", "y": "1700", "angle": "0", "speed": "50"}}
-
-
-def present(roles: dict[str, str], configured: bool) -> Callable[[ExitStack, str], None]:
-    """Return what puts nodes on a bus, each with its dialect."""
-
-    def enter(stack: ExitStack, name: str) -> None:
-        for role, dialect in roles.items():
-            stack.enter_context(Live.node(open_bus("virtual", name), ROLES[role](dialects.load(role, dialect))))
-        if configured:
-            core = Core(dialects.load("core"))
-            with Live.node(open_bus("virtual", name), core):
-                core.configure_start(TeamColour.RED).result(LONG)
-
-    return enter
-
-
-BOTH = {"drive": "canopen", "navigation": "canopen"}
-
-STARTS = [
-    # (who is there, what the page says)
-    (present({"navigation": "canopen"}, False), "no goto: the drive does not answer its check"),
-    (present({"drive": "canopen"}, False), "no goto: the navigation does not answer its check"),
-    (
-        present(BOTH | {"drive": "firmware2014"}, False),
-        "no goto: the drive speaks another dialect than the page's EDS files",
-    ),
-    (
-        present(BOTH | {"navigation": "firmware2014"}, False),
-        "no goto: the navigation speaks another dialect than the page's EDS files",
-    ),
-    (present(BOTH, False), "no goto: the drive's place is unknown; send Start Configuration Set first"),
-    (present(BOTH, True), None),
-]
-
-
-@pytest.mark.parametrize(("enter", "objection"), STARTS)
-def test_the_page_sends_a_goto_only_when_a_core_would(
-    tmp_path: Path, enter: Callable[[ExitStack, str], None], objection: str | None
-) -> None:
-    name = channel()
-    with ExitStack() as stack:
-        enter(stack, name)
-        served = stack.enter_context(live_page(name, tmp_path))
-        other = stack.enter_context(open_bus("virtual", name))
-        said = talk(served, lambda opened: answer(opened, json.dumps({"id": 1, **GO})))
-        gotos = [each for each in iter(lambda: other.recv(0.1), None) if each.arbitration_id == 0x008]
-    assert said.get("error") == objection
-    assert len(gotos) == (objection is None)
 
 
 LOCAL, OPEN = AccessRules(), AccessRules("0.0.0.0", "right")

@@ -19,14 +19,13 @@ from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.robot.model.messages import StopDrive
-from eurobot_od.robot.protocol import decoder
-from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.web import session as module
 from eurobot_od.web.events import PageEvent
 from eurobot_od.web.page import Panel
 from eurobot_od.web.session import Session
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.web.scene import channel
 from tests.web.test_drives import bench
 
@@ -52,7 +51,16 @@ class Restarting(VirtualBus):
         return message, filtered
 
 
-STOP = decoder().protocol.encode(StopDrive())
+class Marking(Panel):
+    """Makes an event of each message that moves something or stops it."""
+
+    def take(self, time: float, message: Message) -> Iterator[PageEvent]:
+        kinds = {m.HaltLift: "halt", m.MoveTo: "move"}
+        if type(message) in kinds:
+            yield PageEvent(f"{kinds[type(message)]} {time}", kinds[type(message)], time, "")
+
+
+STOP = plant.decoder().protocol.encode(m.HaltLift())
 
 
 @pytest.fixture
@@ -60,7 +68,7 @@ def bus() -> Iterator[tuple[Session, Callable[[Frame], None]]]:
     """A session on a bus; the function sends a frame and waits until the session has it."""
     name = channel()
     with open_bus("virtual", name) as other:
-        session = Session(partial(open_bus, "virtual", name), decoder(), 500_000, [FieldPanel])
+        session = Session(partial(open_bus, "virtual", name), plant.decoder(), 500_000, [Marking])
 
         def send(frame: Frame) -> None:
             before = session.frames
@@ -91,9 +99,9 @@ def test_a_snapshot_has_what_changed_since_a_turn(bus: tuple[Session, Callable[[
     first = snapshot(session)
     send(STOP)
     second = snapshot(session, first["turn"])
-    assert [each["name"] for each in first["rows"]] == ["Heartbeat drive"]
-    assert [each["name"] for each in second["rows"]] == ["Stop Drive"]
-    assert [each["kind"] for each in second["events"]] == ["stop"]
+    assert [each["name"] for each in first["rows"]] == ["Heartbeat lift"]
+    assert [each["name"] for each in second["rows"]] == ["Halt Lift"]
+    assert [each["kind"] for each in second["events"]] == ["halt"]
     assert len(snapshot(session)["rows"]) == 2
     assert snapshot(session, second["turn"])["rows"] == []
 
@@ -105,7 +113,7 @@ def test_the_diagnosis_fills_while_traffic_comes(bus: tuple[Session, Callable[[F
     send(Frame(0x082, bytes.fromhex("1082110000000000")))
     open_, again = (session.diagnosis.so_far(session.now) for _ in range(2))
     assert before == []
-    assert [each.title for each in open_] == ["drive: EMCY 0x8210 pdo too short, register 0x11"]
+    assert [each.title for each in open_] == ["lift: EMCY 0x8210 pdo too short, register 0x11"]
     assert [each.seen.number for each in again] == [1]
     send(Frame(0x082, bytes(8)))
     assert [each.rule for each in session.diagnosis.so_far(session.now)] == [BusRule.EMCY_CLEARED]
@@ -114,15 +122,15 @@ def test_the_diagnosis_fills_while_traffic_comes(bus: tuple[Session, Callable[[F
 def test_nodes_tell_their_state(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, send = bus
     send(BEAT)
-    drive = next(each for each in snapshot(session)["nodes"] if each["name"] == "drive")
-    assert (drive["state"], drive["life"]) == ("operational", "alive")
-    assert 0 <= drive["age"] < 10
+    lift = next(each for each in snapshot(session)["nodes"] if each["name"] == "lift")
+    assert (lift["state"], lift["life"]) == ("operational", "alive")
+    assert 0 <= lift["age"] < 10
 
 
 def test_what_the_page_sends_is_shown_too(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, _ = bus
     send_own(session, STOP)
-    assert [each["name"] for each in snapshot(session)["rows"]] == ["Stop Drive"]
+    assert [each["name"] for each in snapshot(session)["rows"]] == ["Halt Lift"]
 
 
 def test_events_make_room_for_newer_ones(
@@ -144,7 +152,7 @@ class Lasting(Panel):
 
 def test_an_event_that_has_changed_is_as_new_as_its_change(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_EVENTS", 2)
-    session = Session(partial(open_bus, "virtual", channel()), decoder(), 500_000, [Lasting])
+    session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000, [Lasting])
     for frame in (STOP, NMT, STOP, NMT):
         send_own(session, frame)
     assert [each["key"] for each in snapshot(session)["events"]] == ["lasting", "NMT 4"]
@@ -193,7 +201,7 @@ def test_a_recording_that_cannot_be_ended_lets_the_bus_go_all_the_same(
 
     name = channel()
     bus = open_bus("virtual", name)
-    session = Session(lambda: bus, decoder(), 500_000)
+    session = Session(lambda: bus, plant.decoder(), 500_000)
     monkeypatch.setattr(module, "recording", full)
     session.recording.start(tmp_path)
     send_own(session, BEAT)
@@ -213,7 +221,7 @@ def test_a_bus_that_fails_is_reported_and_opened_again() -> None:
         opened.append(open_bus("virtual", name))
         return opened[-1]
 
-    session = Session(lambda: opening() if opened[0]._is_shutdown else opened[0], decoder(), 500_000)
+    session = Session(lambda: opening() if opened[0]._is_shutdown else opened[0], plant.decoder(), 500_000)
     opened[0].shutdown()
     while not session.trouble:
         session.poll()
@@ -229,7 +237,7 @@ def test_a_bus_that_fails_is_reported_and_opened_again() -> None:
 
 def test_times_go_on_when_the_driver_begins_anew_at_zero() -> None:
     name = channel()
-    session = Session(partial(Restarting, name), decoder(), 500_000)
+    session = Session(partial(Restarting, name), plant.decoder(), 500_000)
     with open_bus("virtual", name) as other:
         for lost in (True, False):
             before = session.frames
@@ -248,7 +256,7 @@ def test_times_go_on_when_the_driver_begins_anew_at_zero() -> None:
 
 
 def test_a_frame_of_ours_stands_before_its_answer(tmp_path: Path) -> None:
-    """A master that saw an answer before its request would take each transfer of a healthy drive for incomplete."""
+    """A master that saw an answer before its request would take each transfer of a healthy lift for incomplete."""
     with bench(tmp_path) as scene:
         for _ in range(20):
             scene.ask(do="read", node="servo", object="0x1008")
@@ -266,7 +274,7 @@ def test_a_frame_that_the_driver_refuses_was_not_on_the_bus() -> None:
         def send(self, msg: can.Message, timeout: float | None = None) -> None:
             raise can.CanTimeoutError
 
-    session = Session(lambda: Full(channel()), decoder(), 500_000)
+    session = Session(lambda: Full(channel()), plant.decoder(), 500_000)
     with pytest.raises(BusError, match="did not take the frame"):
         session.tap.send_frame(BEAT)
     session.poll()
@@ -276,7 +284,7 @@ def test_a_frame_that_the_driver_refuses_was_not_on_the_bus() -> None:
 
 def test_times_begin_with_what_the_page_sends_first() -> None:
     name = channel()
-    session = Session(partial(open_bus, "virtual", name), decoder(), 500_000)
+    session = Session(partial(open_bus, "virtual", name), plant.decoder(), 500_000)
     send_own(session, BEAT)
     with open_bus("virtual", name) as other:
         Driver(other).send(NMT)

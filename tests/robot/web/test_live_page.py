@@ -31,8 +31,9 @@ from eurobot_od.traffic.meaning import Decoder
 from tests.cli.processes import command, line
 from tests.conftest import EDS
 from tests.eds_text import with_entry
+from tests.robot.web.scene import live_page, robot
 from tests.web.browser import PATIENCE, Browser, Page
-from tests.web.scene import LONG, Served, channel, live_page, robot
+from tests.web.scene import LONG, Served, channel
 from tests.web.test_drives import bench
 
 GOAL = (700, 1600)
