@@ -149,8 +149,8 @@ WRITTEN = {(0x1017, 0): b"\xf4\x01", (0x2101, 1): b"\x84\x03"}
 def test_everything_that_can_be_read_is_read() -> None:
     with line("lift") as channel, master_on(channel) as master:
         readings = {address_of(each.thing): each for each in read_all(master.node(2), readable(DRIVE_FILE))}
-    assert readings[0x1008, 0].value == "Eurobot 2014 drive"
-    assert readings[0x1403, 1].value == 8
+    assert readings[0x1008, 0].value == "Packaging line lift"
+    assert readings[0x1403, 1].value == 0x281
     assert readings[0x1003, 1] == ObjectReading(readings[0x1003, 1].thing, None, "No data available")
     assert (0x1021, 0) not in readings  # the EDS itself is not a value to look at
 
@@ -162,11 +162,11 @@ def test_parameters_are_what_can_be_set_and_is_no_process_data() -> None:
 
 
 def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
-    file = tmp_path / "drive.dcf"
+    file = tmp_path / "lift.dcf"
     with line("lift") as channel, master_on(channel) as master:
         for address, data in WRITTEN.items():
             master.node(2).download(address, data)
-        made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "drive")
+        made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "lift")
     assert (left_out, made.files) == ([], {})
     assert dcf.missing(parse(made.content.decode())) == []
     file.write_bytes(made.content)
@@ -214,7 +214,7 @@ def test_a_value_beyond_its_limits_is_refused_only_where_it_would_be_new(
 def test_what_the_node_refuses_is_left_out_and_told() -> None:
     with stock_lift() as (channel, node), master_on(channel) as master:
         del node.object_dictionary[0x2101]
-        made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "drive")
+        made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "lift")
     assert {address_of(each.thing)[0] for each in left_out} == {0x2101}
     assert {each.refusal for each in left_out} == {"Object does not exist"}
     assert b"ParameterValue=1000" in made.content
@@ -222,7 +222,7 @@ def test_what_the_node_refuses_is_left_out_and_told() -> None:
 
 def test_a_node_that_does_not_answer_ends_the_reading() -> None:
     with master_on(new_channel(), 0.01) as master, pytest.raises(NoAnswer):
-        dcf_of_node(master.node(2), DRIVE_FILE, 500, "drive")
+        dcf_of_node(master.node(2), DRIVE_FILE, 500, "lift")
 
 
 # Settings, although they can be mapped
@@ -243,7 +243,7 @@ SETTINGS: dict[Address, int] = {
 
 def test_a_drive_is_cloned_to_the_byte_whatever_of_it_can_be_mapped(tmp_path: Path) -> None:
     text = EDS.read_text().replace("PDOMapping=0", "PDOMapping=1")
-    eds, made = tmp_path / "drive.eds", tmp_path / "clone.dcf"
+    eds, made = tmp_path / "lift.eds", tmp_path / "clone.dcf"
     eds.write_text(text, encoding="ascii")
     dictionary = Dictionary.load(eds, 5)
     assert all(dictionary.objects.get_variable(*each).pdo_mappable for each in SETTINGS)  # type: ignore[union-attr]

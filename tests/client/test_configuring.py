@@ -21,11 +21,12 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import Address, Value
-from eurobot_od.robot.model.messages import GotoConfirm, GotoXY
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.progress import Progress, unwatched
 from tests.client.peers import EDS, LIFT, line, master_on, open_bus, stock_lift
 from tests.eds_text import DEVICE_TYPE, variable, with_entry
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.rows import rows
 
 NOW = datetime(2014, 5, 28, 12, 0, 1)
@@ -34,13 +35,13 @@ NOW_BYTES = [(11105).to_bytes(4, "little"), (43_201_000).to_bytes(4, "little")]
 
 HEARTBEAT: Address = (0x1017, 0)
 SPEED: Address = (0x2101, 1)
-COB_ID: Address = (0x1403, 1)
-COUNT: Address = (0x1603, 0)
-ENTRY: Address = (0x1603, 5)
+COB_ID: Address = (0x1402, 1)
+COUNT: Address = (0x1602, 0)
+ENTRY: Address = (0x1602, 5)
 STORE: Address = (0x1010, 1)
 
 NEW: dict[Address, Value] = {HEARTBEAT: 500, SPEED: 900, COB_ID: 0x18, ENTRY: 0x20000602}
-"""What the tests configure: a setting of each kind, and Goto XY under 0x018 with 2 reserved bits in place of 6."""
+"""What the tests configure: a setting of each kind, and Move To under 0x018 with 2 reserved bits in place of 6."""
 
 ORDER = [HEARTBEAT, SPEED, COB_ID, COUNT, ENTRY, COUNT, COB_ID, (0x1020, 1), (0x1020, 2), STORE]
 
@@ -52,8 +53,8 @@ def make(tmp_path: Path) -> Callable[..., Dictionary]:
     def write(
         values: dict[Address, Value], eds: str = LIFT.read_text(), change: Callable[[str], str] = str, node_id: int = 2
     ) -> Dictionary:
-        file = tmp_path / "drive.dcf"
-        file.write_text(change(dcf.with_values(DescribedDevice(parse(eds)), values, node_id, "drive", 500)))
+        file = tmp_path / "lift.dcf"
+        file.write_text(change(dcf.with_values(DescribedDevice(parse(eds)), values, node_id, "lift", 500)))
         return Dictionary.load(file)
 
     return write
@@ -89,7 +90,7 @@ def set_access(node: canopen.LocalNode, address: Address, access: str) -> None:
     variable.access_type = access
 
 
-FORMER = [1000, 800, 0x08, 0x20000606]
+FORMER = [1000, 800, 0x202, 0x20000606]
 
 
 # It works
@@ -104,12 +105,12 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
         assert configure(node, description, NOW) == Configured(len(NEW), stored=True, verified=True)
         assert [node.upload((0x1020, subindex)) for subindex in (1, 2)] == NOW_BYTES
         assert difference(node, description).changes == ()
-        protocol = EurobotProtocol.of(description)
+        protocol = Protocol.of_devices([description], plant.CATALOGUE)
         heard: list[Frame] = []
-        confirm = protocol.cob_id(GotoConfirm)
+        confirm = protocol.cob_id(m.MoveConfirm)
         master.listeners[confirm] = lambda data: heard.append(Frame(confirm, data))
-        master.send(*protocol.encode(GotoXY(1500, 1000, 90, 50)))
-        assert protocol.cob_id(GotoXY) == 0x18
+        master.send(*protocol.encode(m.MoveTo(1500, 1000, 90, 50)))
+        assert protocol.cob_id(m.MoveTo) == 0x18
         assert master.pump(1, lambda: heard == [Frame(confirm)])
 
 
@@ -132,7 +133,7 @@ def test_a_difference_is_found_by_reading_alone(make: Callable[..., Dictionary])
         assert writes.addresses == []
     assert [(address_of(each.thing), *each.texts) for each in plan.changes] == [
         (HEARTBEAT, "1000", "500"),
-        (COB_ID, "0x00000008", "0x00000018"),
+        (COB_ID, "0x00000202", "0x00000018"),
         (ENTRY, "0x20000606", "0x20000602"),
         (SPEED, "800", "900"),
     ]
@@ -311,9 +312,9 @@ def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
     [
         (
             {"node_id": 5},
-            "is of node 5; these COB-IDs do not follow the node-ID: 0x1403:1 RPDO4 0x018; for node 2 keep",
+            "is of node 5; these COB-IDs do not follow the node-ID: 0x1402:1 RPDO3 0x018; for node 2 keep",
         ),
-        ({"eds": (EDS / "navigation.eds").read_text()}, "is for another device: node 2 has product code 0x2, not 0x3"),
+        ({"eds": (EDS / "scale.eds").read_text()}, "is for another device: node 2 has product code 0x2, not 0x3"),
         (
             {"change": lambda text: text.replace("[1018sub1]\n", "[1018sub1]\nParameterValue=7\n")},
             "has vendor-ID 0x0, not",
@@ -323,8 +324,8 @@ def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
         ({"values": {SPEED: 0}}, "0x2101: sub 1 (Motion.Maximum speed): 0 is not allowed; allowed: 1.."),
         ({"values": {HEARTBEAT: 65536}}, "0x1017: sub 0 (Producer heartbeat time): 65536 is not allowed"),
         ({"values": {HEARTBEAT: "often"}}, "(Producer heartbeat time): often is not allowed; allowed: an integer"),
-        ({"values": {ENTRY: 0x30000110}}, "0x1603: maps 0x3000 sub 1, which is missing"),
-        ({"values": {ENTRY: 0x20000111}}, "0x1603: maps 0x2000 sub 1 with 17 bits, its type has 16"),
+        ({"values": {ENTRY: 0x30000110}}, "0x1602: maps 0x3000 sub 1, which is missing"),
+        ({"values": {ENTRY: 0x20000111}}, "0x1602: maps 0x2000 sub 1 with 17 bits, its type has 16"),
         ({"values": {(0x2100, 1): 3}}, "0x2100: Node.Node-ID 3 is not the NodeID 2"),
     ],
 )
@@ -341,7 +342,7 @@ def test_a_file_that_does_not_fit_is_refused_before_anything_is_written(
 
 
 def test_a_pdo_that_is_wrong_in_the_devices_own_eds_does_not_stop_the_rest(make: Callable[..., Dictionary]) -> None:
-    eds = with_entry(LIFT.read_text(), "1603sub1", "DefaultValue", "0x30000110")
+    eds = with_entry(LIFT.read_text(), "1602sub1", "DefaultValue", "0x30000110")
     with stock_lift() as (channel, node), master_on(channel) as master:
         boots(node)
         described = make({SPEED: 900}, eds)

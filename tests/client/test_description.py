@@ -8,32 +8,32 @@ from eurobot_od.client.description import device_name, fitting, read_identity, u
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
-from eurobot_od.robot import dialects
 from tests.client.peers import LIFT, line, master_on, peer, stock_lift
+from tests.kit import plant
 
 NO_SUCH_OBJECT = bytes.fromhex("00000206")
-DRIVE_IDENTITY = Identity(0, 2, 0x30000, 1)
+LIFT_IDENTITY = Identity(0, 2, 0x10000, 1)
 
 
 def test_a_node_and_its_eds_have_one_identity() -> None:
     with line("lift") as channel, master_on(channel) as master:
-        assert read_identity(master.node(2)) == DRIVE_IDENTITY
-    assert Identity.of(Dictionary.load(LIFT)) == DRIVE_IDENTITY
+        assert read_identity(master.node(2)) == LIFT_IDENTITY
+    assert Identity.of(Dictionary.load(LIFT)) == LIFT_IDENTITY
 
 
 @pytest.mark.parametrize(
     ("other", "difference"),
     [
-        (DRIVE_IDENTITY, None),
-        (DRIVE_IDENTITY._replace(serial=99), None),  # another piece of the same kind
-        (DRIVE_IDENTITY._replace(revision=0x30007), None),  # a minor revision behaves the same
-        (DRIVE_IDENTITY._replace(revision=0x20000), "major revision 0x2, not 0x3"),
-        (DRIVE_IDENTITY._replace(product=3), "product code 0x3, not 0x2"),
-        (DRIVE_IDENTITY._replace(vendor=0x123), "vendor-ID 0x123, not 0x0"),
+        (LIFT_IDENTITY, None),
+        (LIFT_IDENTITY._replace(serial=99), None),  # another piece of the same kind
+        (LIFT_IDENTITY._replace(revision=0x10007), None),  # a minor revision behaves the same
+        (LIFT_IDENTITY._replace(revision=0x20000), "major revision 0x2, not 0x1"),
+        (LIFT_IDENTITY._replace(product=3), "product code 0x3, not 0x2"),
+        (LIFT_IDENTITY._replace(vendor=0x123), "vendor-ID 0x123, not 0x0"),
     ],
 )
 def test_kinds_of_devices_differ_in_vendor_product_or_major_revision(other: Identity, difference: str | None) -> None:
-    assert DRIVE_IDENTITY.difference(other) == difference
+    assert LIFT_IDENTITY.difference(other) == difference
 
 
 def test_a_node_without_identity_has_zeros_and_no_name() -> None:
@@ -46,15 +46,15 @@ def test_a_node_without_identity_has_zeros_and_no_name() -> None:
 
 def test_our_nodes_are_recognised_by_their_identity() -> None:
     with line("lift", "scale") as channel, master_on(channel) as master:
-        for node_id, name in ((2, "drive"), (3, "navigation")):
-            found = fitting(master.node(node_id), dialects.load_all("canopen"))
+        for node_id, name in ((2, "lift"), (3, "scale")):
+            found = fitting(master.node(node_id), plant.load_all("plain"))
             assert found is not None
-            assert found.file == dialects.folder("canopen") / f"{name}.eds"
+            assert found.file == plant.FILES.folder("plain") / f"{name}.eds"
 
 
 def test_an_eds_of_another_dialect_is_not_taken() -> None:
     with line("lift") as channel, master_on(channel) as master:
-        assert fitting(master.node(2), dialects.load_all("firmware2014")) is None
+        assert fitting(master.node(2), plant.load_all("packed")) is None
 
 
 def test_our_node_gives_its_eds() -> None:

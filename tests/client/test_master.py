@@ -35,14 +35,14 @@ def test_our_node_is_read_and_written() -> None:
         assert node.upload(HEARTBEAT_TIME) == b"\xe8\x03"
         node.download(HEARTBEAT_TIME, b"\xf4\x01")
         assert node.upload(HEARTBEAT_TIME) == b"\xf4\x01"
-        assert node.upload((0x1008, 0)) == b"Eurobot 2014 drive"  # in segments
+        assert node.upload((0x1008, 0)) == b"Packaging line lift"  # in segments
 
 
 def test_a_long_object_comes_by_blocks_from_our_node_and_by_segments_from_one_without_them() -> None:
     with line("lift") as channel, master_on(channel) as master:
         assert master.node(2).upload_block((0x1021, 0)).startswith(b"[FileInfo]")
     with stock_lift() as (channel, _), master_on(channel) as master:
-        assert master.node(2).upload_block((0x1008, 0)) == b"Eurobot 2014 drive"
+        assert master.node(2).upload_block((0x1008, 0)) == b"Packaging line lift"
 
 
 PROGRAM = bytes(range(256)) * 8

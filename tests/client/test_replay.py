@@ -9,14 +9,10 @@ import pytest
 
 from eurobot_od.client.master import Replayed, replay
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.match import MatchOptions
-from eurobot_od.robot.match.stage import play_simulated
-from eurobot_od.robot.model import messages
-from eurobot_od.robot.nodes import Drive
-from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.traffic.filters import by_sender
 from tests.client.wired import Station, WiredBus, wired
+from tests.kit import plant
+from tests.kit.plant import messages as m
 
 LOG = [(100.0, Frame(0x123, b"a")), (100.5, Frame(0x124)), (100.5, Frame(0x125)), (102.0, Frame(0x126))]
 
@@ -63,17 +59,15 @@ def test_nothing_is_replayed_of_an_empty_log() -> None:
     assert replay(wired(Listening()), [], 1.0) == Replayed()
 
 
-def test_a_drive_confirms_the_gotos_of_yesterday() -> None:
-    frames: list[tuple[float, Frame]] = []
-    play_simulated(MatchOptions(duration=15.0), lambda _: None, lambda time, frame: frames.append((time, frame)))
-    protocol, drive = EurobotProtocol.load(), Drive(dialects.load("drive"))
-    drive.start(0.0)
-    station: Station = drive
+def test_a_lift_confirms_the_moves_of_yesterday() -> None:
+    protocol, lift = plant.protocol(), plant.NODES["lift"](plant.load("lift"))
+    lift.start(0.0)
+    station: Station = lift
     master = wired(station)
     confirmed: list[bytes] = []
-    master.listeners[protocol.cob_id(messages.GotoConfirm)] = confirmed.append
-    without_drive = by_sender(dialects.load_all(), protocol, [], ["drive"])
-    sent = [(time, frame) for time, frame in frames if without_drive(frame)]
+    master.listeners[protocol.cob_id(m.MoveConfirm)] = confirmed.append
+    without_lift = by_sender(plant.load_all(), protocol, [], ["lift"])
+    sent = [(time, frame) for time, frame in plant.shift() if isinstance(frame, Frame) and without_lift(frame)]
     replay(master, sent, 1.0)
-    gotos = [frame for _, frame in sent if frame.cob_id == protocol.cob_id(messages.GotoXY)]
-    assert len(confirmed) == len(gotos) > 0
+    moves = [frame for _, frame in sent if frame.cob_id == protocol.cob_id(m.MoveTo)]
+    assert len(confirmed) == len(moves) > 0

@@ -22,11 +22,11 @@ def test_our_three_nodes_are_found_with_their_names_and_nothing_else() -> None:
     with line("panel", "lift", "scale") as channel, master_on(channel, 0.3) as master:
         found = quick_scan(master)
     assert [(each.node_id, each.name) for each in found] == [
-        (1, "Eurobot 2014 core"),
-        (2, "Eurobot 2014 drive"),
-        (3, "Eurobot 2014 navigation"),
+        (1, "Packaging line panel"),
+        (2, "Packaging line lift"),
+        (3, "Packaging line scale"),
     ]
-    assert [each.identity for each in found] == [Identity(0, number, 0x30000, 1) for number in (1, 2, 3)]
+    assert [each.identity for each in found] == [Identity(0, number, 0x10000, 1) for number in (1, 2, 3)]
 
 
 def test_this_protocols_own_identifiers_are_no_node_64() -> None:
@@ -46,7 +46,7 @@ def test_a_node_that_only_sends_heartbeats_is_found() -> None:
 
 def test_stock_canopen_is_found() -> None:
     with stock_lift() as (channel, _), master_on(channel, 0.3) as master:
-        assert [(each.node_id, each.name) for each in quick_scan(master)] == [(2, "Eurobot 2014 drive")]
+        assert [(each.node_id, each.name) for each in quick_scan(master)] == [(2, "Packaging line lift")]
 
 
 @pytest.mark.parametrize(

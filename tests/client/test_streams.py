@@ -37,7 +37,7 @@ def test_a_pdo_that_a_master_has_moved() -> None:
     with line("lift") as channel, master_on(channel) as master:
         node = master.node(2)
         for address, value, size in (
-            ((STATE_TPDO, 1), NOT_VALID | NO_RTR | 0x014, 4),
+            ((STATE_TPDO, 1), NOT_VALID | NO_RTR | 0x282, 4),
             ((STATE_TPDO + 0x200, 0), 0, 1),
             ((STATE_TPDO + 0x200, 1), 0x2002_0118, 4),
             ((STATE_TPDO + 0x200, 0), 1, 1),
@@ -48,10 +48,10 @@ def test_a_pdo_that_a_master_has_moved() -> None:
     [pdo] = [each for each in present.pdos if each.index == STATE_TPDO]
     assert (pdo.cob_id, [(each.address, each.bits) for each in pdo.mapping]) == (MOVED, [((0x2002, 1), 24)])
     assert Protocol.of_devices([present], NOTHING).unpack(MOVED, b"\xdc\x05\0") == (
-        "Goto State Response",
+        "Move State Response",
         {"time": 1500},
     )
-    assert {each.cob_id for each in dictionary.pdos} - {each.cob_id for each in present.pdos} == {0x014}
+    assert {each.cob_id for each in dictionary.pdos} - {each.cob_id for each in present.pdos} == {0x282}
 
 
 def test_what_a_node_refuses_is_the_files() -> None:

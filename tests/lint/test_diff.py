@@ -201,7 +201,7 @@ def test_a_live_node_is_compared_by_sdo() -> None:
     assert same == []
     assert [str(each) for each in changed] == [
         "0x1017 sub 0 Producer heartbeat time: value: 1000 -> 123",
-        "0x1400 sub 1 Emergency Shutdown.COB-ID used by PDO: RPDO 1 COB-ID: 0x001 -> 0x001, not valid",
+        "0x1400 sub 1 Halt All.COB-ID used by PDO: RPDO 1 COB-ID: 0x181 -> 0x001, not valid",
     ]
 
 

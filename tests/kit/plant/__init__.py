@@ -26,7 +26,6 @@ from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import with_entry
 from tests.kit.plant import messages as m
 from tests.kit.plant import nodes
-from tests.kit.plant.messages import CATALOGUE
 
 HERE = Path(__file__).parent
 TABLE = HERE / "protocol.yaml"
@@ -46,6 +45,8 @@ def _made() -> Path:
             shutil.rmtree(fresh)  # another process was first
     return folder
 
+
+CATALOGUE = m.CATALOGUE
 
 FILES = Dialects(_made(), "plain")
 DIALECTS = FILES.names()
