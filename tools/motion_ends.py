@@ -433,6 +433,8 @@ def main() -> int:
     parser.add_argument("--load", type=int, default=0, metavar="CORES", help="busy processes beside (0)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="where each measurement is written")
     asked = parser.parse_args()
+    # A shell has a program in the background ignore Ctrl-C, and the server would inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     results: dict[tuple[str, str, str], Measured] = {}
     with load(asked.load), running() as browser:
         for key, found in measure_all(browser, asked.ends, asked.condition or CONDITIONS, asked.mode or MODES):

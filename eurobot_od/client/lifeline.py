@@ -65,7 +65,7 @@ def heartbeat(node_id: int) -> Frame:
 
 @Procedure
 async def arm(node: RemoteNode, offsets: Iterable[int], own: int) -> Lifeline:
-    """Have a drive watch our heartbeat, which has to be sent already; `offsets` are those of its axes.
+    """Have a drive watch our heartbeat, which has to be sent from now on; `offsets` are those of its axes.
 
     Raises NoAnswer, BusError; what the drive refuses is in the result.
     """
@@ -85,6 +85,8 @@ async def arm(node: RemoteNode, offsets: Iterable[int], own: int) -> Lifeline:
         await node.download.steps(entry, watched)
     except NodeRefused as refused:
         return Lifeline(None, tuple(former), f"it refuses an entry in 0x1016: {refused}")
+    # A consumer watches from the first heartbeat on that it hears: it has to be one before anything moves.
+    node.master.send(*heartbeat(own))
     is_left = before[2:3] == bytes([own])  # by one of us that was killed
     return Lifeline(entry, ((entry, bytes(4) if is_left else before), *former), lacks)
 

@@ -360,7 +360,6 @@ class Drives:
         node, line = self._master.node(axis.node_id), self._lines.get(axis.node_id)
         if line is None or not holds(node, line, self._beating()):
             own = self._beating()
-            self._send(heartbeat(own))  # a drive watches from the first one on
             offsets = [each.offset for each in self.axes if each.node_id == axis.node_id]
             former = line.former if line else ()
             line = arm(node, offsets, own)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from eurobot_od.bus.simulated.network import ON_TIME
-from eurobot_od.client.lifeline import LOST_AFTER, arm, disarm, free_id, heartbeat, holds
+from eurobot_od.client.lifeline import LOST_AFTER, arm, disarm, free_id, holds
 from eurobot_od.client.motion import AxisAddress, AxisObjects, AxisStop, NodeStop, StopKind
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.faults import DRIVE_FAULTS
@@ -271,11 +271,9 @@ def test_a_move_that_was_halted_does_not_go_on_when_the_next_one_is_ordered() ->
 def test_a_drive_that_watches_us_makes_a_quick_stop_when_we_are_gone() -> None:
     with turning() as network:
         node = network.master.node(5)
-        network.master.send(*heartbeat(126))
-        line = arm(node, [0], 126)
+        line = arm(node, [0], 126)  # and nothing is sent any more: the program is killed at once
         assert not line.lacks
         assert holds(node, line, 126)
-        network.master.send(*heartbeat(126))
         network.sleep(LOST_AFTER - 0.05)
         assert speed(network) > 0
         network.sleep(0.4)
