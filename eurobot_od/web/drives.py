@@ -293,10 +293,12 @@ class Drives:
             self._check(axis, target, numbers[target])
         with self._ordering(axis, ticket):
             self._watch(axis, is_motion=name in MOVES)
+            motion = OrderedMotion(who, self._clock() + HELD)
             if name in MOVES:
-                end = MotionEnd(self._objects(axis), self._clock() + HELD, name == "home")
-                self._enter(axis, OrderedMotion(who, self._clock() + HELD, end))
+                self._enter(axis, motion)
             act(self._drive(axis), numbers)
+            # Only now: before the drive has its set-point, "target reached" is about the one before.
+            motion.end = MotionEnd(self._objects(axis), self._clock(), name == "home")
 
     def _check(self, axis: AxisAddress, target: str, value: int) -> None:
         low, high = bounds(self._dictionaries[axis.node_id], axis, target)

@@ -325,6 +325,27 @@ def test_a_move_goes_on_while_its_page_is_seen(jogged: Jogged) -> None:
     assert abs(jogged.velocity) < 0.001
 
 
+def test_a_move_that_is_slow_to_begin_is_not_taken_for_ended(jogged: Jogged) -> None:
+    """The drive still says "target reached" of the set-point before, while the order is on its way."""
+    begun = jogged.network.master.clock()
+
+    def look(_now: float, _frame: Frame) -> None:  # as the motion thread does, while the order waits for answers
+        if jogged.network.master.clock() > begun:
+            jogged.drives.hold(AXIS)
+            jogged.drives.step()
+
+    jogged.network[5].drive402.choose(1)  # type: ignore[arg-type]
+    jogged.network.sleep(0.2)
+    jogged.network.simulation.observers.append(look)
+    jogged.network.simulation.disturb = lambda _, frame: (0.2,) if frame.cob_id == REQUESTS else ON_TIME
+    jogged.drives.command(AXIS, "move", {"position": 10_000_000, "velocity": 500})
+    jogged.network.simulation.observers.remove(look)
+    jogged.network.simulation.disturb = lambda *_: ON_TIME
+    assert jogged.drives.data()["moving"] == [["servo", 1]]
+    jogged.pass_time(HELD + 0.8)
+    assert abs(jogged.velocity) < 0.001
+
+
 def test_a_move_that_is_there_needs_nobody_any_more(jogged: Jogged) -> None:
     jogged.drives.command(AXIS, "move", {"position": 2000})
     jogged.pass_time(2, held=True)
