@@ -9,6 +9,7 @@ import pydoc
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -16,16 +17,35 @@ from make_pages import MODULES, NAMES, public_names
 
 import eurobot_od
 
-API = Path(__file__).parents[1] / "docs" / "api.md"
+ROOT = Path(__file__).parents[1]
+API = ROOT / "docs" / "api.md"
 
 
 def test_no_public_name_or_signature_changes_unnoticed() -> None:
     assert NAMES.read_text("utf-8") == public_names(), "run .venv/bin/python tools/make_pages.py"
 
 
-def test_every_public_name_is_listed() -> None:
+@pytest.mark.parametrize("module", ["eurobot_od", "eurobot_od.robot"])
+def test_every_public_name_is_listed(module: str) -> None:
     text = API.read_text(encoding="utf-8")
-    assert {*import_module("eurobot_od").__all__} - set(re.findall(r"`(\w+)`", text)) == set()
+    assert {*import_module(module).__all__} - set(re.findall(r"`(\w+)`", text)) == set()
+
+
+def imports(text: str) -> Iterator[tuple[str, str]]:
+    """Yield module and name of all that a text imports from this package."""
+    for module, names in re.findall(r"^ *from (eurobot_od[\w.]*) import ([\w, ]+)", text, re.MULTILINE):
+        yield from ((module, name.strip()) for name in names.split(","))
+
+
+TAUGHT = [*ROOT.glob("docs/*.md"), ROOT / "README.md", *(ROOT / "eurobot_od" / "robot" / "new_robot").rglob("*.new")]
+
+
+@pytest.mark.parametrize("file", TAUGHT, ids=lambda each: each.name)
+def test_what_is_taught_imports_promised_names_only(file: Path) -> None:
+    promised = {module: {*import_module(module).__all__} for module in MODULES}
+    promised["eurobot_od"] |= {"Season"}  # of an extra
+    odd = [(m, n) for m, n in imports(file.read_text(encoding="utf-8")) if n not in promised.get(m, ())]
+    assert odd == []
 
 
 def test_at_most_five_modules_are_promised() -> None:

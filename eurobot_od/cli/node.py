@@ -293,7 +293,8 @@ def _bus_failure_first(live: Live) -> Iterator[None]:
 def _show(node: Node, frame: Frame, now: float) -> None:
     try:
         message = node.device.protocol.decode(*frame)
-        what = f"{node.device.protocol.name(type(message))}  {describe(message)}".rstrip()
+        binding = node.device.protocol.binding(type(message))
+        what = f"{binding.name}  {describe(message, binding.kinds)}".rstrip()
     except RemoteError as error:
         what = str(error)
     print(one_line(f"{now:12.3f}  {frame!s:<20}  {what}"), flush=True)

@@ -102,7 +102,8 @@ def meaning(protocol: Protocol, frame: Frame) -> str:
 
 
 def _words(protocol: Protocol, message: Message) -> str:
-    return f"{protocol.name(type(message))}  {describe(message)}".rstrip()
+    binding = protocol.binding(type(message))
+    return f"{binding.name}  {describe(message, binding.kinds)}".rstrip()
 
 
 def transmit(bus: can.BusABC, frame: Frame) -> None:

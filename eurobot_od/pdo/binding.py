@@ -6,7 +6,7 @@ are generated when they are first needed, so that a program that sends two messa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property, partial
 from itertools import accumulate
@@ -16,11 +16,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName
 from eurobot_od.frame import Data, Frame
+from eurobot_od.od.meanings import NO_MEANING
 from eurobot_od.od.pdos import Mapped, Pdo
-from eurobot_od.od.values import SLICE, Address, Limits
+from eurobot_od.od.units import UnitScale
+from eurobot_od.od.values import SLICE, Address, Limits, label
 from eurobot_od.pdo import codec, kinds
 from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, slot
-from eurobot_od.pdo.kinds import CatalogueEntry, Kind, Message, OutOfRange
+from eurobot_od.pdo.kinds import CatalogueEntry, Kind, MeaningError, Message, OutOfRange
+from eurobot_od.support.extras import place_of
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -67,7 +70,7 @@ class Binding:
             made = {field: _kind(each, widths[field]) for field, each in mapped}
             entry = CatalogueEntry(kinds.made_type(name, made))
         self.type, self.group, self.always = entry
-        self.kinds = kinds.kinds(self.type)
+        self.kinds = {**kinds.kinds(self.type), **dict(self._told(mapped if self.reads_longer else ()))}
         self.defaults: Mapping[str, Any] = self.type._field_defaults
         fields, own = set(self.layout.fields), set(self.kinds)
         if fields - own or own - set(self.defaults) - fields:  # a field with a default need not be mapped
@@ -97,6 +100,17 @@ class Binding:
             if each.is_unknown or not is_placed or offset > 8 * length:
                 unknown.add(field)
         return frozenset(set(self.layout.fields) - unknown)
+
+    def _told(self, mapped: Iterable[tuple[str, Mapped]]) -> Iterator[tuple[str, Kind]]:
+        """Yield the fields that are mapped, with the units and codes that the file says; raises MappingError."""
+        known = kinds.kinds(self.type)
+        for field, each in dict(mapped).items():
+            try:
+                if field in known:
+                    yield field, known[field].of(each.meaning)
+            except MeaningError as error:
+                what = f"{self.name}: {field} {error} ({label(each.address)}); its class is at {place_of(self.type)}"
+                raise MappingError(self.file, self.pdo.mapping_index, what) from None
 
     def again(self) -> Self:
         """Return the same message without senders and receivers: they may be others by now."""
@@ -294,8 +308,16 @@ class Binding:
 
 
 def _kind(entry: Mapped, width: int) -> Kind:
-    """Return the kind of a field of which nothing is known but the type of the mapped object."""
-    return kinds.UnknownKind() if entry.is_unknown else kinds.kind_of(entry.type, width, entry.variable)
+    """Return the kind of a field of which nothing is known but the mapped object, and what its file says about it."""
+    said = entry.meaning
+    if entry.is_unknown:
+        return kinds.UnknownKind()
+    if said == NO_MEANING or not entry.type.is_integer:
+        return kinds.kind_of(entry.type, width, entry.variable)
+    words = {raw: name for name, raw in said.codes.items()}
+    if words:
+        return kinds.Worded(lambda raw: words.get(raw, ""), words, UnitScale(said.unit_alone, said.step))
+    return kinds.Quantity(said.unit_alone, said.step)
 
 
 def _slots(mapping: Iterable[Mapped]) -> list[Slot]:

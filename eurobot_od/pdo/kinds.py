@@ -2,14 +2,15 @@
 
 A kind says what a raw value means, which raw value a meaning has, how a person writes it, and what is allowed. Whatever
 is special about a field is a method of its kind: no other code asks which kind a field has. Widths and limits come from
-the EDS, as arguments.
+the EDS, as arguments; units, plain ranges, steps and codes as well, by `Kind.of`.
 """
 
 from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
+from copy import copy
 from enum import Enum, IntEnum
 from functools import cache, partial
 from itertools import count
@@ -17,9 +18,10 @@ from math import isfinite
 from numbers import Integral
 from numbers import Real as RealNumber
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias, TypeVar, cast, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias, TypeVar, cast, get_type_hints
 
 from eurobot_od.od import values
+from eurobot_od.od.meanings import NO_MEANING, ObjectMeaning
 from eurobot_od.od.objects import RAW_VALUE
 from eurobot_od.od.units import RAW, UnitScale, digits, scale_of
 from eurobot_od.od.values import DataType, Limits, typed_number, typed_real
@@ -67,8 +69,17 @@ WHOLE = {"mm": "millimetres", "deg": "degrees"}
 """What a unit is called where only whole ones are allowed."""
 
 
+class MeaningError(Exception):
+    """A message type and a table that cannot agree on a field: what the field `is`, or needs, in words."""
+
+
 class Kind:
-    """A plain number in `unit`; raw value and meaning are the same, the EDS limits are the range."""
+    """A number in `unit`; raw value and meaning are the same, the EDS limits are the range, and `codes` mean something.
+
+    What a number means is the table's, which a file says (see `od.meanings`): `of` makes the kind that has it. A class
+    of messages names what it needs: `Kind("mm")` that the unit is mm, `Kind("mm", Reading)` that the table has a code
+    for each member of the enum Reading, by its name. The table's unit may have a step: raw 123 of `0.1 mm` is 12.3.
+    """
 
     scale: UnitScale
     """What one step of the raw value is, in the unit."""
@@ -88,31 +99,126 @@ class Kind:
     says_more: ClassVar = False
     """Whether `text` writes more of a plain number than the number and its unit."""
 
-    column_form: ClassVar = ColumnForm.NUMBER
+    column_form: ColumnForm = ColumnForm.NUMBER
     """What the values are in a column: the raw values in `numbers`, all raw BITS, or what the form says."""
 
-    def __init__(self, unit: str = "") -> None:
+    _within: Limits | None = None
+
+    def __init__(self, unit: str = "", codes: type[Enum] | Mapping[str, Any] = MappingProxyType({})) -> None:
         self.unit, self.scale = unit, UnitScale(unit)
+        self._needed: Mapping[str, Any] = (
+            codes if isinstance(codes, Mapping) else {words_of(member): member for member in codes}
+        )
+        self._words: Mapping[int, str] = {}
+        self._meanings: dict[int, Any] = {}
+        self._raws: dict[tuple[type, Any], int] = {}
+        # an IntEnum has its numbers with it: for a device without a table
+        self._number({name: each.value for name, each in self._needed.items() if isinstance(each, IntEnum)})
+
+    def _number(self, codes: Mapping[str, int]) -> None:
+        """Take over the numbers of codes, by the names that the kind has for them."""
+        self._words = {raw: name for name, raw in codes.items()}
+        self._meanings = {raw: self._needed[name] for name, raw in codes.items()}
+        self._raws = {(type(meaning), meaning): raw for raw, meaning in self._meanings.items()}
+
+    # What the table says
+
+    def of(self, said: ObjectMeaning) -> Self:
+        """Return the kind with the unit, range and codes that a table says; raises MeaningError if they do not fit."""
+        if said == NO_MEANING and not self._needed.keys() - self._words.values():
+            return self
+        if self.unit and said.unit_alone not in ("", self.unit):
+            raise MeaningError(f"is in {self.unit}, and in {said.unit_alone} in the table")
+        if self.scale.factor not in (1, said.step):
+            raise MeaningError(f"has steps of {self.scale.step}, and of {said.unit} in the table")
+        made = copy(self)
+        made.unit = self.unit or said.unit_alone
+        made.scale = UnitScale(made.unit, said.step, self.scale.offset)
+        if not made.scale.is_raw and self.column_form is ColumnForm.NUMBER:
+            made.column_form = ColumnForm.SCALED
+        if not self._needed and type(self).read is not Kind.read:  # a class that has its numbers itself
+            self._refuse_others(said.codes)
+            return made
+        made._within = said.plain
+        made._number(self._fitting(said.codes))
+        return made
+
+    def _refuse_others(self, codes: Mapping[str, int]) -> None:
+        """Raise MeaningError for a code of the table that is none of the kind's own, or has another number there."""
+        own = {plain_name(name): raw for raw, name in self.named_values().items()}
+        if self.unknown_as_a_whole is not None:
+            own[UNKNOWN] = self.unknown_as_a_whole
+        for name, raw in codes.items():
+            if own.get(plain_name(name)) != raw:
+                raise MeaningError(f"knows no code '{name}' of {raw}, which the table has")
+
+    def _fitting(self, codes: Mapping[str, int]) -> dict[str, int]:
+        """Return a table's codes by the names that the kind has for them; raises MeaningError if they are not those."""
+        if not self._needed:
+            self._refuse_others(codes)
+            return {}
+        known = {plain_name(name): name for name in self._needed}
+        found = {known.get(plain_name(name), name): raw for name, raw in codes.items()}
+        for name in found.keys() - self._needed.keys():
+            raise MeaningError(f"knows no code '{name}', which the table has")
+        for name in self._needed.keys() - found.keys():
+            raise MeaningError(f"needs the code '{name}', which the table does not have")
+        for name, raw in found.items():
+            own = self._needed[name]
+            if isinstance(own, IntEnum) and own != raw:
+                raise MeaningError(f"says {int(own)} for '{name}', and the table says {raw}")
+        return found
+
+    # From raw values and back
 
     def read(self, raw: int, limits: Limits) -> Any:
         """Return the meaning of a raw value, or OutOfRange."""
-        return raw if limits.low <= raw <= limits.high else OutOfRange(raw)
+        if raw in self._meanings:
+            return self._meanings[raw]
+        plain = self.measured(limits)
+        # a number that a code stands for is that code's: as a plain one it would be taken for it
+        if not plain.low <= raw <= plain.high or (int, raw) in self._raws:
+            return OutOfRange(raw)
+        return self.scale.physical(raw)
 
     def write(self, value: Any, limits: Limits) -> int:
         """Return the raw value; raises ValueError or TypeError if the value has none."""
-        raw = whole_number(value)
-        if not limits.low <= raw <= limits.high:
+        if value is None or isinstance(value, Enum):
+            return self._raw_of(value)
+        raw = whole_number(value) if self.scale.is_raw else self._steps(value)
+        if (int, raw) in self._raws:
+            return self._raws[int, raw]
+        plain = self.measured(limits)
+        if not plain.low <= raw <= plain.high or raw in self._meanings:
             raise ValueError(value)
         return raw
 
+    def _raw_of(self, meaning: Any) -> int:
+        """Return the number of a code; raises ValueError for what is none of this kind's."""
+        try:
+            return self._raws[type(meaning), meaning]
+        except KeyError:
+            raise ValueError(meaning) from None
+
+    def _steps(self, value: Any) -> int:
+        try:
+            return round(self.scale.raw(real_number(value)))
+        except (ValueError, OverflowError):
+            raise ValueError(value) from None
+
     def numbers(self, limits: Limits) -> range:
         """Return the raw values that mean their own number, so that `text` writes that and the unit."""
+        if self.column_form is not ColumnForm.NUMBER:
+            return range(0)
         plain = self.measured(limits)
-        return range(plain.low, plain.high + 1) if self.column_form is ColumnForm.NUMBER else range(0)
+        taken = {raw for raw, meaning in self._meanings.items() if meaning is None or meaning != raw}
+        taken |= {meaning for raw, meaning in self._meanings.items() if isinstance(meaning, int) and meaning != raw}
+        # a code within the range would cut it in two: what is below it is read one by one
+        return range(max([plain.low, *(raw + 1 for raw in taken if plain.low <= raw <= plain.high)]), plain.high + 1)
 
     def measured(self, limits: Limits) -> Limits:
         """Return the lowest and the highest raw value that is a plain one, in an object of these limits."""
-        return limits
+        return self._within or limits
 
     @property
     def raw_unit(self) -> str:
@@ -122,7 +228,7 @@ class Kind:
     @property
     def distances(self) -> Kind:
         """The kind of the distance between two values."""
-        return self
+        return Quantity(self.unit, abs(self.scale.factor)) if self.scale.offset else self
 
     def sendable(self, limits: Limits) -> range:
         """Return the values that are their own raw value, which `write` need not be asked about."""
@@ -130,41 +236,65 @@ class Kind:
 
     def extremes(self, limits: Limits) -> Limits:
         """Return the lowest and the highest raw value that there is to be sent."""
-        return limits
+        raws = (*self.measured(limits), *self._meanings)
+        return Limits(min(raws), max(raws))
 
     def named_values(self) -> Mapping[int, str]:
         """Return the raw values that have a name of their own, whatever the other fields of the message are."""
-        return {}
+        return self._words
+
+    # As a person writes it
 
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
-        return None if text == UNKNOWN and self.unknown_as_a_whole is not None else typed_number(text)
+        if text in self._needed:
+            return self._needed[text]
+        if text == UNKNOWN and self.unknown_as_a_whole is not None:
+            return None
+        number = text.removesuffix(self.unit).rstrip()  # as `text` writes it
+        if number.startswith(RAW_VALUE):
+            return self.scale.physical(typed_number(number.removeprefix(RAW_VALUE)))
+        return typed_number(number) if self.scale.is_raw else typed_real(number)
 
     def text(self, value: Any) -> str:
         """Write the value for a person: the name of an enum's member, or a number with its unit."""
-        if isinstance(value, IntEnum):
+        if isinstance(value, Enum):
             return words_of(value)
         if value is None:
             return UNKNOWN
-        return f"{int(value)}{' ' * bool(self.unit)}{self.unit}" + " (out of range)" * isinstance(value, OutOfRange)
+        if not self.scale.is_raw and isinstance(value, OutOfRange):  # raw, as everywhere
+            return f"{int(value)} x {self.raw_unit} (out of range)"
+        number = str(int(value)) if self.scale.is_raw else digits(value)
+        return f"{number} {self.unit}".rstrip() + (" (out of range)" if isinstance(value, OutOfRange) else "")
 
     def plain(self, value: Any) -> Any:
         """Return the value for JSON and CSV: a number, None for unknown, or the words that a person writes."""
-        return words_of(value) if isinstance(value, IntEnum) else value
+        return words_of(value) if isinstance(value, Enum) else value
 
     def allowed(self, limits: Limits) -> str:
         """Say what may be sent."""
-        return f"{limits.low}..{limits.high}" + (f" {self.unit}" if self.unit else "")
+        step = abs(self.scale.factor)
+        ends = "..".join(digits(each) for each in sorted(map(self.scale.physical, self.measured(limits))))
+        steps = "" if step == 1 else f"in steps of {digits(step)}"
+        return ", ".join([" ".join(filter(None, (ends, self.unit, steps))), *self._allowed_codes()])
+
+    def _allowed_codes(self) -> Iterator[str]:
+        for raw, name in self._words.items():
+            yield f"{'None for ' if self._meanings.get(raw, name) is None else ''}{name} ({raw})"
 
     def wanted(self, value: Any, limits: Limits) -> str:
         """Say what may be sent to somebody who wanted to send a value that may not."""
         # 12.5 is between 0 and 3000: the range alone would not tell what is wrong with it.
-        is_fraction = type(self).write is Kind.write and isinstance(value, RealNumber) and float(value) % 1 != 0
-        return f"whole {WHOLE.get(self.unit, 'numbers')}, " * is_fraction + self.allowed(limits)
+        is_number = type(self).write is Kind.write and self.scale.is_raw and isinstance(value, RealNumber)
+        if is_number and float(value) % 1 != 0:
+            return f"whole {WHOLE.get(self.unit, 'numbers')}, {self.allowed(limits)}"
+        return self.allowed(limits)
 
 
 class Quantity(Kind):
     """A number of steps of a `unit`, from `within[0]` to `within[1]` units; raw values of `codes` mean something else.
+
+    It is for a device without a table.
 
     `Quantity("mm", step=0.1, within=(-20, 150), codes=Reading)`: raw 123 is 12.3 mm, a raw value of the enum Reading is
     its member, any other is OutOfRange. An `offset` in units is added to the steps. What is sent is rounded to the
@@ -177,73 +307,18 @@ class Quantity(Kind):
         unit: str = "",
         step: float = 1,
         within: tuple[float, float] | None = None,
-        codes: type[IntEnum] | None = None,
+        codes: type[Enum] | None = None,
         offset: float = 0,
     ) -> None:
-        super().__init__(unit)
+        super().__init__(unit, codes or {})
         if not step or not isfinite(step):
             raise ValueError(f"a step of {step}")
         self.scale = UnitScale(unit, step, offset)
-        self.column_form = ColumnForm.NUMBER if self.scale.is_raw else ColumnForm.SCALED  # type: ignore[misc]
+        self.column_form = ColumnForm.NUMBER if self.scale.is_raw else ColumnForm.SCALED
         self._within = within and Limits(*sorted(round(self.scale.raw(each)) for each in within))
-        self._codes: dict[int, IntEnum] = {each.value: each for each in codes or ()}
         low, high = self._within or (0, 0)
-        if any(low <= raw <= high or not self._within for raw in self._codes):
+        if any(low <= raw <= high or not self._within for raw in self._meanings):
             raise ValueError(f"codes need a range, and lie outside it: {codes}")
-
-    @property
-    def distances(self) -> Kind:
-        return Quantity(self.unit, abs(self.scale.factor)) if self.scale.offset else self
-
-    def measured(self, limits: Limits) -> Limits:
-        return self._within or limits
-
-    def read(self, raw: int, limits: Limits) -> Any:
-        if raw in self._codes:
-            return self._codes[raw]
-        value = super().read(raw, self.measured(limits))
-        return value if self.scale.is_raw or isinstance(value, OutOfRange) else self.scale.physical(value)
-
-    def write(self, value: Any, limits: Limits) -> int:
-        if isinstance(value, IntEnum):
-            if self._codes.get(value) is not value:
-                raise ValueError(value)
-            return int(value)
-        try:
-            raw = value if self.scale.is_raw else round(self.scale.raw(real_number(value)))
-            return super().write(raw, self.measured(limits))
-        except (ValueError, OverflowError):
-            raise ValueError(value) from None
-
-    def extremes(self, limits: Limits) -> Limits:
-        raws = (*self.measured(limits), *self._codes)
-        return Limits(min(raws), max(raws))
-
-    def named_values(self) -> Mapping[int, str]:
-        return {raw: words_of(member) for raw, member in self._codes.items()}
-
-    def parse(self, text: str) -> Any:
-        members = {words_of(member): member for member in self._codes.values()}
-        if text in members:
-            return members[text]
-        number = text.removesuffix(self.unit).rstrip()  # as `text` writes it
-        if number.startswith(RAW_VALUE):
-            return self.scale.physical(typed_number(number.removeprefix(RAW_VALUE)))
-        return typed_number(number) if self.scale.is_raw else typed_real(number)
-
-    def text(self, value: Any) -> str:
-        if isinstance(value, IntEnum) or self.scale.is_raw:
-            return super().text(value)
-        if isinstance(value, OutOfRange):  # raw, as everywhere
-            return f"{int(value)} x {self.raw_unit} (out of range)"
-        return f"{digits(value)} {self.unit}".rstrip()
-
-    def allowed(self, limits: Limits) -> str:
-        step = abs(self.scale.factor)
-        ends = "..".join(digits(each) for each in sorted(map(self.scale.physical, self.measured(limits))))
-        steps = "" if step == 1 else f"in steps of {digits(step)}"
-        names = [f"{words} ({raw})" for raw, words in self.named_values().items()]
-        return ", ".join([" ".join(filter(None, (ends, self.unit, steps))), *names])
 
 
 class Choice(Kind):
@@ -251,29 +326,33 @@ class Choice(Kind):
 
     column_form = ColumnForm.WORD
 
-    def __init__(self, enum: type[IntEnum]) -> None:
-        super().__init__()
+    def __init__(self, enum: type[Enum]) -> None:
+        super().__init__(codes=enum)
         self.enum = enum
 
     def read(self, raw: int, limits: Limits) -> Any:
         # Not by calling the enum and catching its error: a node may send a reserved number in every frame.
-        return self.enum(raw) if raw in self.enum.__members__.values() else OutOfRange(raw)
+        return self._meanings[raw] if raw in self._meanings else OutOfRange(raw)
 
     def extremes(self, limits: Limits) -> Limits:
-        return Limits(min(self.enum), max(self.enum))
+        return Limits(min(self._meanings), max(self._meanings))
 
     def write(self, value: Any, limits: Limits) -> int:
-        return int(self.enum(whole_number(value)))
+        if isinstance(value, Enum):
+            return self._raw_of(value)
+        if (raw := whole_number(value)) not in self._meanings:
+            raise ValueError(value)
+        return raw
 
     def parse(self, text: str) -> Any:
-        names = {words_of(member): member for member in self.enum}
-        return names[text] if text in names else self.enum(typed_number(text))
+        if text in self._needed:
+            return self._needed[text]
+        if (raw := typed_number(text)) not in self._meanings:
+            raise ValueError(text)
+        return self._meanings[raw]
 
     def allowed(self, limits: Limits) -> str:
-        return ", ".join(f"{words_of(member)} ({member.value})" for member in self.enum)
-
-    def named_values(self) -> Mapping[int, str]:
-        return {member.value: words_of(member) for member in self.enum}
+        return ", ".join(f"{name} ({raw})" for raw, name in self._words.items())
 
 
 # What is known of an object by its data type alone
@@ -475,7 +554,7 @@ def real_number(value: Any) -> float:
     return float(value)
 
 
-def words_of(member: IntEnum) -> str:
+def words_of(member: Enum) -> str:
     """Return an enum's member as people write it: `NOT_POSSIBLE` is `not possible`."""
     return member.name.lower().replace("_", " ")
 
@@ -533,10 +612,13 @@ def plain(message: Message) -> dict[str, Any]:
     return {name: None if value is None else kind.plain(value) for (name, kind), value in fields}
 
 
-def describe(message: Message) -> str:
-    """Write a message's fields for a person, without those that have their default: `x=1200 mm, angle=90 deg`."""
+def describe(message: Message, own: Mapping[str, Kind]) -> str:
+    """Write a message's fields for a person, without those that have their default: `x=1200 mm, angle=90 deg`.
+
+    `own` are the kinds of its binding, which know the table's units.
+    """
     defaults = message._field_defaults
-    fields = ((name, kind, value) for (name, kind), value in zip(kinds(type(message)).items(), message))
+    fields = ((name, kind, value) for (name, kind), value in zip(own.items(), message))
     said = ((name, kind.text(value)) for name, kind, value in fields if name not in defaults or value != defaults[name])
     return ", ".join(f"{name}={text}" for name, text in said)
 

@@ -231,6 +231,9 @@ def _refuse_difference(known: Binding, dictionary: Dictionary, other: Binding, r
     if known.layout.bits != other.layout.bits if renamed else known.layout.slots != other.layout.slots:
         what = f"mapping differs from that in {known.file.name} 0x{known.pdo.mapping_index:04X}"
         raise MappingError(dictionary.file, other.pdo.mapping_index, f"{other.name}: {what}")
+    if [each.meaning for each in known.pdo.mapping] != [each.meaning for each in other.pdo.mapping]:
+        what = f"units or codes differ from those in {known.file.name}"
+        raise MappingError(dictionary.file, other.pdo.mapping_index, f"{other.name}: {what}")
 
 
 class ErrorWords(NamedTuple):

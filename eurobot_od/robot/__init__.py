@@ -1,22 +1,36 @@
 """The Eurobot 2014 robot: its messages, nodes, world, matches and checks. Nothing below imports this package.
 
-Its public names are loaded when they are asked for, as those of `eurobot_od`.
+Its public names, which a team's own robot is written with, are loaded when they are asked for, as those of
+`eurobot_od`: `__init__.pyi` lists them.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import re
+from importlib import import_module
+from typing import Any
 
-if TYPE_CHECKING:
-    from eurobot_od.robot.protocol import EurobotProtocol as Protocol
+with open(f"{__path__[0]}/__init__.pyi", encoding="utf-8") as _lines:  # noqa: PTH123 (pathlib takes longer than this)
+    _HOMES = {
+        name: (home, there)
+        for home, there, name in re.findall(r"^from (\S+) import (\w+) as (\w+)", _lines.read(), re.MULTILINE)
+    }
 
-__all__ = ["Protocol"]
+__all__ = [*_HOMES]
+
+
+def __dir__() -> list[str]:
+    """List the public names, also those that are not loaded yet."""
+    return sorted({*globals(), *_HOMES})
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name on first use."""
-    from importlib import import_module
-
-    if name not in __all__:
+    if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return import_module(f"{__name__}.protocol").EurobotProtocol
+    home, there = _HOMES[name]
+    try:  # a module of that name first: to ask this one for it would ask here again
+        found = import_module(f"{home}.{there}")
+    except ModuleNotFoundError:
+        found = getattr(import_module(home), there)
+    return globals().setdefault(name, found)

@@ -206,7 +206,7 @@ def test_pdos_exports_and_tables_say_the_same(tmp_path: Path) -> None:
     binding = next(each for each in protocol.bindings if "current" in each.kinds)
     data = binding.pack({field: 215 if field == "current" else 0 for field in binding.layout.fields})
     message = binding.decode(data)
-    assert "current=-18.5 degC" in describe(message)
+    assert "current=-18.5 degC" in describe(message, binding.kinds)
     assert plain(message)["current"] == -18.5
     assert units(type(message))["current"] == "degC"
     assert binding.encode(message) == Frame(binding.cob_id, data)

@@ -689,7 +689,7 @@ DRIVE = {
     ),
     "team-colours-swapped": Caught("drive", START_PLACE).fault(
         "takes red for yellow and yellow for red",
-        hooks.arriving(StartConfigurationSet, field("team_colour", lambda colour: TeamColour(1 - colour))),
+        hooks.arriving(StartConfigurationSet, field("team_colour", lambda colour: colour.other)),
     ),
     "team-colour-ignored": Caught("drive", "2.3 Start Configuration Set: yellow starts upper right").fault(
         "starts upper left whatever the team colour",

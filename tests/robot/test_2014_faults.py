@@ -129,7 +129,8 @@ def test_2014_positions_outside_the_field_stored_unchecked(
 ) -> None:
     bench = Bench("drive", "navigation")
     good = response(1000, 1000, 0, SOURCES[response])
-    bad = PROTOCOL.pack(PROTOCOL.name(response), x=x, y=y, angle=angle, source=SOURCES[response])
+    _, raw = PROTOCOL.unpack(*PROTOCOL.encode(good))
+    bad = PROTOCOL.pack(PROTOCOL.name(response), **raw | {"x": x, "y": y, "angle": angle})
     bench.say("drive", good, Frame(PROTOCOL.cob_id(response), bad))
     assert [sighting.position for sighting in bench.core.positions.values()] == [good]
     assert bench.core.ignored == 1

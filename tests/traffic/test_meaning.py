@@ -29,7 +29,7 @@ def test_a_message(decoder: Decoder) -> None:
     meaning = decoder(frame)
     assert meaning.raw == frame
     assert meaning.message == POSITION
-    assert meaning.text == describe(POSITION)
+    assert meaning.text == describe(POSITION, decoder.protocol.binding(type(POSITION)).kinds)
     assert (meaning.name, meaning.group, meaning.nodes) == ("Place Response", "PLACES", ("lift", "panel"))
     assert meaning.defects == ()
 

@@ -58,7 +58,7 @@ class FieldType(Enum):
 
 @dataclass(frozen=True)
 class TableField:
-    """A field of an object: `bits` wide, plain values in `range`, values with another meaning in `codes`.
+    """A field of an object: `bits` wide, with plain values in `range`, and values that mean something else in `codes`.
 
     A field with a value below 0 is signed. One of the `type` REAL32 has 32 bits, and neither range nor codes.
     `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
@@ -74,8 +74,8 @@ class TableField:
     @property
     def limits(self) -> tuple[int, ...]:
         """The lowest and the highest value, plain or coded (EDS LowLimit, HighLimit); neither for a REAL32."""
-        codes = self.codes.values()
-        return (min((self.range[0], *codes)), max((self.range[1], *codes))) if self.range else ()
+        values = (*(self.range or ()), *self.codes.values())
+        return (min(values), max(values)) if values else ()
 
     @property
     def meaning(self) -> ObjectMeaning:
@@ -333,16 +333,15 @@ def number_problems(each: TableField) -> Iterator[Problem]:
     is_real = each.type is FieldType.REAL32
     if is_real and (each.range or each.codes or each.bits != REAL32.bits):
         yield Problem(each.bits.place, f"a REAL32 has {REAL32.bits} bits, and neither range nor codes")
-    if each.range is None:
-        yield from () if is_real else [Problem(each.bits.place, "a field needs its range")]
-        return
+    if not each.limits and not is_real:
+        yield Problem(each.bits.place, "a field needs its range, or codes")
     lowest = -(1 << each.bits - 1) if each.is_signed else 0
     for value in each.limits:
         if not 0 <= value - lowest < 1 << each.bits:
             signed = "signed " * each.is_signed
             yield Problem(each.bits.place, f"{value} does not fit into {each.bits} {signed}bits")
-    low, high = each.range
-    if low > high:
+    if each.range and each.range[0] > each.range[1]:
+        low, high = each.range
         yield Problem(high.place, f"range {low}..{high} is empty")
 
 

@@ -39,7 +39,7 @@ from eurobot_od.robot.match.summary import FrameCounter, Summary, counts, touche
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.model.values import OURS, Caption, TeamColour
+from eurobot_od.robot.model.values import OURS, Caption
 from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.nodes.node import make
 from eurobot_od.robot.world import World
@@ -253,7 +253,7 @@ def _rival(options: MatchOptions) -> MatchOptions:
     """Return the match from the other robot's side: in the other colour, with as many others around it."""
     return replace(
         options,
-        team=TeamColour(1 - options.team),
+        team=options.team.other,
         # The rival's enemies are our robot and our confederate; our second enemy is its confederate.
         enemies=1 + options.confederates,
         confederates=max(options.enemies - 1, 0),

@@ -1,16 +1,17 @@
 """The 23 messages of the document's Table 5.
 
-They have meaning only: millimetres, degrees, milliseconds, enums and None for "unknown". Identifiers, bit positions and
-widths come from the EDS files.
+They have meaning only: millimetres, degrees, milliseconds, enums and None for "unknown". All numbers come from the EDS
+files: identifiers, bit positions, widths, ranges and codes. A unit stands here where the nodes reckon in it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self, TypeAlias
 
 from eurobot_od.errors import FieldError
+from eurobot_od.od.meanings import ObjectMeaning
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import Limits, typed_number
 from eurobot_od.pdo.kinds import (
@@ -19,6 +20,7 @@ from eurobot_od.pdo.kinds import (
     ColumnForm,
     KeyedForm,
     Kind,
+    MeaningError,
     Message,
     OutOfRange,
     whole_number,
@@ -40,98 +42,73 @@ if TYPE_CHECKING:
     from eurobot_od.robot.model.robot_file import Facts
 
 
-# Kinds of fields that only the robot has: angles, coordinates, a remaining time, barrier flags
+# Kinds of fields that only the robot has: angles, coordinates, barrier flags
 
 
 class Angle(Kind):
-    """Degrees on the unit circle: 0..359 on the wire, any whole angle from a caller (document section 1)."""
+    """Degrees on the unit circle (document section 1): any whole angle from a caller, a full circle on the wire."""
 
     modulus: int = 360
 
-    def read(self, raw: int, limits: Limits) -> Any:
-        # Ten bits can hold 1023: a received value that is not an angle is kept raw and flagged, not reduced modulo 360.
-        return super().read(raw, Limits(0, self.modulus - 1))
+    @property
+    def _circle(self) -> int:
+        """The steps of a full circle."""
+        return round(self.modulus / self.scale.factor)
+
+    def of(self, said: ObjectMeaning) -> Self:
+        made = super().of(said)
+        if made._within not in (None, Limits(0, made._circle - 1)):
+            circle = f"0..{made._circle - 1}"
+            raise MeaningError(f"is a full circle, {circle} in steps of {made.raw_unit}; the table has {made._within}")
+        return made
 
     def write(self, value: Any, limits: Limits) -> int:
-        return whole_number(value) % self.modulus
+        if value is None:
+            return self._raw_of(value)
+        return (whole_number(value) if self.scale.is_raw else self._steps(value)) % self._circle
+
+    def measured(self, limits: Limits) -> Limits:
+        # Ten bits can hold 1023: a received value that is not an angle is kept raw and flagged, not reduced modulo 360.
+        return Limits(0, self._circle - 1)
 
     def allowed(self, limits: Limits) -> str:
-        return "any whole angle in degrees"
+        return ", ".join(["any whole angle in degrees", *self._allowed_codes()])
 
-    def numbers(self, limits: Limits) -> range:
-        return range(self.modulus)
 
-    def extremes(self, limits: Limits) -> Limits:
-        return Limits(0, self.modulus - 1)
+UNKNOWN: Mapping[str, None] = {"unknown": None}
+"""The code that a place has which nobody knows (document Table 2)."""
 
 
 class Heading(Angle):
     """An angle that may be unknown, alone or together with its coordinates (document Table 2)."""
 
-    UNKNOWN = 0x3FF
-    unknown_as_a_whole = UNKNOWN
+    def __init__(self, unit: str) -> None:
+        super().__init__(unit, UNKNOWN)
 
-    def read(self, raw: int, limits: Limits) -> Any:
-        return None if raw == self.UNKNOWN else super().read(raw, limits)
-
-    def write(self, value: Any, limits: Limits) -> int:
-        return self.UNKNOWN if value is None else super().write(value, limits)
-
-    def extremes(self, limits: Limits) -> Limits:
-        return Limits(0, self.UNKNOWN)
-
-    def named_values(self) -> Mapping[int, str]:
-        return {self.UNKNOWN: self.text(None)}
-
-    def allowed(self, limits: Limits) -> str:
-        return super().allowed(limits) + ", None for unknown"
+    @property
+    def unknown_as_a_whole(self) -> int | None:  # type: ignore[override]
+        return self._raws.get((type(None), None))
 
 
 class Coordinate(Kind):
-    """A coordinate in mm, unknown only together with its partner and the heading (document Table 2).
+    """A coordinate, unknown only together with its partner and the heading (document Table 2).
 
-    0xFF alone is a real place; x, y and angle together with their codes mean "position unknown".
+    The code alone is a real place; x, y and angle together with their codes mean "position unknown".
     """
 
-    unknown_as_a_whole = 0xFF
+    def __init__(self, unit: str) -> None:
+        super().__init__(unit, UNKNOWN)
+
+    def _number(self, codes: Mapping[str, int]) -> None:
+        super()._number({})
+        self.unknown_as_a_whole = codes.get("unknown")
 
     def allowed(self, limits: Limits) -> str:
-        return super().allowed(limits) + ", or x, y and angle None for unknown"
+        return f"{super().allowed(limits)}, or x, y and angle None for unknown ({self.unknown_as_a_whole})"
 
 
-class Remaining(Kind):
-    """A goto's remaining time in ms: 0 arrived, None unknown, or a GotoFault (document Table 1, 2014 robot)."""
-
-    UNKNOWN = 0x0FFFFF
-    MEANING: ClassVar = {UNKNOWN: None} | {fault.value: fault for fault in GotoFault}
-    CODE: ClassVar = {meaning: raw for raw, meaning in MEANING.items()}
-
-    def read(self, raw: int, limits: Limits) -> Any:
-        if raw in self.MEANING:
-            return self.MEANING[raw]
-        return super().read(raw, Limits(0, self.UNKNOWN))
-
-    def numbers(self, limits: Limits) -> range:
-        # The codes above are left out: they are not times, and have words of their own.
-        return range(self.UNKNOWN)
-
-    def extremes(self, limits: Limits) -> Limits:
-        return Limits(0, max(self.MEANING))
-
-    def write(self, value: Any, limits: Limits) -> int:
-        # A caller cannot send a code as a number: 1048575 ms would arrive as "unknown".
-        return self.CODE[value] if value in self.CODE else super().write(value, Limits(0, self.UNKNOWN - 1))
-
-    def parse(self, text: str) -> Any:
-        names = {"unknown": None} | {words_of(fault): fault for fault in GotoFault}
-        return names[text] if text in names else super().parse(text)
-
-    def named_values(self) -> Mapping[int, str]:
-        return {0: "arrived"} | {raw: self.text(meaning) for raw, meaning in self.MEANING.items()}
-
-    def allowed(self, limits: Limits) -> str:
-        faults = ", ".join(words_of(fault) for fault in GotoFault)
-        return f"{super().allowed(Limits(0, self.UNKNOWN - 1))}, None for unknown, {faults}"
+TIMES: Mapping[str, Any] = {"arrived": 0, **UNKNOWN, **{words_of(fault): fault for fault in GotoFault}}
+"""What the codes of a goto's remaining time mean (document Table 1, 2014 robot)."""
 
 
 def _shipped() -> Facts:
@@ -266,7 +243,7 @@ class GotoStateRequest(NamedTuple):
 class GotoStateResponse(NamedTuple):
     """GTP State Response: remaining time in ms, 0 arrived, None unknown, or a GotoFault (document Table 1)."""
 
-    time: Annotated[int | GotoFault | None, Remaining("ms")]
+    time: Annotated[int | GotoFault | None, Kind("ms", TIMES)]
 
 
 @CATALOGUE.message(ELP)

@@ -1,6 +1,6 @@
 """The values in messages: colours, obstacles, sources, barriers, faults; and how a goto ends.
 
-All are immutable, with the numbers of the document's tables and the names that people use.
+All are immutable, with the names that people use. Their numbers are codes of the protocol table, by the same names.
 """
 
 from __future__ import annotations
@@ -13,49 +13,53 @@ OURS = "ours"
 """Our robot, among those on a field."""
 
 
-class TeamColour(IntEnum):
+class TeamColour(Enum):
     """Team colour (document Table 3)."""
 
-    YELLOW = 0
-    RED = 1
+    YELLOW = "yellow"
+    RED = "red"
+
+    @property
+    def other(self) -> TeamColour:
+        """The opponents' colour."""
+        return TeamColour.YELLOW if self is TeamColour.RED else TeamColour.RED
 
 
-class Obstacle(IntEnum):
+class Obstacle(Enum):
     """What an Emergency Stop was sent for (document Table 1, Extended Stop)."""
 
-    OBJECT = 0
-    ENEMY = 1
+    OBJECT = "object"
+    ENEMY = "enemy"
 
 
-class Source(IntEnum):
-    """Where a position comes from (document Table 2; numbers from the 2014 robot, the others are reserved)."""
+class Source(Enum):
+    """Where a position comes from (document Table 2; the 2014 robot has these, the others are reserved)."""
 
-    INTERNAL = 0
-    CONFEDERATE = 1
-    ENEMY_1 = 2
-    ENEMY_2 = 3
+    INTERNAL = "internal"
+    CONFEDERATE = "confederate"
+    ENEMY_1 = "enemy 1"
+    ENEMY_2 = "enemy 2"
 
 
-class Direction(IntEnum):
+class Direction(Enum):
     """How to drive to the place of a goto: nose or tail first (2014 robot; forward where it is not mapped)."""
 
-    FORWARD = 0
-    BACKWARD = 1
+    FORWARD = "forward"
+    BACKWARD = "backward"
 
 
-class Route(IntEnum):
+class Route(Enum):
     """Whether the drive plans a route round barriers (2014 robot; planned where it is not mapped, as in 2.1)."""
 
-    DIRECT = 0
-    PLANNED = 1
+    DIRECT = "direct"
+    PLANNED = "planned"
 
 
-class GotoFault(IntEnum):
-    """Why a goto has no remaining time (2014 robot), with the numbers on the wire."""
+class GotoFault(Enum):
+    """Why a goto has no remaining time (2014 robot)."""
 
-    # Both are beyond the 20 bits of a remaining time, so they cannot be mistaken for one.
-    BLOCKED = 0xFFFFFE
-    NOT_POSSIBLE = 0xFFFFFF
+    BLOCKED = "blocked"
+    NOT_POSSIBLE = "not possible"
 
 
 class Outcome(Enum):

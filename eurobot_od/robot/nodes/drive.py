@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import BoundObject, period, scaled, seconds, setting, together
@@ -16,9 +17,9 @@ from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.meanings import NO_MEANING
 from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.messages import Remaining
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
@@ -192,7 +193,14 @@ class Drive(FollowingNode):
         # A small correction must not make the time rise; a robot that was pushed away does need much longer.
         self._told = seconds if seconds > self._told + PUSHED_AWAY else min(seconds, self._told)
         # Never 0, which means arrived, and below the code for unknown.
-        return min(max(round(self._told * 1000), 1), Remaining.UNKNOWN - 1)
+        return min(max(round(self._told * 1000), 1), self._longest_time)
+
+    @cached_property
+    def _longest_time(self) -> int:
+        """The longest remaining time that is not a code, ms."""
+        dictionary = self.device.dictionary
+        said = dictionary.meanings.get(dictionary.address("Goto state.Time"), NO_MEANING)
+        return said.plain.high if said.plain else 0
 
     def _state(self) -> messages.GotoStateResponse:
         return messages.GotoStateResponse(self.remaining())

@@ -112,9 +112,10 @@ class Twins:
 def _differ(before: DriveAnswer, answer: DriveAnswer) -> bool:
     if isinstance(before, messages.KalmanPositionResponse) and isinstance(answer, messages.KalmanPositionResponse):
         return not is_near(before[:3], answer[:3], SAME_DISTANCE, SAME_ANGLE)
-    times = before[0], answer[0]
-    # One has a goto and the other has none: a few milliseconds do not explain that.
-    return times.count(None) == 1 or abs((times[0] or 0) - (times[1] or 0)) > SAME_TIME
+    one, other = before[0], answer[0]
+    if isinstance(one, int) and isinstance(other, int):
+        return abs(one - other) > SAME_TIME
+    return one != other  # one has a goto and the other has none: a few milliseconds do not explain that
 
 
 AGREEING, AGREEING_FIRST = 3, 2

@@ -121,9 +121,10 @@ def tell(core: CoreSettings, node: str, configuration: messages.StartConfigurati
 
     A Start Configuration Set would take the drive's estimate back to its start place, so each sub-index is written.
     """
-    channel = _channel(core, node)
-    for name, value in zip(CONFIGURED, configuration):
-        order = channel.order(core.device.dictionary, f"Start configuration.{name}", int(value))
+    channel, protocol = _channel(core, node), core.device.protocol
+    _, raw = protocol.unpack(*protocol.encode(configuration))
+    for name, field in zip(CONFIGURED, configuration._fields):
+        order = channel.order(core.device.dictionary, f"Start configuration.{name}", raw[field])
         yield Ask(order, channel.answer, core.identity_wait, 1)
 
 

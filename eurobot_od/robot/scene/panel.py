@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Event as Signal
 from typing import Any, ClassVar
 
-from eurobot_od.pdo.kinds import Message, describe
+from eurobot_od.pdo.kinds import Message, describe, kinds
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.places import Point
@@ -133,7 +133,10 @@ class FieldPanel(Panel):
             if len(path) > 2 * KEPT:
                 del path[:KEPT]
         if isinstance(message, messages.StartConfigurationSet):
-            text, robots = f"Start Configuration Set: {describe(message)}", _as_data(looks(self.facts(), message))
+            text, robots = (
+                f"Start Configuration Set: {describe(message, kinds(messages.StartConfigurationSet))}",
+                _as_data(looks(self.facts(), message)),
+            )
             yield PageEvent(f"start {time}", "start", time, text, data={"robots": robots})
         for each in news:
             yield self._goto(each) if isinstance(each, RecordedGoto) else self._stop(each)

@@ -259,7 +259,7 @@ class World:
                 Pose(*bodies.inside(wanted, 0, self.facts.field), wanted.angle), clock()
             )
         self._fallen = bodies.FallenThing(self._contacts)
-        self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
+        self._teams = {OURS: options.team, RIVAL: options.team.other}
         self._start(OURS)
         who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
         for source in who:

@@ -188,16 +188,16 @@ MISTAKES = [
         "LiftStop: stop",
         "LiftConfirm: stop",
         ["match"],
-        "lift.py:20: Lift handles LiftConfirm without an RPDO for it in mine/eds/canopen/lift.eds",
+        "lift.py:18: Lift handles LiftConfirm without an RPDO for it in mine/eds/canopen/lift.eds",
     ),
     (
         "lift.py",
         '"Lift state":',
         '"Lift stat":',
         ["match"],
-        "lift.py:20: Lift binds 'Lift stat', which is not an object in mine/eds/canopen/lift.eds",
+        "lift.py:18: Lift binds 'Lift stat', which is not an object in mine/eds/canopen/lift.eds",
     ),
-    ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:20: NameError"),
+    ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:18: NameError"),
     (
         "own_messages.py",
         "height: Annotated",
@@ -230,8 +230,8 @@ def test_a_mistake_is_one_line_with_its_place(
 @pytest.mark.parametrize(
     ("wrong", "complaint"),
     [
-        ("9999", "lift.py:20: FieldError: Lift State Response: height = 9999 is not allowed"),
-        ("1 // 0", "lift.py:53: ZeroDivisionError"),
+        ("9999", "lift.py:18: FieldError: Lift State Response: height = 9999 is not allowed"),
+        ("1 // 0", "lift.py:51: ZeroDivisionError"),
     ],
 )
 def test_what_its_node_raises_in_a_match_is_told_with_its_place(wrong: str, complaint: str, mine: Path) -> None:

@@ -8,17 +8,21 @@ from typing import Any
 import pytest
 
 from eurobot_od.errors import UnknownName
+from eurobot_od.od.meanings import ObjectMeaning
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Kind, OutOfRange
-from eurobot_od.robot.model.messages import Angle, BarrierFlags, Coordinate, Heading, Remaining
+from eurobot_od.robot.model.messages import TIMES, Angle, BarrierFlags, Coordinate, Heading
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage
 from tests.rows import rows
 
 X = Limits(0, 3000)
 ANY = Limits(0, 0xFFFFFF)
 
-ANGLE, HEADING = Angle("deg"), Heading("deg")
-MILLIMETRES, TIME, BARRIERS = Coordinate("mm"), Remaining("ms"), BarrierFlags()
+ANGLE, HEADING = Angle("deg"), Heading("deg").of(ObjectMeaning("deg", Limits(0, 359), {"unknown": 0x3FF}))
+MILLIMETRES = Coordinate("mm").of(ObjectMeaning("mm", Limits(0, 3000), {"unknown": 0xFF}))
+FAULTS = {"arrived": 0, "unknown": 0x0FFFFF, "blocked": 0xFFFFFE, "not possible": 0xFFFFFF}
+TIME = Kind("ms", TIMES).of(ObjectMeaning("ms", Limits(0, 0x0FFFFE), FAULTS))
+BARRIERS = BarrierFlags()
 
 Row = tuple[Kind, Limits, int, Any]
 
@@ -50,7 +54,6 @@ WRITTEN: list[Row] = [
     (ANGLE, ANY, 0, 360),
     (ANGLE, ANY, 359, -1),
     (HEADING, ANY, 270, -450),
-    (TIME, ANY, 0xFFFFFE, 0xFFFFFE),
 ]
 
 NOT_WRITTEN: list[tuple[Kind, Limits, Any]] = [
@@ -100,9 +103,9 @@ SHOWN: list[tuple[Kind, Any, str]] = [
 
 ALLOWED = [
     (ANGLE, ANY, "any whole angle in degrees"),
-    (HEADING, ANY, "any whole angle in degrees, None for unknown"),
-    (MILLIMETRES, X, "0..3000 mm, or x, y and angle None for unknown"),
-    (TIME, ANY, "0..1048574 ms, None for unknown, blocked, not possible"),
+    (HEADING, ANY, "any whole angle in degrees, None for unknown (1023)"),
+    (MILLIMETRES, X, "0..3000 mm, or x, y and angle None for unknown (255)"),
+    (TIME, ANY, "0..1048574 ms, arrived (0), None for unknown (1048575), blocked (16777214), not possible (16777215)"),
     (
         BARRIERS,
         Limits(0, 65535),

@@ -21,6 +21,7 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
+from eurobot_od.robot.protocol import EurobotProtocol
 from tests.robot.document import NAMES, TABLES_4_AND_5
 from tests.rows import rows
 
@@ -131,7 +132,7 @@ DESCRIBED: list[tuple[Message, str]] = [
 
 @rows("message, text", DESCRIBED)
 def test_is_described_for_a_person(message: Message, text: str) -> None:
-    assert describe(message) == text
+    assert describe(message, EurobotProtocol.load("firmware2014").binding(type(message)).kinds) == text
 
 
 @pytest.mark.parametrize(

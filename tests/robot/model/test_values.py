@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import Enum
 
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.model.values import (
@@ -15,22 +15,29 @@ from eurobot_od.robot.model.values import (
     Source,
     TeamColour,
 )
+from eurobot_od.robot.protocol import EurobotProtocol
 from tests.rows import rows
 
-NUMBERS: list[tuple[type[IntEnum], dict[str, int]]] = [
-    (TeamColour, {"YELLOW": 0, "RED": 1}),  # Table 3
-    (Obstacle, {"OBJECT": 0, "ENEMY": 1}),  # Table 1, Extended Stop
-    (Source, {"INTERNAL": 0, "CONFEDERATE": 1, "ENEMY_1": 2, "ENEMY_2": 3}),  # Table 2 and the 2014 robot
-    (Direction, {"FORWARD": 0, "BACKWARD": 1}),  # 2014 robot
-    (Route, {"DIRECT": 0, "PLANNED": 1}),
-    (GotoFault, {"BLOCKED": 0xFFFFFE, "NOT_POSSIBLE": 0xFFFFFF}),
-    (Passage, {"FREE": 0, "NORMAL": 1, "FORCED": 2}),  # Table 1, barrier flags
+NUMBERS: list[tuple[str, str, dict[Enum, int]]] = [
+    ("Start Configuration Set", "team_colour", {TeamColour.YELLOW: 0, TeamColour.RED: 1}),  # Table 3
+    ("Emergency Stop", "obstacle", {Obstacle.OBJECT: 0, Obstacle.ENEMY: 1}),  # Table 1, Extended Stop
+    # Table 2 and the 2014 robot
+    ("Navi Position Response", "source", {Source.INTERNAL: 0, Source.CONFEDERATE: 1, Source.ENEMY_1: 2}),
+    ("Navi Position Response", "source", {Source.ENEMY_2: 3}),
+    ("Goto XY", "direction", {Direction.FORWARD: 0, Direction.BACKWARD: 1}),  # 2014 robot
+    ("Goto XY", "route", {Route.DIRECT: 0, Route.PLANNED: 1}),
+    ("Goto State Response", "time", {GotoFault.BLOCKED: 0xFFFFFE, GotoFault.NOT_POSSIBLE: 0xFFFFFF}),
 ]
 
 
-@rows("enum, numbers", NUMBERS)
-def test_enums_have_the_numbers_of_the_wire(enum: type[IntEnum], numbers: dict[str, int]) -> None:
-    assert {member.name: member.value for member in enum} == numbers
+@rows("message, field, numbers", NUMBERS)
+def test_enums_have_the_numbers_of_the_wire(message: str, field: str, numbers: dict[Enum, int]) -> None:
+    binding = EurobotProtocol.load("firmware2014").binding(message)
+    assert {each: binding.raw(field, each) for each in numbers} == numbers
+
+
+def test_passages_have_the_numbers_of_barrier_flags() -> None:
+    assert [*Passage] == [0, 1, 2]  # Table 1
 
 
 def test_out_of_range_keeps_the_raw_value_and_shows_its_flag() -> None:
