@@ -22,8 +22,11 @@ if str(ROOT) not in sys.path:
 
 import lint_mutants  # noqa: E402
 
+from eurobot_od.export.forms import docs_text  # noqa: E402
 from eurobot_od.lint.findings import LEVELS  # noqa: E402
+from eurobot_od.robot import dialects  # noqa: E402
 from eurobot_od.robot.check.diagnosis import EurobotRule  # noqa: E402
+from eurobot_od.robot.protocol import EurobotProtocol  # noqa: E402
 from eurobot_od.sdo.wire import Reason, code_and_reason  # noqa: E402
 from eurobot_od.traffic.diagnosis.incidents import IncidentRule  # noqa: E402
 from eurobot_od.traffic.diagnosis.rules import BusRule  # noqa: E402
@@ -145,7 +148,16 @@ def described(name: str, thing: Any) -> str:
     return name + re.sub(" at 0x[0-9a-f]+", "", signature)
 
 
+def messages() -> str:
+    """Return the page with all messages of the robot, bit by bit, and the objects of its nodes."""
+    text = docs_text(EurobotProtocol.load(), dialects.load_all(), "markdown")
+    return text.replace(
+        "\n", "\n\nMade from the EDS files by `tools/make_pages.py`, as by `eurobot-od export docs`.\n", 1
+    )
+
+
 MADE: Mapping[Path, Callable[[], str]] = {
+    ROOT / "docs" / "messages.md": messages,
     ROOT / "docs" / "aborts.md": aborts,
     ROOT / "docs" / "diagnosis-rules.md": diagnosis_rules,
     lint_mutants.OUTPUT: lint_mutants.page,

@@ -11,10 +11,6 @@ import shutil
 import sys
 from pathlib import Path
 
-from eurobot_od.export.forms import docs_text
-from eurobot_od.robot import dialects
-from eurobot_od.robot.protocol import EurobotProtocol
-
 ROOT = Path(__file__).resolve().parents[1]
 
 ELSEWHERE = {
@@ -37,9 +33,6 @@ def write(folder: Path) -> None:
     shutil.copytree(ROOT / "docs", folder)
     for page, source in ELSEWHERE.items():
         shutil.copy(ROOT / source, folder / page)
-    described = docs_text(EurobotProtocol.load(), dialects.load_all(), "markdown")
-    text = described.replace("\n", "\n\nMade from the EDS files by `eurobot-od export docs`.\n", 1)
-    (folder / "messages.md").write_text(text, encoding="utf-8")
     for file in folder.rglob("*.md"):
         text = file.read_text(encoding="utf-8")
         file.write_text(led(text, file.relative_to(folder).as_posix()), encoding="utf-8")

@@ -9,6 +9,7 @@ Several nodes may share one station's connection to the bus, as a group.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -21,6 +22,8 @@ from eurobot_od.errors import NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.support.connections import Backoff
+
+NODE_LOG = logging.getLogger("eurobot_od.node")
 
 
 class OnError(Enum):
@@ -112,6 +115,7 @@ class Station:
     def _fail(self, error: BaseException, now: float) -> list[Frame]:
         """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
         frames = self.node.failed(error, now)  # stops come first, whatever happens to the node
+        NODE_LOG.error("%s has failed", self.node.name, exc_info=error)
         text = f"{type(error).__name__}: {error}"
         if self._on_error is OnError.END:
             self.failure = NodeFailed(f"{self.node.name} has failed and ended: {text}")

@@ -160,3 +160,16 @@ def test_a_flood_of_sdo_blocks_leaves_one_transfer_and_a_cabin_that_answers(stat
     sent(station, 0.5)
     station.controller.receive(Frame(0x602, bytes.fromhex("4000100000000000")), 0.5)
     assert [frame.data[:4].hex() for frame in sent(station, 0.5)] == ["43001000"]
+
+
+def test_what_a_handler_raises_is_logged_with_its_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    class Broken(Cabin):
+        def tick(self, now: float) -> list[Frame]:
+            raise ZeroDivisionError("of a handler")
+
+    node = Broken(lift.dictionary("cabin"))
+    Station(node, on_error=OnError.END).tick(1.0)
+    (record,) = (each for each in caplog.records if each.name == "eurobot_od.node")
+    assert record.levelname == "ERROR"
+    assert record.exc_info is not None
+    assert "of a handler" in str(record.exc_info[1])

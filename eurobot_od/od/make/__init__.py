@@ -20,7 +20,7 @@ from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.fingerprints import FINGERPRINTS, MOST_MESSAGES
 from eurobot_od.od.meanings import RESERVED_SIGNS, ObjectMeaning
 from eurobot_od.od.pdos import RESERVED, carries_nothing
-from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS, REAL32, Limits
+from eurobot_od.od.values import BASE_IDENTIFIER, EMCY_BASE, MAX_BITS, NODE_ID, NODE_IDS, REAL32, RESTRICTED, Limits
 from eurobot_od.support import texts, yaml_places
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
@@ -414,8 +414,31 @@ def fingerprints_without_room(table: Table) -> Iterator[Problem]:
         yield Problem(name.place, f"a table has at most {MOST_MESSAGES} messages")
 
 
+def identifiers_of_services(table: Table) -> Iterator[Problem]:
+    """Check that no message has an identifier under which CANopen's own services speak (CiA 301, 7.3.5)."""
+    emergencies = {EMCY_BASE + each.node_id: name for name, each in table.nodes.items()}
+    for each in table.messages.values():
+        number = each.identifier
+        owner = next((each.whose(number) for each in RESTRICTED if each.low <= number <= each.high), "")
+        owner = f"the EMCY of {emergencies[number]}" if number in emergencies else owner
+        if owner:
+            yield Problem(number.place, f"identifier 0x{number:03X} is CANopen's own: {owner}")
+
+
+def codes_with_one_number(table: Table) -> Iterator[Problem]:
+    """Check that no number of a field stands for two codes."""
+    settings = (each for _, each in named_records(table))
+    for entry in (field for record in (*data_records(table), *settings) for field in record.fields.values()):
+        first: dict[int, str] = {}
+        for name, number in entry.codes.items():
+            if first.setdefault(number, name) != name:
+                yield Problem(number.place, f"codes '{first[number]}' and '{name}' are both {number}")
+
+
 CHECKS = (
     fingerprints_without_room,
+    identifiers_of_services,
+    codes_with_one_number,
     unknown_names,
     repeated_values,
     bit_rates_that_no_node_has,

@@ -104,6 +104,26 @@ INVALID = {
     "bit rate of no node": ("bit_rate: 500", "bit_rate: ^250", "bit rate 250 is not one of 500 kbit/s"),
     # fields
     "range over the bits": ("bits: 12", "bits: ^11", "4095 does not fit into 11 bits"),
+    "identifier of SDO": (
+        "identifier: 8",
+        "identifier: ^0x601",
+        "identifier 0x601 is CANopen's own: the SDO request of node 1",
+    ),
+    "identifier of an EMCY": (
+        "identifier: 8",
+        "identifier: ^0x082",
+        "identifier 0x082 is CANopen's own: the EMCY of drive",
+    ),
+    "identifier of a heartbeat": (
+        "identifier: 8",
+        "identifier: ^0x701",
+        "identifier 0x701 is CANopen's own: the heartbeat of node 1",
+    ),
+    "two codes of one number": (
+        "codes: {unknown: 0xFFF}",
+        "codes: {unknown: 0xFFF, lost: ^0xFFF}",
+        "codes 'unknown' and 'lost' are both 4095",
+    ),
     "below the bits": (WAIT, "bits: ^16, range: [-32769, 9]", "-32769 does not fit into 16 signed bits"),
     "code over signed bits": (
         WAIT,
@@ -111,7 +131,7 @@ INVALID = {
         "65535 does not fit into 16 signed bits",
     ),
     "negative width": (WAIT, "bits: ^-16, range: [0, 9]", f"bits = '-16' {REFUSED} 1..32"),
-    "no range": (WAIT, "bits: ^16", "a field needs its range"),
+    "no range": (WAIT, "bits: ^16", "a field needs its range, or codes"),
     "REAL32 with a range": (
         WAIT,
         "bits: ^32, type: REAL32, range: [0, 9]",
