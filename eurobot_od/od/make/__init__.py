@@ -428,7 +428,7 @@ def identifiers_of_services(table: Table) -> Iterator[Problem]:
 def codes_with_one_number(table: Table) -> Iterator[Problem]:
     """Check that no number of a field stands for two codes."""
     settings = (each for _, each in named_records(table))
-    for entry in (field for record in (*data_records(table), *settings) for field in record.fields.values()):
+    for entry in (each for record in (*data_records(table), *settings) for each in record.fields.values()):
         first: dict[int, str] = {}
         for name, number in entry.codes.items():
             if first.setdefault(number, name) != name:
