@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
+import pytest
 from make_pages import MODULES, NAMES, public_names
 
 import eurobot_od
