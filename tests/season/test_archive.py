@@ -19,8 +19,6 @@ import pyarrow.parquet as pq
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season import archive as archiving
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, DecodedNetwork, _begun, archive
 from eurobot_od.season.campaign import local
@@ -30,10 +28,11 @@ from eurobot_od.traffic import formats
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import SERVO as FILE
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.kit import plant
 from tests.season.seasons import archived, table, write_log
 
-NETWORK = DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
-FRAMES = [(0.5, Frame(0x008, bytes(8))), (0.6, Frame(0x7E6, b"12345678")), (0.7, Frame(0x00C))]
+NETWORK = DecodedNetwork(plant.load_all(), plant.CATALOGUE, (("Move Confirm", "Move To"),))
+FRAMES = [(0.5, Frame(0x202, bytes(8))), (0.6, Frame(0x7E6, b"12345678")), (0.7, Frame(0x182))]
 
 
 @pytest.fixture
@@ -54,7 +53,7 @@ def test_a_log_becomes_a_row_of_runs_and_its_frames(log: Path, tmp_path: Path) -
         "end": 0.7,
         "frames": 3,
         "damage": 1,
-        "network": "1=core 2=drive 3=navigation",
+        "network": "1=panel 2=lift 3=scale",
         "eds": NETWORK.hash,
     }
     frames = table(tmp_path / "season", "frames")
@@ -74,7 +73,7 @@ def table_rows(season: Path) -> list[dict[str, object]]:
 
 def test_a_run_lasts_from_its_first_entry_to_its_last_whatever_they_are(tmp_path: Path) -> None:
     log = tmp_path / "some.log"
-    log.write_text("(0.500000) can0 123##1AB\n(0.600000) can0 008#\n(0.700000) can0 123##1AB\n")
+    log.write_text("(0.500000) can0 123##1AB\n(0.600000) can0 202#\n(0.700000) can0 123##1AB\n")
     Archiver(tmp_path / "season", NETWORK)(log)
     (row,) = table_rows(tmp_path / "season")
     assert (row["start"], row["end"]) == (0.5, 0.7)
@@ -90,7 +89,7 @@ def test_a_log_is_known_by_its_content_under_any_name(log: Path, tmp_path: Path)
 
 def test_with_other_eds_files_it_is_another_run(log: Path, tmp_path: Path) -> None:
     season = tmp_path / "season"
-    other = DecodedNetwork(dialects.load_all(dialects.names()[-1]), CATALOGUE)
+    other = DecodedNetwork(plant.load_all(plant.DIALECTS[0]), plant.CATALOGUE)
     runs = {Archiver(season, network)(log).run for network in (NETWORK, other)}
     assert len(runs) == len(table_rows(season)) == 2
 
@@ -99,7 +98,7 @@ def test_with_another_node_id_it_is_another_run(log: Path, tmp_path: Path) -> No
     """The identifiers in the log then mean another device, though file and name are the same."""
     text = (DEVICE_TYPE + variable("2000", "Speed", "INTEGER16")).encode()
     devices = [Dictionary.read(text, Path("servo.eds"), node_id, "servo") for node_id in (5, 6)]
-    runs = {Archiver(tmp_path / "season", DecodedNetwork((each,), CATALOGUE))(log).run for each in devices}
+    runs = {Archiver(tmp_path / "season", DecodedNetwork((each,), plant.CATALOGUE))(log).run for each in devices}
     assert len(runs) == 2
 
 
@@ -151,8 +150,8 @@ def test_remote_frames_and_those_with_29_bits_have_the_decoders_words(tmp_path: 
     file = tmp_path / "odd.log"
     file.write_text("".join(f"({number}.5) can0 {each}\n" for number, each in enumerate(ODD_FRAMES)))
     servo = Dictionary.read(SERVO.encode(), tmp_path / "servo.eds", 5)
-    Archiver(tmp_path / "season", DecodedNetwork((servo,), CATALOGUE))(file)
-    decoder = Decoder((servo,), CATALOGUE, lambda _: None)
+    Archiver(tmp_path / "season", DecodedNetwork((servo,), plant.CATALOGUE))(file)
+    decoder = Decoder((servo,), plant.CATALOGUE, lambda _: None)
     with file.open("rb") as log:
         said = [
             (number, defect.damage.value, defect.text)
@@ -172,7 +171,7 @@ def test_several_at_once_come_to_the_same(tmp_path: Path) -> None:
     with local(2) as processes:
         done = list(archive(logs, one, NETWORK, None, processes))
     assert done == list(archive(logs, other, NETWORK))
-    for name in ("runs", "frames", "damage", "goto_xy", "goto_confirm"):
+    for name in ("runs", "frames", "damage", "move_to", "move_confirm"):
         assert table_files(one, name) == table_files(other, name) != []
 
 
@@ -203,7 +202,7 @@ def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("messages", "tables"),
     [
-        (["Goto XY", "Goto-XY"], ["goto_xy", "goto_xy_2"]),
+        (["Move To", "Move-To"], ["move_to", "move_to_2"]),
         (["frames", "Runs"], ["frames_2", "runs_2"]),
         (["2nd axis", "\u00c4"], ["message_2nd_axis", "message"]),
     ],
@@ -328,7 +327,7 @@ def test_frames_that_are_written_in_parts_are_there_once(
 ) -> None:
     monkeypatch.setattr("eurobot_od.season.archive.MANY", 1)
     Archiver(tmp_path / "season", NETWORK)(log)
-    assert table(tmp_path / "season", "goto_xy")["line"].to_list() == [1]
+    assert table(tmp_path / "season", "move_to")["line"].to_list() == [1]
 
 
 REMAP = """601#2300180181010080 581#6000180100000000 601#2F001A0000000000 581#60001A0000000000
@@ -346,7 +345,7 @@ def servo_log(file: Path, lines: str, channel: str = "can0", other: str = "") ->
 
 def test_messages_are_by_what_their_devices_have_in_force(tmp_path: Path) -> None:
     """Each frame as `decode` has it, on each channel; a mapping without frames leaves no table behind."""
-    network, season = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), CATALOGUE), tmp_path / "season"
+    network, season = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), plant.CATALOGUE), tmp_path / "season"
     Archiver(season, network)(servo_log(tmp_path / "boot.log", f"{REMAP} {REMAPPED}"))
     rows = table(season, "servo_tpdo1").select("velocity_actual_value", "statusword").rows()
     assert rows == [(1000, 0x237)]
@@ -361,7 +360,7 @@ def test_messages_are_by_what_their_devices_have_in_force(tmp_path: Path) -> Non
 
 
 def test_runs_with_and_without_a_remap_are_one_season(tmp_path: Path) -> None:
-    network, folder = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), CATALOGUE), tmp_path / "season"
+    network, folder = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), plant.CATALOGUE), tmp_path / "season"
     for name, lines in (("a", BY_FILE), ("b", f"{REMAP} {REMAPPED}"), ("c", BY_FILE)):
         Archiver(folder, network)(servo_log(tmp_path / f"{name}.log", f"{lines} 70{name}#05"))
     assert Season.open(folder).sql("SELECT count(*) FROM servo_tpdo1").item() == 3
@@ -389,7 +388,7 @@ SERVICES = """\
 def test_services_have_tables(tmp_path: Path) -> None:
     (tmp_path / "some.log").write_text(SERVICES)
     season = tmp_path / "season"
-    Archiver(season, DecodedNetwork((FILE,), CATALOGUE))(tmp_path / "some.log")
+    Archiver(season, DecodedNetwork((FILE,), plant.CATALOGUE))(tmp_path / "some.log")
     seen = ("line", "node", "direction", "index", "subindex", "value", "content", "size", "how", "whole", "abort")
     assert table(season, "sdo").select(seen).rows() == [
         (4, 5, "write", 0x1017, 0, "500", b"\xf4\x01", 2, "expedited", True, None),
@@ -414,7 +413,7 @@ def test_services_have_tables(tmp_path: Path) -> None:
 def test_what_a_transfer_lacks_is_damage_as_in_decode(tmp_path: Path) -> None:
     killed = "(1.0) can0 605#C6001F01E8030000\n(1.1) can0 585#A4001F017F000000\n(5.0) can0 705#00\n"
     (tmp_path / "some.log").write_text(killed)
-    Archiver(tmp_path / "season", DecodedNetwork((FILE,), CATALOGUE))(tmp_path / "some.log")
+    Archiver(tmp_path / "season", DecodedNetwork((FILE,), plant.CATALOGUE))(tmp_path / "some.log")
     text = "705#00: the write of 0x1F00:01 before did not end; 0 of 1000 bytes came"
     assert table(tmp_path / "season", "damage").select("line", "kind", "text").rows() == [
         (3, "incomplete transfer", text)

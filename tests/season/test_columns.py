@@ -19,14 +19,11 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, Quantity
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
-from eurobot_od.robot.match import MatchOptions
-from eurobot_od.robot.match.stage import play_simulated
-from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.archive import DecodedNetwork
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.kit import plant
 from tests.season.seasons import Timed, archived, assert_equal_to_protocol, protocol_of, random_frames, table, write_log
 
 ROOT = Path(__file__).parents[2]
@@ -65,26 +62,25 @@ def all_types(file: Path) -> DecodedNetwork:
     return DecodedNetwork((Dictionary.load(file, 5),), NOTHING)
 
 
-def robot(dialect: str) -> DecodedNetwork:
-    return DecodedNetwork(dialects.load_all(dialect), CATALOGUE)
+def network_of(dialect: str) -> DecodedNetwork:
+    return DecodedNetwork(plant.load_all(dialect), plant.CATALOGUE)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("dialect", dialects.names())
-def test_every_row_of_a_match_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
-    frames: list[Timed] = []
-    options = MatchOptions(dialect=dialect, duration=30.0)
-    play_simulated(options, lambda _: None, lambda time, frame: frames.append((round(time, 6), frame)))
-    season = archived(write_log(tmp_path / "match.log", frames), robot(dialect))
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
+def test_every_row_of_a_shift_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
+    frames = [(round(time, 6), frame) for time, frame in plant.shift(dialect) if isinstance(frame, Frame)]
+    season = archived(write_log(tmp_path / "shift.log", frames), network_of(dialect))
     assert len(table(season, "frames")) == len(frames)
-    assert_equal_to_protocol(season, frames, robot(dialect))
+    assert_equal_to_protocol(season, frames, network_of(dialect))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
 def test_every_row_of_random_frames_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
-    network = robot(dialect)
-    frames = random_frames(RANDOM, protocol_of(network))
+    network = network_of(dialect)
+    protocol = protocol_of(network)
+    frames = [each for each in random_frames(RANDOM, protocol) if not _is_nan(protocol, each)]
     season = archived(write_log(tmp_path / "random.log", frames), network)
     assert_equal_to_protocol(season, frames, network)
 
@@ -143,10 +139,10 @@ def _is_nan(protocol: Protocol, timed: Timed) -> bool:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
 def test_all_defects_are_those_of_the_decoder(dialect: str, tmp_path: Path) -> None:
-    network = robot(dialect)
-    decode, frames = Decoder(network.dictionaries, CATALOGUE), random_frames(5000, protocol_of(network), seed=2)
+    network = network_of(dialect)
+    decode, frames = Decoder(network.dictionaries, plant.CATALOGUE), random_frames(5000, protocol_of(network), seed=2)
     season = archived(write_log(tmp_path / "random.log", frames), network)
     wanted = [
         (number, damage.value, text)
@@ -162,10 +158,10 @@ def test_all_defects_are_those_of_the_decoder(dialect: str, tmp_path: Path) -> N
 
 
 def test_columns_say_unit_and_what_null_means(tmp_path: Path) -> None:
-    season = archived(write_log(tmp_path / "one.log", [(0.0, Frame(0x008, bytes(8)))]), robot(dialects.DEFAULT))
-    (file,) = (season / "goto_xy").iterdir()
+    season = archived(write_log(tmp_path / "one.log", [(0.0, Frame(0x202, bytes(8)))]), network_of("plain"))
+    (file,) = (season / "move_to").iterdir()
     schema = pq.read_schema(file)
-    assert schema.metadata[b"message"] == b"Goto XY"
+    assert schema.metadata[b"message"] == b"Move To"
     assert schema.field("x").metadata == {b"unit": b"mm", b"allowed": b"0..3000 mm", b"null": b"see x_flag"}
-    assert schema.field("barriers").metadata[b"null"] == b"never"
+    assert schema.field("gates").metadata[b"null"] == b"never"
     assert schema.field("t").metadata[b"unit"] == b"s"

@@ -10,22 +10,18 @@ import pytest
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("duckdb", reason="the extra `season` is not installed")
 
-from eurobot_od.cli.season import reports
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.messages import CATALOGUE, KalmanPositionResponse, NaviPositionResponse
-from eurobot_od.robot.model.values import GotoFault, Obstacle, RobotError, Source
-from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.season.answers import draw
 from eurobot_od.season.archive import Archiver, DecodedNetwork
+from eurobot_od.season.reports import REPORTS
 from eurobot_od.season.season import Season
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.season.seasons import Timed, write_log
 
-PROTOCOL = EurobotProtocol.load()
+PROTOCOL = plant.protocol()
 NETWORK = DecodedNetwork(
-    dialects.load_all(), CATALOGUE, (("Goto Confirm", "Goto XY"), ("Check Drive Response", "Check Drive Request"))
+    plant.load_all(), plant.CATALOGUE, (("Move Confirm", "Move To"), ("Check Lift Response", "Check Lift Request"))
 )
 BITRATE = 1000
 
@@ -34,29 +30,23 @@ def sent(time: float, message: Any) -> Timed:
     return time, PROTOCOL.encode(message)
 
 
-GOTO = messages.GotoXY(x=1000, y=1000, angle=0, speed=50)
-BLOCKED = messages.GotoStateResponse(GotoFault.BLOCKED)
+MOVE = m.MoveTo(x=1000, y=1000, angle=0, speed=50)
 FIRST: list[Timed] = [
-    sent(0.0, GOTO),
-    sent(0.002, messages.GotoConfirm()),
-    sent(1.0, GOTO),
-    sent(1.5, GOTO),  # a repetition: the confirm is for this one
-    sent(1.504, messages.GotoConfirm()),
-    sent(1.6, messages.GotoConfirm()),  # another one, which counts for nothing
-    sent(2.0, messages.GotoStateResponse(500)),
-    sent(2.5, messages.GotoStateResponse(0)),
-    sent(2.6, KalmanPositionResponse(1003, 1004, 0, Source.INTERNAL)),
-    sent(2.7, NaviPositionResponse(1000, 1010, 0, Source.INTERNAL)),
-    sent(2.8, messages.GotoStateResponse(0)),
-    sent(2.9, KalmanPositionResponse(2000, 2000, 0, Source.INTERNAL)),
+    sent(0.0, MOVE),
+    sent(0.002, m.MoveConfirm()),
+    sent(1.0, MOVE),
+    sent(1.5, MOVE),  # a repetition: the confirm is for this one
+    sent(1.504, m.MoveConfirm()),
+    sent(1.6, m.MoveConfirm()),  # another one, which counts for nothing
+    sent(2.7, m.WeightResponse(12.5, 21.5)),
     (3.0, Frame(0x7E6, b"12")),
 ]
 SECOND: list[Timed] = [
-    sent(0.0, messages.EmergencyStop(Obstacle.ENEMY)),
-    sent(0.2, messages.EmergencyStop(Obstacle.ENEMY)),  # repeated
-    sent(5.0, messages.EmergencyStop(Obstacle.ENEMY)),
-    sent(6.0, BLOCKED),
-    (7.0, Frame(0x081, RobotError.DRIVE_BLOCKED.to_bytes(2, "little") + bytes(6))),
+    sent(0.0, m.HaltCause(m.Cause.CURTAIN)),
+    sent(0.2, m.HaltCause(m.Cause.CURTAIN)),  # repeated
+    sent(5.0, m.HaltCause(m.Cause.CURTAIN)),
+    sent(6.0, m.MoveStateResponse(m.Fault.BLOCKED)),
+    (7.0, Frame(0x081, bytes.fromhex("02FF") + bytes(6))),
     (8.0, Frame(0x081, bytes(8))),  # the error is gone
 ]
 
@@ -70,68 +60,41 @@ def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
 
 
 def rows(season: Season, report: str, *columns: str) -> list[tuple[Any, ...]]:
-    found = season.sql(reports(ROBOT)[report].sql, {"bitrate": BITRATE}).select(columns).rows()
+    found = season.sql(REPORTS[report].sql, {"bitrate": BITRATE}).select(columns).rows()
     return [tuple(Path(cell).stem if str(cell).endswith(".log") else cell for cell in row) for row in found]
-
-
-def test_latency_is_from_the_goto_that_was_confirmed(season: Season) -> None:
-    assert rows(season, "latency", "confirmed", "least_ms", "most_ms", "median_ms") == [(2, 2.0, 4.0, 3.0)]
 
 
 def test_an_answer_is_to_the_latest_request(season: Season) -> None:
     columns = ("request", "answer", "requests", "answered", "most_ms")
-    assert rows(season, "answers", *columns) == [("Goto XY", "Goto Confirm", 3, 2, 4.0)]
-
-
-def test_an_arrival_is_the_first_state_that_says_so_and_its_error_that_of_the_position_after(season: Season) -> None:
-    columns = ("log", "arrivals", "mean_s", "mean_mm", "most_mm", "beacons_mm")
-    assert rows(season, "arrivals", *columns) == [("first", 1, 1.0, 5.0, 5.0, 10.0)]
-
-
-def test_stops_are_counted_once_however_often_they_are_sent(season: Season) -> None:
-    assert rows(season, "stops", "reason", "stops", "frames", "logs", "first_log", "first_line") == [
-        ("Emergency Stop: enemy", 2, 3, 1, "second", 1),
-        ("EMCY drive blocked", 1, 1, 1, "second", 5),
-        ("goto blocked", 1, 1, 1, "second", 4),
-    ]
+    assert rows(season, "answers", *columns) == [("Move To", "Move Confirm", 3, 2, 4.0)]
 
 
 def test_periods_are_from_a_frame_to_the_next_of_its_message(season: Season) -> None:
     found = {
         row[0]: row[1:] for row in rows(season, "periods", "message", "frames", "least_ms", "most_ms", "jitter_ms")
     }
-    assert found["Goto XY"] == (3, 500.0, 1000.0, 353.553)
-    assert found["Navi Position Response"] == (1, None, None, None)
+    assert found["Move To"] == (3, 500.0, 1000.0, 353.553)
+    assert found["Weight Response"] == (1, None, None, None)
 
 
 def test_two_channels_are_two_buses(tmp_path: Path) -> None:
     """A log may hold several: of each a message has its own period, and a request its own answer."""
     log = tmp_path / "two.log"
     lines = (
-        (0.0, "can0", GOTO),
-        (0.1, "can1", GOTO),
-        (0.15, "can0", messages.GotoConfirm()),
-        (0.3, "can1", messages.GotoConfirm()),
-        (1.0, "can0", GOTO),
-        (1.1, "can1", GOTO),
-        (1.4, "can0", messages.GotoStateResponse(0)),
-        (1.5, "can1", KalmanPositionResponse(2000, 2000, 0, Source.INTERNAL)),
-        (1.6, "can0", KalmanPositionResponse(1003, 1004, 0, Source.INTERNAL)),
-        (1.7, "can1", NaviPositionResponse(2000, 2000, 0, Source.INTERNAL)),
-        (1.8, "can0", NaviPositionResponse(1000, 1010, 0, Source.INTERNAL)),
-        (2.0, "can0", messages.EmergencyStop(Obstacle.ENEMY)),
-        (2.2, "can1", messages.EmergencyStop(Obstacle.ENEMY)),
+        (0.0, "can0", MOVE),
+        (0.1, "can1", MOVE),
+        (0.15, "can0", m.MoveConfirm()),
+        (0.3, "can1", m.MoveConfirm()),
+        (1.0, "can0", MOVE),
+        (1.1, "can1", MOVE),
     )
     log.write_text("".join(f"({time:.6f}) {channel} {PROTOCOL.encode(message)}\n" for time, channel, message in lines))
     Archiver(tmp_path / "season", NETWORK)(log)
     season = Season.open(tmp_path / "season")
     periods = {row[0]: row[1:] for row in rows(season, "periods", "message", "frames", "least_ms", "most_ms")}
-    assert periods["Goto XY"] == (4, 1000.0, 1000.0)
+    assert periods["Move To"] == (4, 1000.0, 1000.0)
     columns = ("answer", "requests", "answered", "least_ms", "most_ms")
-    assert rows(season, "answers", *columns) == [("Goto Confirm", 4, 2, 150.0, 200.0)]
-    assert rows(season, "latency", "confirmed", "least_ms", "most_ms") == [(2, 150.0, 200.0)]
-    assert rows(season, "arrivals", "arrivals", "mean_s", "mean_mm", "beacons_mm") == [(1, 0.4, 5.0, 10.0)]
-    assert rows(season, "stops", "reason", "stops", "frames") == [("Emergency Stop: enemy", 2, 2)]
+    assert rows(season, "answers", *columns) == [("Move Confirm", 4, 2, 150.0, 200.0)]
 
 
 def test_load_counts_bits_without_and_with_all_stuff_bits(season: Season) -> None:
@@ -145,12 +108,12 @@ def test_load_counts_bits_without_and_with_all_stuff_bits(season: Season) -> Non
 
 def test_damage_says_where_it_is_first(season: Season) -> None:
     columns = ("log", "kind", "number", "first_line", "first")
-    assert rows(season, "damage", *columns) == [("first", "unknown identifier", 1, 13, "7E6#3132")]
+    assert rows(season, "damage", *columns) == [("first", "unknown identifier", 1, 8, "7E6#3132")]
 
 
-@pytest.mark.parametrize("name", reports(ROBOT))
+@pytest.mark.parametrize("name", REPORTS)
 def test_every_report_has_a_picture(season: Season, name: str) -> None:
-    report = reports(ROBOT)[name]
+    report = REPORTS[name]
     shown = season.sql(report.chart.sql or report.sql, {"bitrate": BITRATE})
     picture = draw(shown, report.chart, report.title)
     assert picture.startswith("<svg")

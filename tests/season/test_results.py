@@ -13,9 +13,6 @@ pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 
 import pyarrow as pa
 
-from eurobot_od.robot.match import MatchOptions
-from eurobot_od.robot.match.seeds import PlayedMatch, play
-from eurobot_od.robot.match.stage import EdsFiles
 from eurobot_od.season import results
 
 
@@ -75,10 +72,3 @@ def test_a_record_comes_back_equal(record: Any) -> None:
 def test_a_name_that_is_not_text_comes_back_with_its_bytes_escaped() -> None:
     record = replace(CASES[0], file=Path("a\udcff"), inner=Inner(1, "\ud800"))
     assert there_and_back(record) == replace(record, file=Path("a\\udcff"), inner=Inner(1, "\\ud800"))
-
-
-def test_a_played_match_comes_back_equal() -> None:
-    match = play(MatchOptions(duration=30.0), EdsFiles.read(MatchOptions()))
-    assert match.gotos
-    assert isinstance(there_and_back(match), PlayedMatch)
-    assert there_and_back(match) == match

@@ -17,55 +17,53 @@ pytest.importorskip("duckdb", reason="the extra `season` is not installed")
 import polars as pl
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.robot import dialects
-from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.messages import CATALOGUE
-from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.season import season as season_module
 from eurobot_od.season.answers import tables as listed
 from eurobot_od.season.archive import Archiver, DecodedNetwork, archive
 from eurobot_od.season.season import Season, SqlError
+from tests.kit import plant
+from tests.kit.plant import messages as m
 from tests.rows import rows
 from tests.season.seasons import write_log
 
-GOTO = messages.GotoXY(x=1234, y=567, angle=89, speed=75)
+MOVE = m.MoveTo(x=1234, y=567, angle=89, speed=75)
 
 
 @pytest.fixture(scope="module")
 def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
-    """A log of a goto in each dialect."""
+    """A log of a move in each dialect."""
     folder = tmp_path_factory.mktemp("seasons")
-    for number, dialect in enumerate(dialects.names()):
-        log = write_log(folder / f"{number}.log", [(1.0 + number, EurobotProtocol.load(dialect).encode(GOTO))])
-        Archiver(folder / "season", DecodedNetwork(dialects.load_all(dialect), CATALOGUE))(log)
+    for number, dialect in enumerate(plant.DIALECTS):
+        log = write_log(folder / f"{number}.log", [(1.0 + number, plant.protocol(dialect).encode(MOVE))])
+        Archiver(folder / "season", DecodedNetwork(plant.load_all(dialect), plant.CATALOGUE))(log)
     return Season.open(folder / "season")
 
 
 def test_a_table_is_a_lazy_frame_over_all_logs(season: Season) -> None:
-    found = season.frames("goto_xy").sort("t").collect()
+    found = season.frames("move_to").sort("t").collect()
     assert found.select("t", "x", "y", "angle", "speed").rows() == [(1.0, 1234, 567, 89, 75), (2.0, 1234, 567, 89, 75)]
 
 
 def test_a_field_that_only_some_logs_have_is_null_for_the_others(season: Season) -> None:
-    lazy = season.frames("goto_xy").sort("t").collect()["route"]
-    assert lazy.cast(pl.String).to_list() == [None, "planned"]
-    assert season.sql("SELECT route FROM goto_xy ORDER BY t")["route"].to_list() == [None, "planned"]
+    lazy = season.frames("move_to").sort("t").collect()["route"]
+    assert lazy.cast(pl.String).to_list() == ["planned", None]
+    assert season.sql("SELECT route FROM move_to ORDER BY t")["route"].to_list() == ["planned", None]
 
 
 def test_a_run_that_is_being_moved_in_is_not_counted_yet(tmp_path: Path) -> None:
-    log = write_log(tmp_path / "a.log", [(1.0, EurobotProtocol.load().encode(GOTO))])
-    Archiver(tmp_path / "season", DecodedNetwork(dialects.load_all(), CATALOGUE))(log)
-    [file] = (tmp_path / "season" / "goto_xy").iterdir()
+    log = write_log(tmp_path / "a.log", [(1.0, plant.protocol().encode(MOVE))])
+    Archiver(tmp_path / "season", DecodedNetwork(plant.load_all(), plant.CATALOGUE))(log)
+    [file] = (tmp_path / "season" / "move_to").iterdir()
     shutil.copy(file, file.with_stem("0123456789abcdef"))  # its row in `runs` comes last
     found = Season.open(tmp_path / "season")
-    assert len(found.frames("goto_xy").collect()) == 1
-    assert found.sql("SELECT count(*) FROM goto_xy").item() == 1
+    assert len(found.frames("move_to").collect()) == 1
+    assert found.sql("SELECT count(*) FROM move_to").item() == 1
 
 
 QUESTIONS = (
     "SELECT * FROM runs ORDER BY run",
     "SELECT * FROM frames ORDER BY run",
-    "SELECT * FROM goto_xy ORDER BY run",
+    "SELECT * FROM move_to ORDER BY run",
 )
 
 
@@ -76,7 +74,7 @@ def _named_rows(answer: pl.DataFrame) -> Iterator[dict[str, object]]:
 def answers(folder: Path) -> tuple[list[Path], set[tuple[object, ...]]]:
     """Ask a season for some tables in each way; return which files are damaged, and the rows of all answers."""
     found = Season.open(folder)
-    asked = [*map(found.sql, QUESTIONS), *(found.frames(table).collect() for table in ("runs", "frames", "goto_xy"))]
+    asked = [*map(found.sql, QUESTIONS), *(found.frames(table).collect() for table in ("runs", "frames", "move_to"))]
     # By their names: another part of a season may have other columns, and which comes first is chance.
     told = [(number, frozenset(row.items())) for number, answer in enumerate(asked) for row in _named_rows(answer)]
     assert set(listed(found)["table"]) <= found.files.keys()
@@ -87,7 +85,7 @@ def answers(folder: Path) -> tuple[list[Path], set[tuple[object, ...]]]:
 def test_one_flipped_bit_gives_no_other_values_and_the_file_is_named(season: Season, tmp_path: Path) -> None:
     shutil.copytree(season.folder, tmp_path / "season")
     dice, (_, whole) = random.Random(2014), answers(season.folder)
-    for table in ("runs", "frames", "goto_xy") * 4:
+    for table in ("runs", "frames", "move_to") * 4:
         file = min((tmp_path / "season" / table).iterdir())
         sound = file.read_bytes()
         bit = dice.randrange(8 * len(sound))
@@ -106,22 +104,22 @@ def test_one_flipped_bit_gives_no_other_values_and_the_file_is_named(season: Sea
 @pytest.mark.parametrize("name", ["a[1]", "a*", "a?", "[", "it's"])
 def test_the_name_of_a_folder_is_not_a_pattern(tmp_path: Path, name: str) -> None:
     for each, dialect in (("a1", 0), ("ab", 0), (name, 1)):
-        log = write_log(tmp_path / f"{dialect}.log", [(1.0 + dialect, EurobotProtocol.load().encode(GOTO))])
-        Archiver(tmp_path / each, DecodedNetwork(dialects.load_all(), CATALOGUE))(log)
+        log = write_log(tmp_path / f"{dialect}.log", [(1.0 + dialect, plant.protocol().encode(MOVE))])
+        Archiver(tmp_path / each, DecodedNetwork(plant.load_all(), plant.CATALOGUE))(log)
     found = Season.open(tmp_path / name)
-    assert found.sql("SELECT t FROM goto_xy").rows() == [(2.0,)]
-    assert found.frames("goto_xy").collect()["t"].to_list() == [2.0]
-    assert found.sql("SELECT message FROM messages WHERE \"table\" = 'goto_xy'").rows() == [("Goto XY",)]
+    assert found.sql("SELECT t FROM move_to").rows() == [(2.0,)]
+    assert found.frames("move_to").collect()["t"].to_list() == [2.0]
+    assert found.sql("SELECT message FROM messages WHERE \"table\" = 'move_to'").rows() == [("Move To",)]
 
 
 @pytest.mark.posix
 def test_a_pipe_or_a_device_of_that_name_is_not_a_file_of_a_season(season: Season, tmp_path: Path) -> None:
     shutil.copytree(season.folder, tmp_path / "season")
-    for table in ("runs", "goto_xy"):
+    for table in ("runs", "move_to"):
         os.mkfifo(tmp_path / "season" / table / "x.parquet")
         (tmp_path / "season" / table / "y.parquet").symlink_to("/dev/zero")
     found = Season.open(tmp_path / "season")
-    assert (found.damaged, len(found.frames("goto_xy").collect())) == ([], 2)
+    assert (found.damaged, len(found.frames("move_to").collect())) == ([], 2)
 
 
 def test_a_folder_whose_name_is_not_text_is_refused(tmp_path: Path) -> None:
@@ -129,7 +127,7 @@ def test_a_folder_whose_name_is_not_text_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LocalError, match="has to be UTF-8"):
         Season.open(tmp_path / name)
     with pytest.raises(LocalError, match="has to be UTF-8"):
-        next(archive([], tmp_path / name, DecodedNetwork(dialects.load_all(), CATALOGUE)))
+        next(archive([], tmp_path / name, DecodedNetwork(plant.load_all(), plant.CATALOGUE)))
 
 
 def test_a_season_of_damaged_logs_alone_names_them(season: Season, tmp_path: Path) -> None:
@@ -142,9 +140,9 @@ def test_a_season_of_damaged_logs_alone_names_them(season: Season, tmp_path: Pat
 
 def test_sql_joins_messages_and_runs(season: Season) -> None:
     query = """
-        SELECT m.message, count(*) AS number, max(g.x) AS x FROM goto_xy g JOIN runs r ON g.run = r.run
-        JOIN messages m ON m.eds = r.eds AND m."table" = 'goto_xy' GROUP BY m.message"""
-    assert season.sql(query).rows() == [("Goto XY", 2, 1234)]
+        SELECT m.message, count(*) AS number, max(g.x) AS x FROM move_to g JOIN runs r ON g.run = r.run
+        JOIN messages m ON m.eds = r.eds AND m."table" = 'move_to' GROUP BY m.message"""
+    assert season.sql(query).rows() == [("Move To", 2, 1234)]
 
 
 def test_values_are_handed_over_where_they_are_named(season: Season) -> None:
@@ -152,16 +150,16 @@ def test_values_are_handed_over_where_they_are_named(season: Season) -> None:
 
 
 def test_messages_say_what_is_known_of_each_table(season: Season) -> None:
-    found = season.messages.filter(pl.col("table") == "goto_xy")
-    assert found.select("message", "cob_id", "senders", "receivers").rows() == [("Goto XY", 8, "core", "drive")] * 2
+    found = season.messages.filter(pl.col("table") == "move_to")
+    assert found.select("message", "cob_id", "senders", "receivers").rows() == [("Move To", 0x202, "panel", "lift")] * 2
 
 
 @pytest.mark.parametrize(
     ("query", "complaint"),
     [
-        ("SELECT x FROM nowhere", "Table with name nowhere does not exist!; tables: check_drive_request"),
+        ("SELECT x FROM nowhere", "Table with name nowhere does not exist!; tables: check_lift_request"),
         ("SELEC", "Parser Error: syntax error"),
-        ("SELECT nothing FROM goto_xy", 'Referenced column "nothing" not found'),
+        ("SELECT nothing FROM move_to", 'Referenced column "nothing" not found'),
     ],
 )
 def test_what_duckdb_does_not_take_is_one_line(season: Season, query: str, complaint: str) -> None:
@@ -172,8 +170,8 @@ def test_what_duckdb_does_not_take_is_one_line(season: Season, query: str, compl
 
 
 def test_a_table_of_no_message_is_an_error(season: Season) -> None:
-    with pytest.raises(UnknownName, match="unknown table 'goto'"):
-        season.frames("goto")
+    with pytest.raises(UnknownName, match="unknown table 'move'"):
+        season.frames("move")
 
 
 def test_a_folder_without_logs_is_no_season(tmp_path: Path) -> None:
@@ -184,7 +182,7 @@ def test_a_folder_without_logs_is_no_season(tmp_path: Path) -> None:
 
 def test_who_asks_hears_how_far_it_is(season: Season) -> None:
     told: list[int] = []
-    season.sql("SELECT count(*) FROM goto_xy", progress=told.append)
+    season.sql("SELECT count(*) FROM move_to", progress=told.append)
     assert told[-1] == 100
     assert set(told) <= set(range(101))
 
@@ -192,7 +190,7 @@ def test_who_asks_hears_how_far_it_is(season: Season) -> None:
 def test_a_query_that_fails_leaves_no_thread_that_watches_it(season: Season) -> None:
     before = set(threading.enumerate())
     with pytest.raises(SqlError):
-        season.sql("SELECT nothing FROM goto_xy", progress=lambda _: None)
+        season.sql("SELECT nothing FROM move_to", progress=lambda _: None)
     assert set(threading.enumerate()) == before
 
 
@@ -236,6 +234,6 @@ def test_a_query_reaches_nothing_outside_the_season(
 
 def test_a_season_may_have_any_name(tmp_path: Path) -> None:
     folder = tmp_path / 'it\'s a "season"'
-    log = write_log(tmp_path / "log.log", [(1.0, EurobotProtocol.load().encode(GOTO))])
-    Archiver(folder, DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE))(log)
-    assert Season.open(folder).sql("SELECT x FROM goto_xy").rows() == [(1234,)]
+    log = write_log(tmp_path / "log.log", [(1.0, plant.protocol().encode(MOVE))])
+    Archiver(folder, DecodedNetwork(plant.load_all(), plant.CATALOGUE))(log)
+    assert Season.open(folder).sql("SELECT x FROM move_to").rows() == [(1234,)]
