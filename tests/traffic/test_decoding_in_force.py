@@ -43,7 +43,7 @@ def mapped(*entries: int, index: int = 0x1800, cob_id: int = 0x181) -> str:
 VELOCITY, STATUSWORD, OWN = 0x606C0020, 0x60410010, 0x29990110
 REMAPPED = mapped(VELOCITY, STATUSWORD)
 FRAME = "181#E80300003702"
-SWAPPED = "velocity_actual_value=1000, statusword=567 (Operation enabled)"
+SWAPPED = "velocity_actual_value=1000 rpm, statusword=567 (Operation enabled)"
 
 
 def log_of(lines: str) -> bytes:
@@ -68,7 +68,7 @@ ACCEPTED = {
     "a sub-index that the EDS lacks": (f"{BOOT} {mapped(0x60410510)} 181#E803", "statusword_05=1000"),
     "a PDO that the EDS lacks": (
         f"{BOOT} {mapped(VELOCITY, index=0x1804, cob_id=0x1F1)} 1F1#E8030000",
-        "velocity_actual_value=1000",
+        "velocity_actual_value=1000 rpm",
     ),
     "objects and a PDO that the EDS lacks": (
         f"{BOOT} {mapped(OWN, index=0x1807, cob_id=0x391)} 391#E803",
@@ -76,7 +76,7 @@ ACCEPTED = {
     ),
     "a PDO that is stored": (
         f"{BOOT} {mapped(VELOCITY, index=0x1804, cob_id=0x1F1)} {write(0x1010, 1, 0x65766173)} {BOOT} 1F1#E8030000",
-        "velocity_actual_value=1000",
+        "velocity_actual_value=1000 rpm",
     ),
 }
 
@@ -133,7 +133,7 @@ def test_a_log_that_begins_in_a_remap_has_no_wrong_value() -> None:
 UNKNOWN = {
     "the answer to one entry alone": (
         f"{write(0x1A00, 1, 0).split()[1]} {write(0x1A00, 2, VELOCITY)} {write(0x1A00, 0, 2, 1)} 181#FEFFE8030000",
-        "mapped_object_1=unknown, velocity_actual_value=1000",
+        "mapped_object_1=unknown, velocity_actual_value=1000 rpm",
     ),
     "another length: those behind it have no known place": (
         f"{write(0x1A00, 1, 0).split()[1]} {write(0x1A00, 2, VELOCITY)} {write(0x1A00, 0, 2, 1)} 181#FEE8030000",
@@ -141,11 +141,11 @@ UNKNOWN = {
     ),
     "those before it are known": (
         f"{write(0x1A00, 1, VELOCITY)} {write(0x1A00, 2, 0).split()[1]} {write(0x1A00, 0, 2, 1)} 181#E803000001",
-        "velocity_actual_value=1000, mapped_object_2=unknown",
+        "velocity_actual_value=1000 rpm, mapped_object_2=unknown",
     ),
     "no answer, but one to what was asked next": (
         f"{BOOT} {write(0x1A00, 1, VELOCITY).split()[0]} {write(0x1A00, 0, 2, 1)} 181#0102E8030000",
-        "mapped_object_1=unknown, velocity_actual_value=1000",
+        "mapped_object_1=unknown, velocity_actual_value=1000 rpm",
     ),
     "the device answers with another mapping than its file's": (
         "601#40001A0100000000 581#43001A0110004160 601#40001A0100000000 581#43001A0108006160 181#01E8030000",
