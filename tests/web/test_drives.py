@@ -25,8 +25,8 @@ from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, STOPS, Drives, axes_of, units
 from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
-from tests.conftest import EDS as ROBOTS
 from tests.eds_text import record
+from tests.kit import plant
 from tests.rows import rows
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
@@ -83,7 +83,7 @@ NOW = "document.querySelector('.machine .now text').textContent"
 
 def test_only_what_says_so_is_a_drive() -> None:
     assert [each.number for each in axes_of(SERVO)] == [1]
-    assert axes_of(Dictionary.load(ROBOTS / "canopen" / "drive.eds", 2)) == []
+    assert axes_of(Dictionary.load(plant.FILES.folder() / "lift.eds", 2)) == []
 
 
 FACTORS = record(0x608F, "Position encoder resolution", (1, "UNSIGNED32", "2000"), (2, "UNSIGNED32", "1")) + record(
