@@ -10,7 +10,7 @@ identity, and turns every error into a number.
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from typing import NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.client.master import STORE_WAIT, Master, Procedure
@@ -28,13 +28,26 @@ ANSWER_WAIT = 0.1
 FIRST_BIT = 31
 """Fastscan starts with the highest bit."""
 
+PATIENCE = (1, 2, 4, 8)
+"""By how much the time for an answer grows each time that answers seem to be lost or late; then the service fails."""
+
+ATTEMPTS = 3
+"""How often a scan asks for a bit that no device confirms in either value."""
+
+VENDORS = (0xA5A5A5A5, 0x5A5A5A5A)
+"""Two vendor-IDs; whoever says yes to both of them says yes to everything."""
+
 
 class LssRequest(NamedTuple):
-    """A request: its command, the bytes after it, and the command of the answer (None: there is no answer)."""
+    """A request: its command, the bytes after it, and the command of the answer (None: there is no answer).
+
+    A device has `patience` times as long for its answer as for others.
+    """
 
     command: standard.Lss | int
     rest: bytes = b""
-    answer: standard.Lss | None = None
+    answer: standard.Lss | int | None = None
+    patience: float = 1
 
     @property
     def data(self) -> bytes:
@@ -55,89 +68,207 @@ def switch(state: standard.LssState) -> LssSteps[None]:
 
 
 def select(identity: Identity) -> LssSteps[bool]:
-    """Put the device with an identity into configuration state; return whether there is one."""
-    yield from switch(standard.LssState.WAITING)
+    """Put the device with an identity into configuration state; return whether there is one.
+
+    Without an answer the device is asked again, with more time.
+    """
+    for patience in PATIENCE:
+        yield from switch(standard.LssState.WAITING)
+        if (yield from _selected(identity, patience)):
+            return True
+    return False
+
+
+def _selected(identity: Identity, patience: float) -> LssSteps[bool]:
     # Four frames with one part of the identity in each; only the last one is answered, by the device that agrees with
     # all of them (CiA 305).
     *first, last = [LssRequest(standard.Lss.SELECT + part, _number(value)) for part, value in enumerate(identity)]
     yield from first
-    return (yield last._replace(answer=standard.Lss.SELECTED)) is not None
+    return (yield last._replace(answer=standard.Lss.SELECTED, patience=patience)) is not None
 
 
 def fastscan() -> LssSteps[Identity | None]:
     """Find a device without a node-ID and put it into configuration state; None if there is none.
 
-    Of several devices, it finds the one that has 0 in the first bit in which they differ. Raises RemoteError if it goes
-    away.
+    Of several devices, it finds the one that has 0 in the first bit in which they differ. A device that then does not
+    say the same identity itself is searched for again, with more time for answers. Raises RemoteError if it goes away.
     """
-    if not (yield from _scanned(0, standard.ANY_BIT, 0, 0)):
+    yield from switch(standard.LssState.WAITING)  # fastscan is only for devices in waiting state (CiA 305)
+    if not (yield from _is_anybody_there()):
         return None
-    found: list[int] = []
-    for part in range(len(Identity._fields)):
-        number = 0
-        # From the highest bit down, each question halves what is left. LSS can say no only by silence, so a 0 that
-        # nobody confirms is a 1.
-        for bit in range(FIRST_BIT, -1, -1):
-            if not (yield from _scanned(number, bit, part, part)):
-                number |= 1 << bit
-        # Asked once more with the whole part, which makes the device go on to the next part (CiA 305, LSS fastscan).
-        if not (yield from _scanned(number, 0, part, (part + 1) % len(Identity._fields))):
-            raise RemoteError("the device that fastscan was about to find no longer answers")
-        found.append(number)
-    return Identity(*found)
+    for patience in PATIENCE:
+        yield from switch(standard.LssState.WAITING)
+        found = yield from _Scan(patience).find_one()
+        if found is not None and (yield from _is_confirmed(found)):
+            return found
+    raise RemoteError("the device that fastscan was about to find no longer answers")
 
 
 def find_all() -> LssSteps[list[Identity]]:
     """Return all devices without a node-ID, at most as many as there are node-IDs; nothing is configured.
 
-    All devices answer with the same identifier, so they are told apart by asking for both values of each bit. They stay
-    in waiting state: in configuration state they must not answer (CiA 305), but CANopenNode's then say yes to
-    everything.
+    All devices answer with the same identifier, so they are told apart by asking for both values of each bit. Each
+    device that is found is selected, and has to say the same identity itself. While others are left, they are searched
+    for again, with more time for answers. Raises RemoteError if some are left at the end: a device whose answers are
+    lost must not pass for one that is not there.
     """
     yield from switch(standard.LssState.WAITING)
-    seen: list[Identity] = []
-    if (yield from _positioned(())):
-        yield from _explore((), 0, FIRST_BIT + 1, seen)
-    found = []
-    for each in seen:  # where slaves keep no position, one may be made of parts of two devices
-        if (yield from select(each)):
-            found.append(each)
+    found: set[Identity] = set()
+    is_complete = not (yield from _is_anybody_there())
+    for patience in PATIENCE:
+        if is_complete or len(found) >= len(NODE_IDS):
+            break
+        scan = _Scan(patience)
+        yield from scan.find_all()
+        doubtful = scan.is_lost
+        for each in scan.seen:  # where slaves keep no position, one may be made of parts of two devices
+            is_confirmed = yield from _is_confirmed(each)
+            doubtful = doubtful or not is_confirmed
+            found |= {each} if is_confirmed else set()
+        is_complete = yield from _is_complete(found, doubtful)
     yield from switch(standard.LssState.WAITING)
-    return found
+    if not is_complete and len(found) < len(NODE_IDS):
+        raise RemoteError(_left_words(sorted(found)))
+    return sorted(found)
 
 
-def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity]) -> LssSteps[None]:
-    """Note the devices whose identities start with `head` and whose next part has the bits of `number` from `bit` up.
+def _left_words(found: Sequence[Identity]) -> str:
+    others = f"besides {', '.join(map(str, found))} " if found else ""
+    return f"{others}a device without a node-ID answers, but no identity that it confirms was found: answers are lost"
 
-    There is at least one.
+
+def _is_confirmed(identity: Identity) -> LssSteps[bool]:
+    """Select a device, and return whether it says the same identity itself."""
+    if not (yield from select(identity)):
+        return False
+    try:
+        return (yield from inquire_identity()) == identity
+    except NoAnswer:
+        return False
+
+
+def _is_complete(found: Iterable[Identity], doubtful: bool) -> LssSteps[bool]:
+    """Return whether nobody but the `found` devices is there; in configuration state they do not answer (CiA 305).
+
+    CANopenNode's do; of those it is known only whether the search was `doubtful`. The found devices are left in
+    configuration state, so that the next search is for the others, except for those.
     """
-    part = len(head)
-    if bit == 0 and part + 1 == len(Identity._fields):
-        seen.append(Identity._make((*head, number)))
-    elif bit == 0:
-        yield from _positioned((*head, number))
-        yield from _explore((*head, number), 0, FIRST_BIT + 1, seen)
-    else:
-        bit -= 1
-        other = number | 1 << bit
-        is_first = yield from _scanned(number, bit, part, part)
-        # If nobody is in the first half there must be somebody in the other half, without asking.
-        is_other = not is_first or (yield from _scanned(other, bit, part, part))
-        if is_first:
-            yield from _explore(head, number, bit, seen)
-        # Exploring the first half has moved everybody on: the devices of the other half are led to this part again.
-        if is_first and is_other:
-            yield from _positioned(head)
-        if is_other and len(seen) < len(NODE_IDS):
-            yield from _explore(head, other, bit, seen)
+    yield from switch(standard.LssState.WAITING)
+    for each in found:
+        for patience in PATIENCE[:2]:
+            if (yield from _selected(each, patience)):
+                break
+    if not (yield from _is_anybody_there()):
+        return True
+    for vendor in VENDORS:
+        if not (yield from _Scan().ask(vendor, 0, 0, 0)):
+            return False
+    yield from switch(standard.LssState.WAITING)
+    return not doubtful
 
 
-def _positioned(head: tuple[int, ...]) -> LssSteps[bool]:
-    """Have devices whose identities start with `head` expect its next part; return whether any device is there."""
-    is_there = yield from _scanned(0, standard.ANY_BIT, 0, 0)
-    for part, number in enumerate(head):
-        yield from _scanned(number, 0, part, part + 1)
-    return is_there
+def _is_anybody_there() -> LssSteps[bool]:
+    for patience in PATIENCE:
+        if (yield from _Scan(patience).ask(0, standard.ANY_BIT, 0, 0)):
+            return True
+    return False
+
+
+class _Scan:
+    """A search by fastscan; `seen` are the identities that it led to, and it `is_lost` where nobody answered any more.
+
+    LSS can say no only by silence. So a bit is 1 only where a device says so, not where none says 0. An answer that
+    comes late can still be taken for one to the next question: what was seen has to be confirmed.
+    """
+
+    def __init__(self, patience: float = 1) -> None:
+        self._patience = patience
+        self.seen: list[Identity] = []
+        self.is_lost = False
+
+    def ask(self, number: int, bit: int, part: int, then: int) -> LssSteps[bool]:
+        """Ask who agrees in bits 31 to `bit` of a part of the identity; those expect the part `then` next."""
+        rest = _number(number) + bytes([bit, part, then])
+        request = LssRequest(standard.Lss.FASTSCAN, rest, standard.Lss.IDENTIFY_SLAVE, self._patience)
+        return (yield request) is not None
+
+    def find_one(self) -> LssSteps[Identity | None]:
+        """Return the first device; None if it no longer answers."""
+        head: tuple[int, ...] = ()
+        yield from self._position(head)
+        for part in range(len(Identity._fields)):
+            number = 0
+            for bit in range(FIRST_BIT, -1, -1):
+                _, is_other = yield from self._halves(head, number, bit, are_both_asked=False)
+                if self.is_lost:
+                    return None
+                number |= is_other << bit
+            # Asked once more with the whole part, which makes the device go on to the next part (CiA 305, fastscan).
+            yield from self.ask(number, 0, part, (part + 1) % len(Identity._fields))
+            head = (*head, number)
+        return Identity._make(head)
+
+    def find_all(self) -> LssSteps[None]:
+        """Note all devices; ends early where nobody answers any more."""
+        yield from self._position(())
+        yield from self._explore((), 0, FIRST_BIT + 1)
+
+    def _explore(self, head: tuple[int, ...], number: int, bit: int) -> LssSteps[None]:
+        """Note the devices whose identities start with `head`, and their next part with `number` from `bit` up."""
+        if bit == 0 and len(head) + 1 == len(Identity._fields):
+            self.seen.append(Identity._make((*head, number)))
+        elif bit == 0:
+            yield from self._position((*head, number))
+            yield from self._explore((*head, number), 0, FIRST_BIT + 1)
+        else:
+            bit -= 1
+            is_first, is_other = yield from self._halves(head, number, bit, are_both_asked=True)
+            if is_first:
+                yield from self._explore(head, number, bit)
+            # Exploring the first half has moved everybody on: the devices of the other half are led to this part again.
+            if is_first and is_other:
+                yield from self._position(head)
+            if is_other and not self.is_lost and len(self.seen) < len(NODE_IDS):
+                yield from self._explore(head, number | 1 << bit, bit)
+
+    def _halves(
+        self, head: tuple[int, ...], number: int, bit: int, *, are_both_asked: bool
+    ) -> LssSteps[tuple[bool, bool]]:
+        """Return whether devices have 0 and 1 in a bit; with a 0, the 1 is asked for only if `are_both_asked`."""
+        part, is_first, is_other = len(head), False, False
+        for _ in range(ATTEMPTS):
+            is_first = yield from self.ask(number, bit, part, part)
+            if are_both_asked or not is_first:
+                is_other = yield from self.ask(number | 1 << bit, bit, part, part)
+            if is_first or is_other:
+                return is_first, is_other
+            yield from self._position(head)  # a device that missed a question may expect another part
+        self.is_lost = True
+        return False, False
+
+    def _position(self, head: tuple[int, ...]) -> LssSteps[None]:
+        """Have devices whose identities start with `head` expect its next part."""
+        for _ in range(ATTEMPTS):
+            is_there = yield from self.ask(0, standard.ANY_BIT, 0, 0)
+            for part, number in enumerate(head):
+                is_there = is_there and (yield from self.ask(number, 0, part, part + 1))
+            if is_there:
+                break
+
+
+def inquire_identity() -> LssSteps[Identity]:
+    """Return the identity of the device that is being configured; raises NoAnswer."""
+    numbers = list[int]()
+    for part, name in enumerate(standard.LSS_IDENTITY):
+        command, answer = standard.Lss.INQUIRE + part, None
+        for patience in PATIENCE:
+            answer = yield LssRequest(command, answer=command, patience=patience)
+            if answer is not None:
+                break
+        else:
+            raise NoAnswer(f"LSS inquire {name}", "answer", len(PATIENCE), PATIENCE[-1] * ANSWER_WAIT)
+        numbers.append(int.from_bytes(answer[1:5], "little"))
+    return Identity._make(numbers)
 
 
 def inquire_node_id() -> LssSteps[int]:
@@ -188,7 +319,6 @@ def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity 
         found = identity if (yield from select(identity)) else None
         missing = f"no device has the identity {identity}"
     else:
-        yield from switch(standard.LssState.WAITING)  # fastscan is only for devices in waiting state (CiA 305)
         found, missing = (yield from fastscan()), "no device without a node-ID answers"
     if found is None:
         raise RemoteError(missing)
@@ -209,12 +339,6 @@ def assigned(node_id: int, identity: Identity | None, bit_rate: int | None, stor
 
 def _sent(request: LssRequest) -> LssSteps[None]:
     yield request
-
-
-def _scanned(number: int, bit: int, part: int, then: int) -> LssSteps[bool]:
-    """Ask who agrees in bits 31 to `bit` of a part of the identity; those expect the part `then` next."""
-    rest = _number(number) + bytes([bit, part, then])
-    return (yield LssRequest(standard.Lss.FASTSCAN, rest, standard.Lss.IDENTIFY_SLAVE)) is not None
 
 
 def _configured(command: standard.Lss, rest: bytes) -> LssSteps[None]:
@@ -284,4 +408,4 @@ def _fitting(answers: list[bytes], request: LssRequest) -> Iterator[bytes]:
 
 
 def _wait(request: LssRequest, wait: float) -> float:
-    return STORE_WAIT if request.command is standard.Lss.STORE else wait
+    return STORE_WAIT if request.command is standard.Lss.STORE else wait * request.patience

@@ -17,7 +17,6 @@ import re
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 from warnings import warn
 
@@ -56,9 +55,9 @@ class MakersWords(NamedTuple):
     """What a maker says in a `file`: of error codes by code, of objects by their names or numbers."""
 
     file: str = ""
-    emcy: Mapping[int, str] = MappingProxyType({})
-    units: Mapping[str, MakersUnit] = MappingProxyType({})
-    words: Mapping[str, ObjectWords] = MappingProxyType({})
+    emcy: Mapping[int, str] = {}
+    units: Mapping[str, MakersUnit] = {}
+    words: Mapping[str, ObjectWords] = {}
 
     def describe(self, objects: ObjectDictionary) -> None:
         """Give the objects of a device their units and words; warns of one that it does not have."""

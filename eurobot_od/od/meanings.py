@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 from eurobot_od.od.values import Address, Limits
@@ -31,7 +30,7 @@ class ObjectMeaning(NamedTuple):
 
     unit: str = ""
     plain: Limits | None = None
-    codes: Mapping[str, int] = MappingProxyType({})
+    codes: Mapping[str, int] = {}
 
     @property
     def step(self) -> float:

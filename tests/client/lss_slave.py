@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterable, Mapping
+from itertools import cycle
 from math import inf
 from types import MappingProxyType
 
@@ -66,3 +68,36 @@ class StatelessStation(LssStation):
         if data[0] == 0x51:
             self.slave._position = data[6]
         return super()._answer(data, now)
+
+
+class OtherIdentityStation(LssStation):
+    """Says another serial number than the one that it is found by."""
+
+    def _answer(self, data: bytes, now: float) -> bytes | None:
+        answer = super()._answer(data, now)
+        return b"\x5d\x09" if data[0] == 0x5D and answer else answer
+
+
+class UnreliableStation(LssStation):
+    """Delays its answers by `delays` in s, in turn; None is an answer that is lost."""
+
+    def __init__(self, identity: Identity, delays: Iterable[float | None]) -> None:
+        super().__init__(identity)
+        self._delays, self._late = cycle(delays), deque[tuple[float, Frame]]()
+
+    @property
+    def next_wakeup(self) -> float:  # type: ignore[override]
+        return self._late[0][0] if self._late else inf
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        answers = super().receive(frame, now)
+        for each in answers:
+            delay = next(self._delays)
+            if delay == 0:
+                return answers
+            if delay is not None:
+                self._late.append((now + delay, each))
+        return []
+
+    def tick(self, now: float) -> list[Frame]:
+        return [self._late.popleft()[1] for due, _ in [*self._late] if due <= now]

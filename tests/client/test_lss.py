@@ -14,7 +14,14 @@ from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import LssState
-from tests.client.lss_slave import CONFIGURATION, WAITING, LssStation, StatelessStation
+from tests.client.lss_slave import (
+    CONFIGURATION,
+    WAITING,
+    LssStation,
+    OtherIdentityStation,
+    StatelessStation,
+    UnreliableStation,
+)
 from tests.client.wired import Answerer, wired
 
 ONE = Identity(0x12345678, 0xFFFFFFFF, 0, 0x80000001)
@@ -47,10 +54,43 @@ def test_no_device_is_made_of_two() -> None:
 
 
 def test_the_search_has_a_bound_on_a_bus_that_always_says_yes() -> None:
-    asked = list[int]()
-    with wired(Answerer(lambda _: [Frame(0x7E4, bytes([each, *bytes(7)])) for each in (0x4F, 0x44)])) as master:
-        assert len(perform(master, lss.find_all(), progress=lambda number, _: asked.append(number))) == 127
-    assert len(asked) < 127 * 20
+    asked, yes = list[int](), Answerer(lambda _: [Frame(0x7E4, bytes([each, *bytes(7)])) for each in (0x4F, 0x44)])
+    with wired(yes) as master, pytest.raises(RemoteError, match="no identity that it confirms was found"):
+        perform(master, lss.find_all(), progress=lambda number, _: asked.append(number))
+    assert len(asked) < len(lss.PATIENCE) * 127 * 30
+
+
+@pytest.mark.parametrize("late", [0.15, 0.25, 0.5])
+@pytest.mark.parametrize("identities", [[ONE], [OTHER, ONE, NEXT]])
+def test_devices_whose_answers_come_after_the_time_for_them_are_found_by_their_own_identity(
+    identities: list[Identity], late: float
+) -> None:
+    with wired(*(UnreliableStation(each, [late]) for each in identities)) as master:
+        assert perform(master, lss.find_all()) == identities
+
+
+def test_a_device_that_is_too_late_for_every_wait_is_not_made_up() -> None:
+    with wired(UnreliableStation(ONE, [1.5])) as master, pytest.raises(RemoteError, match="answers are lost"):
+        perform(master, lss.find_all())
+
+
+@pytest.mark.parametrize("lost", range(0, 140, 7))
+def test_one_lost_answer_costs_no_bit_and_no_device(lost: int) -> None:
+    behaviour = [0.0] * lost + [None] + [0.0] * 3000
+    with wired(UnreliableStation(NEXT, behaviour), LssStation(OTHER)) as master:
+        assert perform(master, lss.find_all()) == [OTHER, NEXT]
+
+
+def test_fastscan_of_a_device_with_late_answers_finds_its_own_identity() -> None:
+    station = UnreliableStation(ONE, [0.15])
+    with wired(station) as master:
+        assert perform(master, lss.fastscan()) == ONE
+    assert station.state is CONFIGURATION
+
+
+def test_a_device_that_says_another_identity_than_fastscan_finds_is_told() -> None:
+    with wired(OtherIdentityStation(ONE)) as master, pytest.raises(RemoteError, match="no identity that it confirms"):
+        perform(master, lss.find_all())
 
 
 def test_a_device_that_fastscan_loses_is_an_error() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 from eurobot_od.errors import DictionaryError, MappingError
 from eurobot_od.od.description import ObjectCode
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.maker import MakersWords
 from eurobot_od.od.normal import normal
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
@@ -368,3 +370,11 @@ def test_what_canopen_drops_is_set(data: bytes, attribute: str, value: object) -
 def test_the_node_id_is_that_of_the_device_without_a_commissioning_too() -> None:
     dictionary = Dictionary.read(described(), Path("a.eds"), 5)
     assert (dictionary.objects.node_id, dictionary.commissioned_node_id) == (5, None)
+
+
+@rows("made", [["from its file"], ["with its maker's words"]])
+def test_a_dictionary_goes_to_another_process_with_its_pdos(made: str) -> None:
+    """Workers of an archive get the dictionaries of their parent."""
+    dictionary = Dictionary.load(DOCS / "servo.eds", 5)
+    dictionary = dictionary.described_by(MakersWords()) if "words" in made else dictionary
+    assert pickle.loads(pickle.dumps(dictionary)).pdos == dictionary.pdos
