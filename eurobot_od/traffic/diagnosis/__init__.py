@@ -24,6 +24,7 @@ from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.diagnosis.drives import DriveWatcher
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Watcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
 from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, SyncWatcher, TimeWatcher
@@ -67,18 +68,19 @@ class WatchedBus:
     ) -> None:
         self.bus, self.bit_rate, self._tick_at = bus, bit_rate, 0.0
         self.nodes, self.pdos, self.sdo = NodesWatcher(bus), PdoWatcher(bus), SdoWatcher(bus)
+        self.drives = DriveWatcher(bus)
         answers = [AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []
         self._services: dict[str, tuple[Watcher, ...]] = {
-            NMT: (self.sdo, self.nodes),
-            HEARTBEAT: (self.nodes,),
+            NMT: (self.sdo, self.nodes, self.drives),
+            HEARTBEAT: (self.nodes, self.drives),
             GUARDING: (self.nodes,),
-            EMCY_NAME: (EmergencyWatcher(bus),),
-            SDO: (self.sdo,),
+            EMCY_NAME: (EmergencyWatcher(bus), self.drives),
+            SDO: (self.sdo, self.drives),
             SYNC_NAME: (SyncWatcher(bus),),
             TIME_NAME: (TimeWatcher(bus),),
             LSS: (LssWatcher(bus),),
         }
-        self._messages: list[Watcher] = [self.pdos, *answers, *(each(bus) for each in more)]
+        self._messages: list[Watcher] = [self.pdos, self.drives, *answers, *(each(bus) for each in more)]
         self._watchers = list(dict.fromkeys([*chain(*self._services.values()), *self._messages]))
         self._promised = promised
         self._loads: list[list[Any]] = []
@@ -132,6 +134,7 @@ class WatchedBus:
         if decoder is not self.bus.decoder:
             self.bus.decoder = decoder
             self.pdos.changed()
+            self.drives.changed()
         if ended.address == HEARTBEAT_TIME and ended.end:
             self.nodes.set_period(self.bus.node(ended.end.server))
 

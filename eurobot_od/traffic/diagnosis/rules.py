@@ -387,6 +387,99 @@ class BusRule(IncidentRule):
         clause="CiA 301, 7.2.2.1",
     )
 
+    # Drives
+    DRIVE_FAULT = RuleRow(
+        Severity.ERROR,
+        "An axis of a drive is in Fault: its motor has no torque",
+        cause="what its error code says (0x603F, EMCY); the frames before show what it was doing",
+        remedy="read 0x603F and `emcy NODE`, mend the cause, then command Fault reset: a rising edge of bit 7",
+        clause="CiA 402-2, 8.2, 8.4.2 (transitions 13 to 15)",
+    )
+    DRIVE_NOT_ENABLED = RuleRow(
+        Severity.ERROR,
+        "An axis is told to enable operation, and does not within a second",
+        cause="a command is left out, a bit of the controlword is missing, or the power stage has no voltage",
+        remedy="command Shutdown (0x0006), Switch on (0x0007), Enable operation (0x000F), each after the state before",
+        clause="CiA 402-2, 8.2, 8.4.1 (transitions 2 to 4)",
+    )
+    DRIVE_DISABLED = RuleRow(
+        Severity.ERROR,
+        "An axis leaves Operation enabled though nobody commands it",
+        cause="its power stage lost its voltage, its enable input opened, or a second master commands it",
+        remedy="look at the supply of the power stage, the enable input (STO), and who sends controlwords",
+        clause="CiA 402-2, 8.2 (transitions 8, 9)",
+    )
+    DRIVE_QUICK_STOP = RuleRow(
+        Severity.WARNING,
+        "An axis makes a quick stop that no controlword commands",
+        cause="a limit switch, an input for it, or a lost heartbeat (0x6007)",
+        remedy="read 0x60FD (inputs) and 0x6007, look at the limit switches",
+        clause="CiA 402-2, 8.2 (transition 11), 8.4.5",
+    )
+    DRIVE_FOLLOWING = RuleRow(
+        Severity.ERROR,
+        "An axis does not follow its position demand: following error",
+        cause="it is blocked or too weak, or the demand is faster than it can be",
+        remedy="look at the mechanics and the load, then compare 0x60F4 with the window 0x6065 and 0x6066",
+        clause="CiA 402-2, 11 (position control)",
+    )
+    DRIVE_HOMING = RuleRow(
+        Severity.ERROR,
+        "Homing of an axis has failed",
+        cause="its home or limit switch was not found, or does not fit the method (0x6098)",
+        remedy="look at the switches in 0x60FD while the axis is moved by hand; compare 0x6098",
+        clause="CiA 402-2, 10 (homing)",
+    )
+    DRIVE_TARGET = RuleRow(
+        Severity.WARNING,
+        "An axis was given a position, and stands without reaching it",
+        cause="it is blocked or halted, at a limit, or its window (0x6067, 0x6068) is too narrow",
+        remedy="read 0x6064, 0x6067 and 0x60FD; look at the mechanics",
+        clause="CiA 402-2, 11 (position window), statusword bit 10",
+    )
+    DRIVE_MODE = RuleRow(
+        Severity.WARNING,
+        "An axis shows another mode of operation than it was given",
+        cause="the drive does not have the mode (0x6502), or takes it only in another state",
+        remedy="read 0x6502; change 0x6060 while the axis is in Switched on",
+        clause="CiA 402-2, 9 (modes of operation)",
+    )
+    DRIVE_WARNING = RuleRow(
+        Severity.WARNING,
+        "An axis has a warning that lasts",
+        cause="something is near its limit, such as temperature, load (I2t), or voltage",
+        remedy="read 0x603F and `emcy NODE`; the manual of the drive lists its warnings",
+        clause="CiA 402-2, 8.4.2 (statusword bit 7)",
+    )
+    DRIVE_LIMIT = RuleRow(
+        Severity.INFO,
+        "An internal limit of an axis stays active",
+        cause="a target beyond what the drive allows: position (0x607D), velocity, torque or a limit switch",
+        remedy="compare the target with 0x607D, 0x607F and 0x6072",
+        clause="CiA 402-2, 8.4.2 (statusword bit 11)",
+    )
+    DRIVE_HALTED = RuleRow(
+        Severity.INFO,
+        "An axis is enabled, and halted by its controlword",
+        cause="a master has set halt (bit 8), and not taken it back",
+        remedy="clear bit 8 of the controlword when the axis is to move",
+        clause="CiA 402-2, 8.4.1 (controlword bit 8)",
+    )
+    DRIVE_STOPPED = RuleRow(
+        Severity.INFO,
+        "An axis makes a quick stop, as its controlword commands",
+        cause="a master has cleared bit 2 of the controlword",
+        remedy="nothing, if it was meant",
+        clause="CiA 402-2, 8.2 (transition 11)",
+    )
+    DRIVE_FAULT_RESET = RuleRow(
+        Severity.INFO,
+        "An axis was in Fault when it was first seen, and is not any more",
+        cause="what its error code says (0x603F, EMCY)",
+        remedy="nothing, if it does not come again",
+        clause="CiA 402-2, 8.2 (transition 15)",
+    )
+
     # SYNC and TIME
     SYNC_TWO = RuleRow(
         Severity.ERROR,

@@ -82,6 +82,27 @@ DEVICES = {
     ),
 }
 
+
+def _drive() -> Dictionary:
+    """Return a drive of one axis: TPDO1 has statusword and mode, TPDO2 the position, RPDO1 controlword and mode."""
+    objects = (
+        variable("6040", "Controlword", "UNSIGNED16", "0"),
+        variable("6041", "Statusword", "UNSIGNED16", "0"),
+        variable("6060", "Mode", "INTEGER8", "0"),
+        variable("6061", "Mode display", "INTEGER8", "0"),
+        variable("6064", "Position", "INTEGER32", "0"),
+    )
+    pdos = (
+        pdo(0x1800, "0x60410010", "0x60610008", cob_id="0x185", settings={2: "255"}),
+        pdo(0x1801, "0x60640020", cob_id="0x285", settings={2: "255"}),
+        pdo(0x1400, "0x60400010", "0x60600008", cob_id="0x205", settings={2: "255"}),
+    )
+    text = "".join((variable("1000", "Device type", "UNSIGNED32", "0x20192"), *objects, *pdos))
+    return Dictionary.read(text.encode(), Path("drive.eds"), 5, "drive")
+
+
+DEVICES["drive"] = _drive()
+
 # Parts of logs
 
 
@@ -124,6 +145,24 @@ SET_7, SET_8, DONE = "605#2F01200007000000", "605#2F01200008000000", "585#600120
 START, STOP, RESET, TO_PRE = "000#0105", "000#0205", "000#8105", "000#8005"
 EMERGENCY, CLEARED = "085#1081110000000000", "085#0000000000000000"
 SEGMENTED = ("605#4008100000000000", "585#410810000E000000", "605#6000000000000000", "585#0061626364656667")
+DRIVE = ("drive",)
+ASK_2, IS_ENABLED_2, IS_FAULT_2 = "605#4041680000000000", "585#4B41680037060000", "585#4B41680018020000"
+
+POLLS_2 = log(
+    at("605#403F680000000000", "585#4B3F680000000000", start=0.05),
+    every(0.1, ASK_2, 1.0),
+    every(0.1, IS_ENABLED_2, 1.0, 0.001),
+)
+"""A device without a file is asked for error code and statusword of its second axis."""
+
+
+def status(word: int, start: float, until: float, mode: int = 1) -> Log:
+    """Return the frames in which the drive shows its statusword, and its mode."""
+    return every(0.1, f"185#{word.to_bytes(2, 'little').hex().upper()}{mode:02X}", until, start)
+
+
+RUNS = status(0x0637, 0.0, 2.0)
+MOVES = [(4.0, "285#09000000")]
 FULL = every(0.0002, "123#FFFFFFFFFFFFFFFF", 1.2)
 STARVING = MessageSet((PeriodicMessage(0x185, 135, 1000, 1000, node="timed", name="A"),) * 5)
 ANSWERS = MessageSet(
@@ -338,6 +377,64 @@ DEFECTS = [
         ANSWERS,
         None,
         ANSWERS,
+    ),
+    # Drives
+    RuleDefect(BusRule.DRIVE_FAULT, log(RUNS, status(0x0218, 1.0, 1.5)), 1.0, log(RUNS, at("185#000000")), DRIVE),
+    RuleDefect(
+        BusRule.DRIVE_FAULT,
+        log(POLLS_2, at(ASK_2, IS_FAULT_2, start=1.05)),
+        1.051,
+        log(POLLS_2, at(ASK_2, IS_ENABLED_2, start=1.05)),
+    ),
+    RuleDefect(BusRule.DRIVE_FAULT_RESET, log(status(0x0218, 0, 1), status(0x0250, 1.1, 2)), 0.0, RUNS, DRIVE),
+    RuleDefect(
+        BusRule.DRIVE_NOT_ENABLED,
+        log(status(0x0250, 0, 3), at("205#0F0001", start=0.5)),
+        0.5,
+        log(status(0x0250, 0, 1.2), at("205#0F0001", start=0.5), status(0x0637, 1.3, 3)),
+        DRIVE,
+    ),
+    RuleDefect(
+        BusRule.DRIVE_DISABLED,
+        log(RUNS, at("205#0F0001", start=0.55), status(0x0250, 2.1, 3)),
+        2.1,
+        log(RUNS, at("205#0F0001", start=0.55), at("205#000001", start=2.05), status(0x0250, 2.1, 3)),
+        DRIVE,
+    ),
+    RuleDefect(
+        BusRule.DRIVE_QUICK_STOP,
+        log(RUNS, at("205#0F0001", start=0.55), status(0x0217, 2.1, 3)),
+        2.1,
+        log(RUNS, at("205#0F0001", start=0.55), at("205#020001", start=2.05), status(0x0217, 2.1, 3)),
+        DRIVE,
+    ),
+    RuleDefect(
+        BusRule.DRIVE_STOPPED,
+        log(RUNS, at("205#020001", start=2.05), status(0x0217, 2.1, 3)),
+        2.1,
+        log(RUNS, at("205#0F0001", start=2.05), status(0x0217, 2.1, 3)),
+        DRIVE,
+    ),
+    RuleDefect(BusRule.DRIVE_FOLLOWING, status(0x2237, 0.1, 1), 0.1, status(0x2237, 0.1, 1, mode=3), DRIVE),
+    RuleDefect(BusRule.DRIVE_HOMING, status(0x2237, 0.1, 1, mode=6), 0.1, status(0x2237, 0.1, 1), DRIVE),
+    RuleDefect(BusRule.DRIVE_LIMIT, status(0x0A37, 0, 2), 0.0, log(RUNS, status(0x0A37, 1.01, 1.01)), DRIVE),
+    RuleDefect(BusRule.DRIVE_WARNING, status(0x02B7, 0, 2), 0.0, log(RUNS, status(0x02B7, 1.01, 1.01)), DRIVE),
+    RuleDefect(
+        BusRule.DRIVE_MODE,
+        log(at("205#0F0008", start=0.05), status(0x0637, 0.1, 2)),
+        2.0,
+        log(at("205#0F0001", start=0.05), status(0x0637, 0.1, 2)),
+        DRIVE,
+    ),
+    RuleDefect(
+        BusRule.DRIVE_HALTED, log(RUNS, at("205#0F0101"), beats(until=5)), 0.0, log(RUNS, beats(until=5)), DRIVE
+    ),
+    RuleDefect(
+        BusRule.DRIVE_TARGET,
+        log(status(0x0237, 0, 5), at("205#0F0001", "205#1F0001", start=0.5), at("285#05000000", start=0.6)),
+        0.501,
+        log(status(0x0237, 0, 5), at("205#0F0001", "205#1F0001", start=0.5), every(0.5, "285#05000000", 5), MOVES),
+        DRIVE,
     ),
     # SYNC and TIME
     RuleDefect(
