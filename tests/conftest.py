@@ -1,20 +1,17 @@
-"""What several test files use: EDS files of a dialect, copied and spoilt in one place; Ctrl-C; hypothesis untimed."""
+"""What all tests have: dictionaries read once, Ctrl-C, folders of their own, hypothesis untimed."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 from collections.abc import Callable, Iterator
 from functools import lru_cache, wraps
 from pathlib import Path
-from tempfile import mkdtemp
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from eurobot_od.od.dictionary import Dictionary
-from tests.eds_text import with_entry
 
 # No test may depend on how fast the machine is. In CI the same inputs are tried each time: what a change did not break
 # stays green. Everywhere else they are other ones each time.
@@ -77,21 +74,3 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip on Windows what needs something that it does not have."""
     if os.name == "nt" and item.get_closest_marker("posix"):
         pytest.skip("Windows has no such thing")
-
-
-EDS = Path(__file__).parents[1] / "eds"
-
-
-@pytest.fixture
-def spoil_eds(tmp_path: Path) -> Callable[..., Path]:
-    """Copies the EDS files of `dialect` and changes entries (node, section, key, value); gives their new folder."""
-
-    def spoil(*changes: tuple[str, str, str, str | None], dialect: str = "canopen") -> Path:
-        folder = Path(mkdtemp(dir=tmp_path), "eds")
-        shutil.copytree(EDS / dialect, folder)
-        for node, section, key, value in changes:
-            file = folder / f"{node}.eds"
-            file.write_text(with_entry(file.read_text(), section, key, value))
-        return folder
-
-    return spoil

@@ -176,17 +176,13 @@ def test_nothing_names_the_robot_but_itself() -> None:
 TESTS = ROOT / "tests"
 ROBOTS_FILES = re.compile(r"\beds/(canopen|firmware2014|protocol|network|robot)|eurobot_od\.robot")
 ABOUT_BOTH = {
-    "conftest": "EDS files of a dialect, spoilt for the robot's tests",
     "test_docs": "all pages, of the robot, too",
     "test_layers": "the house itself",
     "test_packaging": "what is delivered",
     "test_plugin": "how the robot is found",
-    "test_public_names": "all names",
     "test_without_robot": "the workbench where the robot is missing",
-    "without_robot": "... a process of it",
 }
-NOT_YET = {*(TESTS / "not_yet_neutral.txt").read_text().split()}
-"""Files that still use it: none is added."""
+"""Files outside `tests/robot/` that name it, and what for."""
 
 
 def uses_of_the_robot(file: Path) -> Iterator[str]:
@@ -207,7 +203,7 @@ def uses_of_the_robot(file: Path) -> Iterator[str]:
 def test_only_the_robots_tests_use_the_robot() -> None:
     outside = [each for each in sorted(TESTS.rglob("*.py")) if each.relative_to(TESTS).parts[0] != ROBOT]
     users = {each.relative_to(TESTS).with_suffix("").as_posix() for each in outside if any(uses_of_the_robot(each))}
-    assert users - ABOUT_BOTH.keys() - NOT_YET == set()
+    assert users == ABOUT_BOTH.keys()
 
 
 # One model for each noun: the class that has its name, and what is another thing though its name ends in it.

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 from eurobot_od.bus.live.event_loop import Hang, Terminated, caller, exited
 from eurobot_od.device.timers import Call
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
+from eurobot_od.pdo.kinds import plain
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.model.messages import DIAMETERS, GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.options import MatchOptions
@@ -59,9 +60,8 @@ class Observer:
             call.add_done_callback(partial(self._did, what))
             return
         place = f"({what.x}, {what.y}) {what.angle} deg, {what.speed} %"
-        self._timeline.tell(
-            EventKind.GOTO, place, goto=what._asdict() | {"barriers": self._core.facts.words(what.barriers)}
-        )
+        goto = plain(what) | {"barriers": self._core.facts.words(what.barriers)}
+        self._timeline.tell(EventKind.GOTO, place, goto=goto)
         call.add_done_callback(partial(self._ended, begin))
 
     def _ask_for(self, name: str, where: str, call: Call[Any]) -> None:

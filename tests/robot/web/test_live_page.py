@@ -29,8 +29,8 @@ from eurobot_od.robot.world import World
 from eurobot_od.traffic.formats import read
 from eurobot_od.traffic.meaning import Decoder
 from tests.cli.processes import command, line
-from tests.conftest import EDS
 from tests.eds_text import with_entry
+from tests.robot.conftest import EDS
 from tests.robot.web.scene import live_page, robot
 from tests.web.browser import PATIENCE, Browser, Page
 from tests.web.scene import LONG, Served, channel
