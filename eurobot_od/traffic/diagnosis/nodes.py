@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from functools import partial
 from itertools import pairwise
+from typing import NamedTuple
 
 from eurobot_od.client.watch import LATE_AFTER, LOST_AFTER, NodeChange
 from eurobot_od.device.nmt import COMMAND_NAMES, RESETS, STATE_NAMES, TARGET, TOGGLE, NmtState, boot_state
@@ -14,6 +15,7 @@ from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NODE_IDS
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.diagnosis.series import WINDOW, is_even, two_series
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import GUARDING, NMT
 
@@ -35,19 +37,46 @@ PATIENCE = 1.0
 CHANGED, UNEVEN = 0.25, 0.2
 """Shares of a heartbeat's period: it comes at another one, is one of two series."""
 
+IN_PHASE = 0.1
+"""Share of its period by which a heartbeat may deviate from the series before it."""
+
+ANSWERS_WITHIN = 0.1
+"""Time in which a node answers node guarding, in s."""
+
 OFF_OR_ELSEWHERE = "its heartbeat is switched off, or it sends it under another node-ID"
 """Why a node that is there likely sends no heartbeat."""
+
+
+class UnclearBootUp(NamedTuple):
+    """A boot-up of a node in the middle of its heartbeats, which may be another node's: what to report if it is not."""
+
+    rule: BusRule
+    text: str
+    at: float
+    seen: Occurrences
+    last: float
+    period: float
+    state: NmtState
+
+    def is_of_another(self, time: float, state: NmtState) -> bool:
+        """Return whether a heartbeat at a time in s continues the series from before the boot-up, and its state."""
+        periods, own = (time - self.last) / self.period, (time - self.at) / self.period
+        is_next = round(periods) >= 1 and abs(periods - round(periods)) < IN_PHASE
+        return is_next and abs(own - 1) > IN_PHASE and state is self.state
 
 
 class Beats:
     """The heartbeats of a node: the `period` that its settings say in s, 0 for none, and when the `last` one came.
 
     `last` is None while none is due. `before` is the state before the last one, `flips` how often it came back.
+    `observed` is the period of heartbeats that came evenly, 0 until then; they are of two nodes if `is_of_two`.
     """
 
     def __init__(self, period: float) -> None:
         self.period, self.last, self.lost = period, None, False
         self.intervals: deque[float] = deque(maxlen=2 * SURE)
+        self.times: deque[float] = deque(maxlen=WINDOW)
+        self.observed, self.is_of_two, self._number = 0.0, False, 0
         self.before: NmtState | None = None
         self.flips = 0
 
@@ -56,9 +85,11 @@ class Beats:
     @property
     def usual(self) -> float:
         """The period by the settings, or by what came if that is longer; 0 if nothing says it."""
-        is_known = len(self.intervals) >= SURE
-        # The last but one: a single long silence does not change it, and two nodes' heartbeats come unevenly.
-        return max(self.period, sorted(self.intervals)[-2] if is_known else 0.0)
+        if len(self.intervals) < SURE:
+            return self.period
+        # The last but one: a single long silence does not change it. Of few, two nodes' may be as uneven as all are.
+        place = -2 if len(self.intervals) > SURE + 1 else -1
+        return max(self.period, sorted(self.intervals)[place])
 
     def is_lost(self, now: float) -> bool:
         """Whether the next one should have come by now."""
@@ -72,8 +103,25 @@ class Beats:
 
     def restart(self, last: float | None) -> None:
         """Begin anew: one is due after `last`, or none."""
-        self.last, self.lost, self.flips = last, False, 0
+        self.last, self.lost, self.flips, self.observed = last, False, 0, 0.0
         self.intervals.clear()
+        self.times.clear()
+
+    def is_next(self, time: float) -> bool:
+        """Return whether a frame at a time in s continues the series."""
+        if self.last is None or not self.usual or len(self.intervals) < SURE:
+            return False
+        periods = (time - self.last) / self.usual
+        return round(periods) >= 1 and abs(periods - round(periods)) < IN_PHASE
+
+    def series(self, time: float) -> tuple[float, float] | None:
+        """Take in a heartbeat at a time in s; return the periods of two series if they are that many."""
+        self.times.append(time)
+        self._number += 1
+        if len(self.intervals) == self.intervals.maxlen and not self.observed and is_even([*self.times], 1 + IN_PHASE):
+            self.observed = sum(self.intervals) / len(self.intervals)
+        # Few windows are looked at: a twin does not go away.
+        return None if self._number % SURE or self.is_of_two else two_series([*self.times], 1 + CHANGED)
 
 
 class NodesWatcher(Watcher):
@@ -87,7 +135,9 @@ class NodesWatcher(Watcher):
         self._beats: dict[int, Beats] = {}
         self._toggles: dict[int, int | None] = {}
         self._asked: dict[int, int] = {}
+        self._asked_at: dict[int, float] = {}
         self._pre_operational: dict[int, Occurrences] = {}
+        self._unclear: dict[int, UnclearBootUp] = {}
 
     def take(self, time: float, meaning: Meaning) -> None:
         frame = meaning.raw
@@ -97,15 +147,16 @@ class NodesWatcher(Watcher):
                 self._command(time, *frame.data)
             return
         node = self.bus.node(frame.cob_id - ERROR_CONTROL_BASE)
-        if meaning.name == GUARDING:
-            self._guard(node, frame)
+        is_answer = meaning.name == GUARDING and not self._is_beat(time, node, frame)
+        if is_answer:
+            self._guard(time, node, frame)
         if not frame.is_remote:
             node.heard = True
             state = frame.data[0] & ~TOGGLE
             if state == NmtState.INITIALISING:
                 self._boot(time, node)
             elif state in set(NmtState):
-                self._state(time, node, NmtState(state), meaning.name == GUARDING)
+                self._state(time, node, NmtState(state), is_answer)
 
     # NMT
 
@@ -129,21 +180,48 @@ class NodesWatcher(Watcher):
 
     def _boot(self, time: float, node: ObservedNode) -> None:
         last, self._booted[node.node_id] = self._booted.get(node.node_id), time
+        beats = self._beats_of(node)
+        rule, text = None, f"{NodeChange.BOOTED.value} again without a reset"
         if node.reset is not None:
             node.reset = None
         elif last is not None and time - last < TOGETHER and node.state is None:
-            self.bus.found(BusRule.TWO_NODES, node.name, "two boot-ups come after one start")
+            self._two(node, "two boot-ups come after one start", "boot-ups")
         elif node.state is NmtState.OPERATIONAL:
-            self.bus.found(BusRule.BOOTS_OPERATIONAL, node.name, f"{NodeChange.BOOTED.value} while it was operational")
+            rule, text = BusRule.BOOTS_OPERATIONAL, f"{NodeChange.BOOTED.value} while it was operational"
         elif last is not None or node.state is not None:
-            self.bus.found(BusRule.BOOTS_AGAIN, node.name, f"{NodeChange.BOOTED.value} again without a reset")
+            rule = BusRule.BOOTS_AGAIN
+        if rule and node.state and beats.last is not None and beats.usual and not beats.lost:
+            seen = Occurrences.once(self.bus.at())
+            unclear = UnclearBootUp(rule, text, time, seen, beats.last, beats.usual, node.state)
+            self._unclear[node.node_id] = unclear
+        elif rule:
+            self.bus.found(rule, node.name, text)
         node.booted, node.state, node.since = True, None, time
         self._forget_orders(node)
         self._toggles[node.node_id] = None
-        self._beats_of(node).restart(time)
+        beats.restart(time)
+
+    def _settle(self, time: float, node: ObservedNode, state: NmtState) -> None:
+        """Decide by the next heartbeat who has booted: the node, or another one with its node-ID."""
+        unclear = self._unclear.pop(node.node_id, None)
+        if unclear is None:
+            return
+        if not unclear.is_of_another(time, state):
+            self.bus.found(unclear.rule, node.name, unclear.text, seen=unclear.seen)
+            return
+        node.state = state
+        text = f"a boot-up, and the heartbeats go on in phase as {STATE_NAMES[state]}"
+        self._two(node, text, "boot-up", unclear.seen)
+
+    def _two(self, node: ObservedNode, text: str, subject: str, seen: Occurrences | None = None) -> None:
+        self._beats_of(node).is_of_two = True
+        self.bus.found(
+            BusRule.TWO_NODES, node.name, f"node-ID {node.node_id} is used twice: {text}", subject, seen=seen
+        )
 
     def _state(self, time: float, node: ObservedNode, state: NmtState, is_guarding: bool) -> None:
         if not is_guarding:
+            self._settle(time, node, state)
             self._beat(time, node, state)
         if state is not node.state:
             if node.node_id not in self._told and state is not self._wanted.get(node.node_id):
@@ -185,26 +263,29 @@ class NodesWatcher(Watcher):
             beats.before = node.state
             if beats.flips >= SURE and node.node_id not in self._told:
                 states = f"{STATE_NAMES[state]} and {STATE_NAMES[beats.before or state]}"
-                self.bus.found(BusRule.TWO_NODES, node.name, f"says by turns that it is {states}", "states")
+                self._two(node, f"its heartbeats say by turns {states}", "states")
         if beats.last is not None and time > beats.last and not beats.lost:  # a log may have no times
             beats.intervals.append(time - beats.last)
             self._judge(node, beats)
+            if (periods := beats.series(time)) and not beats.is_of_two:
+                every = " and ".join(brief(each) for each in periods)
+                self._two(node, f"two series of heartbeats, every {every} (observed)", "heartbeats")
         beats.last, beats.lost = time, False
 
     def _judge(self, node: ObservedNode, beats: Beats) -> None:
         """Look at a node's last intervals."""
         *others, last = beats.intervals
-        if len(others) >= SURE and last > LATE_AFTER * (usual := beats.usual):
+        if len(others) >= SURE and not beats.is_of_two and last > LATE_AFTER * (usual := beats.usual):
             text = f"a heartbeat after {brief(last)}, with a period of {brief(usual)}"
             self.bus.found(BusRule.HEARTBEAT_LATE, node.name, text)
-        if not beats.period or len(beats.intervals) < 2 * SURE:
+        if not (beats.period or beats.observed) or len(beats.intervals) < 2 * SURE:
             return
-        period, uneven = beats.period, max(beats.intervals) > (1 + CHANGED) * min(beats.intervals)
+        period, uneven = beats.period or beats.observed, max(beats.intervals) > (1 + CHANGED) * min(beats.intervals)
         pairs = [one + two for one, two in pairwise(beats.intervals)]
-        if uneven and all(abs(each / period - 1) < UNEVEN for each in pairs):
-            text = f"two series of heartbeats, each every {brief(period)}"
-            self.bus.found(BusRule.TWO_NODES, node.name, text, "heartbeats")
-        elif not uneven and all(abs(each / period - 1) > CHANGED for each in beats.intervals):
+        if (uneven or beats.observed) and all(abs(each / period - 1) < UNEVEN for each in pairs):
+            if not beats.is_of_two:
+                self._two(node, f"two series of heartbeats, each every {brief(period)}", "heartbeats")
+        elif beats.period and not uneven and all(abs(each / period - 1) > CHANGED for each in beats.intervals):
             text = f"a heartbeat every {brief(last)}, with 0x1017 = {period * 1000:g} ms"
             self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text)
 
@@ -227,6 +308,10 @@ class NodesWatcher(Watcher):
                 silence = f"no heartbeat for {LOST_AFTER:g} periods of {brief(beats.usual)}"
                 state = f"; it was {STATE_NAMES[node.state]}" if node.state else ""
                 self.bus.found(BusRule.HEARTBEAT_LOST, node.name, f"{NodeChange.LOST.value}: {silence}{state}")
+        for node_id, unclear in list(self._unclear.items()):
+            if time - unclear.at > LOST_AFTER * unclear.period:
+                del self._unclear[node_id]
+                self.bus.found(unclear.rule, self.bus.node(node_id).name, unclear.text, seen=unclear.seen)
         for node in self.bus.nodes.values():
             if node.reset is not None and time - node.reset > BOOTS_WITHIN:
                 node.reset = None
@@ -236,16 +321,26 @@ class NodesWatcher(Watcher):
         for beats in self.beating:
             beats.restart(time)
         self._booted.clear()
+        self._unclear.clear()
         for node in self.bus.nodes.values():
             node.state = None
 
     # Guarding
 
-    def _guard(self, node: ObservedNode, frame: Frame) -> None:
+    def _is_beat(self, time: float, node: ObservedNode, frame: Frame) -> bool:
+        """Return whether what came behind a question of a guarding master is a heartbeat all the same."""
+        if frame.is_remote or frame.data[0] & TOGGLE:
+            return False
+        late = time - self._asked_at.get(node.node_id, time) > ANSWERS_WITHIN
+        return late or self._beats_of(node).is_next(time)
+
+    def _guard(self, time: float, node: ObservedNode, frame: Frame) -> None:
         if frame.is_remote:
             self._asked[node.node_id] = self._asked.get(node.node_id, 0) + 1
+            self._asked_at[node.node_id] = time
             if self._asked[node.node_id] > 2:  # the last two were not answered
-                self.bus.found(BusRule.GUARD_UNANSWERED, node.name, "does not answer node guarding")
+                lives = "; its heartbeats come, so it lives" if self._beats_of(node).came else ""
+                self.bus.found(BusRule.GUARD_UNANSWERED, node.name, f"does not answer node guarding{lives}")
             return
         toggle = frame.data[0] & TOGGLE
         if toggle == self._toggles.get(node.node_id):
@@ -257,6 +352,8 @@ class NodesWatcher(Watcher):
 
     def end(self, time: float) -> None:
         self.tick(time)
+        for node_id, unclear in self._unclear.items():
+            self.bus.found(unclear.rule, self.bus.node(node_id).name, unclear.text, seen=unclear.seen)
         for node in list(self.bus.nodes.values()):
             waiting, beats = self._pre_operational.get(node.node_id), self._beats_of(node)
             if not node.heard and node.dictionary and time - self.bus.began > LOST_AFTER:

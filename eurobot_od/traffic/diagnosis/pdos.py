@@ -16,6 +16,7 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.diagnosis.series import WINDOW, two_series
 from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import SYNC_NAME
@@ -204,15 +205,24 @@ class AnswerWatcher(Watcher):
         self.tick(time)
 
 
+ONE_PRODUCER = 1.55
+"""Ratio of the intervals between SYNCs up to which they are one producer's: a timer on a coarse clock has 1.5."""
+
+
 class SyncWatcher(Watcher):
     """Watches the period of SYNC, its counter, and who sends it."""
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
         self._last: tuple[float, bytes] | None = None
-        self._intervals: deque[float] = deque(maxlen=5)
+        self._times: deque[float] = deque(maxlen=WINDOW)
+        self._number = 0
+        self._two = False
+        self._skipped: tuple[str, Occurrences] | None = None
         self._producers: list[ObservedNode] | None = None
         self._short = 0
+        self._before = b""
+        self._uneven, self._jitter = Occurrences(), ""
 
     def take(self, time: float, meaning: Meaning) -> None:
         frame, before = meaning.raw, self._last
@@ -227,29 +237,76 @@ class SyncWatcher(Watcher):
         if before is None or time < before[0]:
             return
         self._count(before[1], frame.data)
-        period = next((each.number(SYNC_PERIOD) / 1e6 for each in self._producers if each.number(SYNC_PERIOD)), 0.0)
-        usual = period or (sorted(self._intervals)[2] if len(self._intervals) == self._intervals.maxlen else 0.0)
-        interval = time - before[0]
-        self._intervals.append(interval)
-        if not usual:
+        self._before = before[1]
+        self._period(time, time - before[0])
+
+    def _period(self, time: float, interval: float) -> None:
+        """Compare an interval with the period by the settings, or else with the one observed."""
+        assert self._producers is not None
+        said = next((each.number(SYNC_PERIOD) / 1e6 for each in self._producers if each.number(SYNC_PERIOD)), 0.0)
+        usual = said or self._observed
+        self._times.append(time)
+        self._number += 1
+        periods = None if self._number % SYNCS or self._two else two_series([*self._times], ONE_PRODUCER)
+        if periods:
+            self._two = True
+            every = " and ".join(brief(each) for each in periods)
+            text = f"two series of SYNC, every {every} (observed)"
+            self.bus.found(BusRule.SYNC_TWO, "", text, "period", seen=self._uneven if self._uneven.number else None)
+            self._uneven = Occurrences()
+        self._short = self._short + 1 if usual and interval < 0.9 * usual else 0
+        if not usual or self._two:
             return
-        self._short = self._short + 1 if interval < 0.9 * usual else 0
-        text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}"
-        if period and self._short >= SYNCS:
+        text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}{'' if said else ' (observed)'}"
+        if said and self._short >= SYNCS:
+            self._two = True
             self.bus.found(BusRule.SYNC_TWO, "", text, "period")
         elif abs(interval / usual - 1) > 0.25:
-            self.bus.found(BusRule.SYNC_JITTER, "", text)
+            self._jitter = self._jitter or text
+            self._uneven.add(self.bus.at())
+
+    @property
+    def _observed(self) -> float:
+        """The period by the last SYNCs, s: half of two intervals, as a coarse clock alternates; 0 for too few."""
+        times = [*self._times]
+        pairs = sorted(after - before for before, after in zip(times, times[2:]))
+        return pairs[len(pairs) // 2] / 2 if len(times) > 2 * SYNCS else 0.0
 
     def _count(self, before: bytes, present: bytes) -> None:
         if len(before) != len(present):
             self.bus.found(BusRule.SYNC_TWO, "", "SYNC comes with and without a counter", "length")
         elif present and present == before:
             self.bus.found(BusRule.SYNC_TWO, "", f"SYNC comes twice with counter {present[0]}", "counter")
-        elif present and present[0] != before[0] + 1 and present[0] != 1:  # 1 follows the overflow value
-            self.bus.found(BusRule.SYNC_COUNTER, "", f"the counter of SYNC goes from {before[0]} to {present[0]}")
+        elif present and self._skipped and _follows(self._before, present) and not _follows(before, present):
+            text = f"the counter of SYNC goes on from {self._before[0]} to {present[0]} across another series"
+            self.bus.found(BusRule.SYNC_TWO, "", text, "counter", seen=self._skipped[1])
+            self._skipped = None
+        elif present:
+            self._say_skipped()
+            if not _follows(before, present):
+                text = f"the counter of SYNC goes from {before[0]} to {present[0]}"
+                self._skipped = text, Occurrences.once(self.bus.at())
+
+    def _say_skipped(self) -> None:
+        if self._skipped:
+            text, seen = self._skipped
+            self.bus.found(BusRule.SYNC_COUNTER, "", text, seen=seen)
+            self._skipped = None
 
     def gap(self, time: float) -> None:
         self._last = None
+        self._times.clear()
+
+    def end(self, time: float) -> None:
+        if self._skipped:
+            self.bus.found(BusRule.SYNC_COUNTER, "", self._skipped[0], seen=self._skipped[1])
+        if self._uneven.number:
+            self.bus.found(BusRule.SYNC_JITTER, "", self._jitter, seen=self._uneven)
+
+
+def _follows(before: bytes, present: bytes) -> bool:
+    """Return whether a counter of SYNC follows another one; 1 follows the overflow value (CiA 301, 7.5.2.22)."""
+    return bool(before) and present[0] in (before[0] + 1, 1)
 
 
 JUMP = 1.0

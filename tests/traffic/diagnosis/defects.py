@@ -203,6 +203,19 @@ DEFECTS = [
         log(at(RESET), at("705#00", start=0.2), at("705#7F", start=0.3)),
     ),
     RuleDefect(BusRule.TWO_NODES, log(beats(), beats(start=0.03)), 0.3, log(beats(), beats(start=1.95)), ("arm",)),
+    RuleDefect(BusRule.TWO_NODES, log(beats(), beats(start=0.03)), 0.43, log(beats(), beats(start=1.95))),
+    RuleDefect(
+        BusRule.TWO_NODES,
+        log(beats(until=1), at("705#00", start=1.05), beats(start=1.1)),
+        1.05,
+        log(beats(until=1), at("705#00", start=1.05), beats(127, start=1.15)),
+    ),
+    RuleDefect(
+        BusRule.BOOTS_OPERATIONAL,
+        log(beats(until=1), at("705#00", start=1.05), beats(127, start=1.15)),
+        1.05,
+        log(beats(until=1), at("705#00", start=1.05), beats(start=1.1)),
+    ),
     RuleDefect(
         BusRule.NEVER_HEARD, beats(node=6, until=3), 3.0, log(beats(node=6, until=3), at("185#0000")), ("event", "leg")
     ),
@@ -265,6 +278,24 @@ DEFECTS = [
         at("705#R1", "705#05", "705#R1", "705#85", "705#R1", "705#05"),
     ),
     RuleDefect(BusRule.GUARD_UNANSWERED, every(0.1, "705#R1", 0.4), 0.2, at("705#R1", "705#05", "705#R1", "705#85")),
+    RuleDefect(
+        BusRule.GUARD_UNANSWERED,
+        log(beats(), every(0.07, "705#R", 1.0, 0.55)),
+        0.69,
+        log(beats(), at("705#R", start=0.55)),
+    ),
+    RuleDefect(
+        BusRule.GUARD_TOGGLE,
+        at("705#R1", "705#85", "705#R1", "705#85"),
+        0.003,
+        log(beats(), every(0.07, "705#R", 1.0, 0.55)),
+    ),
+    RuleDefect(
+        BusRule.HEARTBEAT_LOST,
+        log(beats(until=1), every(0.07, "705#R", 2.0, 0.55)),
+        1.25,
+        log(beats(), every(0.07, "705#R", 2.0, 0.55)),
+    ),
     # EMCY
     RuleDefect(BusRule.EMCY_RAISED, at(EMERGENCY), 0.0, at(EMERGENCY, CLEARED)),
     RuleDefect(BusRule.EMCY_STORM, every(0.01, EMERGENCY, 0.2), 0.1, every(0.2, EMERGENCY, 4.0)),
@@ -447,6 +478,15 @@ DEFECTS = [
     RuleDefect(BusRule.SYNC_TWO, at("080#01", "080#", gap=0.1), 0.1, at("080#01", "080#02", gap=0.1)),
     RuleDefect(BusRule.SYNC_TWO, at("080#01", "080#01", gap=0.1), 0.1, at("080#01", "080#02", gap=0.1)),
     RuleDefect(BusRule.SYNC_TWO, at("080#"), 0.0, at("080#"), ("clock", "clock2"), None, ("clock", "arm")),
+    RuleDefect(
+        BusRule.SYNC_TWO, at("080#01", "080#05", "080#02", "080#06", gap=0.1), 0.1, at("080#04", "080#05", "080#01")
+    ),
+    RuleDefect(
+        BusRule.SYNC_TWO,
+        log(every(0.1, "080#", 1), every(0.1, "080#", 1, 0.037)),
+        0.4,
+        log(every(0.04, "080#", 1), every(0.04, "080#", 1, 0.016)),
+    ),
     RuleDefect(BusRule.SYNC_COUNTER, at("080#01", "080#03", gap=0.1), 0.1, at("080#04", "080#05", "080#01", gap=0.1)),
     RuleDefect(
         BusRule.SYNC_JITTER,

@@ -1,0 +1,59 @@
+"""Tells whether the times of some frames are one series with a period, or two of them."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from itertools import pairwise
+
+WINDOW = 16
+"""Frames that are looked at together."""
+
+LEAST = 4
+"""Fewest frames of a series."""
+
+OFF, STAMP = 0.04, 0.001
+"""Share of a period, and time in s, by which a frame of a series may be early or late."""
+
+
+def is_even(times: Sequence[float], ratio: float) -> bool:
+    """Return whether no interval is longer than another one by more than a ratio."""
+    intervals = [two - one for one, two in pairwise(times)]
+    return max(intervals) <= ratio * min(intervals)
+
+
+def two_series(times: Sequence[float], ratio: float) -> tuple[float, float] | None:
+    """Return the periods of the two series that uneven times in s are made of; None if they are not.
+
+    Intervals that differ by less than `ratio` are the jitter of one series.
+    """
+    if len(times) < 2 * LEAST or is_even(times, ratio):
+        return None
+    for place in range(2, len(times) - LEAST + 2):
+        one = _series(times, times[place - 1] - times[0])
+        rest = [each for each in times if each not in one] if len(one) >= LEAST else []
+        if len(rest) < LEAST or len(_series(rest, rest[1] - rest[0])) < len(rest):
+            continue
+        period = _period(rest)
+        if rest[0] - times[0] < 1.5 * period and times[-1] - rest[-1] < 1.5 * period:  # else there is a new period
+            return _period(sorted(one)), period
+    return None
+
+
+def _series(times: Sequence[float], period: float) -> set[float]:
+    """Return the times that follow the first one with a period; none if one of them is missing."""
+    found, last, off = {times[0]}, times[0], OFF * period + STAMP
+    while period > off and last + period + off <= times[-1]:
+        place = bisect_left(times, last + period - off)
+        near = [each for each in times[place : place + 3] if each <= last + period + off]
+        if not near:
+            return set()
+        last = min(near, key=lambda each: abs(each - last - period))
+        found.add(last)
+    if period > off and abs(times[-1] - last - period) <= off:
+        found.add(times[-1])
+    return found
+
+
+def _period(times: Sequence[float]) -> float:
+    return (times[-1] - times[0]) / (len(times) - 1)
