@@ -15,6 +15,7 @@ import argparse
 import asyncio
 import json
 import multiprocessing
+import os
 import random
 import signal
 import socket
@@ -384,24 +385,24 @@ def measure_all(
         server.close()
 
 
-def busy(ended: Any) -> None:
-    """Load a core."""
-    while not ended.is_set():
+def busy(parent: int) -> None:
+    """Load a core as long as the process `parent` lives: one that is killed ends nobody."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    while os.getppid() == parent:
         sum(range(10000))
 
 
 @contextmanager
 def load(cores: int) -> Iterator[None]:
     """Keep some cores busy."""
-    ended = multiprocessing.Event()
-    workers = [multiprocessing.Process(target=busy, args=(ended,), daemon=True) for _ in range(cores)]
+    workers = [multiprocessing.Process(target=busy, args=(os.getpid(),), daemon=True) for _ in range(cores)]
     for each in workers:
         each.start()
     try:
         yield
     finally:
-        ended.set()
         for each in workers:
+            each.kill()
             each.join()
 
 

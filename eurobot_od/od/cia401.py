@@ -81,6 +81,18 @@ ANALOGUE_OUTPUTS = (
     AnalogueOutputs(0x6412, 0x6443, 0x6444, 0x6446, 0x6447),
 )
 
+FIRST, MODULE_STEP = 0x6000, 0x800
+"""Where the objects of the first module are, and how far those of the next one are from them."""
+
+OUTPUTS = frozenset(
+    (
+        *(index for each in DIGITAL_OUTPUTS for index in (each.value, each.polarity)),
+        *range(0x6220, 0x6228),  # single bits
+        *range(0x6410, 0x6415),
+    )
+)
+"""Objects of which a new value changes an output."""
+
 PROCESS_DATA: Mapping[int, range] = {
     each.value: range(1, 255) for each in (*DIGITAL_INPUTS, *DIGITAL_OUTPUTS, *ANALOGUE_INPUTS, *ANALOGUE_OUTPUTS)
 }

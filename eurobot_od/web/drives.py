@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from math import inf
@@ -35,7 +35,7 @@ from eurobot_od.client.motion import (
     StopKind,
 )
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.errors import BusError, EurobotError, LocalError, look_up
+from eurobot_od.errors import BusError, EurobotError, LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import MODE_WORDS, TRANSITIONS, DriveCommand, State
@@ -240,7 +240,7 @@ class Drives:
         self._nodes: dict[int, NodeStop] = {}
         self._counts: dict[AxisAddress, int] = {}
         self._held: dict[AxisAddress, tuple[object, float]] = {}
-        self._order: AxisAddress | None = None
+        self._order: Sequence[AxisAddress] = ()
         self._is_revoked = False
         self._broadcast: float | None = None
         self._heard: set[int] = set()
@@ -250,7 +250,7 @@ class Drives:
         self._beat = inf
         self._said: dict[str, tuple[float, str]] = {}
         if isinstance(master, OrderMaster):
-            master.gate = self._gate
+            master.gate = self.gate
 
     def axis(self, node_id: int, number: object) -> AxisAddress:
         """Return an axis; raises LocalError if there is none."""
@@ -274,10 +274,10 @@ class Drives:
 
     # Orders
 
-    def ticket(self, axis: AxisAddress) -> int:
+    def ticket(self, *axes: AxisAddress) -> int:
         """Return a number that an order made now is carried out with: a stop after it makes it void."""
         with self._lock:
-            return self._counts.get(axis, 0)
+            return sum(self._counts.get(each, 0) for each in axes)
 
     def command(
         self,
@@ -291,7 +291,7 @@ class Drives:
         act = look_up("command of a drive", name, ORDERS)
         for target in LARGEST.keys() & numbers.keys():
             self._check(axis, target, numbers[target])
-        with self._ordering(axis, ticket):
+        with self._ordering((axis,), ticket):
             self._watch(axis, is_motion=name in MOVES)
             motion = OrderedMotion(who, self._clock() + HELD)
             if name in MOVES:
@@ -312,7 +312,7 @@ class Drives:
         self._check(axis, target, value)
         if ticket is not None and self._held.get(axis, (who, -inf))[1] < self._clock() - HELD:
             raise LocalError("the button was released before the drive could be asked: not carried out")
-        with self._ordering(axis, ticket):
+        with self._ordering((axis,), ticket):
             drive = self._drive(axis)
             if (state := drive.state) is not State.ENABLED:
                 raise LocalError(f"enable the drive first: it is in {state.words if state else 'an unknown state'}")
@@ -321,30 +321,68 @@ class Drives:
             self._enter(axis, OrderedMotion(who, self._clock() + HELD))
             JOGS[target](drive, value)
 
-    @contextmanager
-    def _ordering(self, axis: AxisAddress, ticket: int | None) -> Iterator[None]:
-        """Carry out an order on an axis, unless it is stopped; one that fails on the way ends with a halt."""
+    def send_raw(
+        self, axes: Sequence[AxisAddress], send: Callable[[], object], who: object, ticket: int | None = None
+    ) -> None:
+        """Send what moves axes without being an order of here; it counts as one until they stop, or `who` is gone.
+
+        `send` has its frames pass `gate`.
+        """
+        with self._ordering(axes, ticket):
+            for axis in axes:
+                with suppress(RemoteError):  # a node that cannot be asked may still obey
+                    self._watch(axis, is_motion=False)
+                    self._warn(axis)
+            for axis in axes:
+                motion = self._motions.get(axis)
+                if motion is None or motion.until == inf:  # one that has to be held stays so
+                    self._enter(axis, OrderedMotion(who, inf))
+            send()
+
+    def _warn(self, axis: AxisAddress) -> None:
+        line = self._lines[axis.node_id]
+        if line.lacks and axis.node_id not in self._accepted:
+            self._said[GOES_ON + str(axis)] = self._clock(), f"{self._name(axis)}: {GOES_ON}: {line.lacks}"
+
+    def is_raw(self, axes: Iterable[AxisAddress], who: object) -> bool:
+        """Return whether axes may still move by what somebody has sent."""
+        motions = [self._motions.get(each) for each in axes]
+        return all(each is not None and each.who is who and each.until == inf for each in motions)
+
+    def end_raw(self, axes: Iterable[AxisAddress], who: object) -> None:
+        """Stop what may move by what somebody has sent again and again, as it is sent no longer."""
         with self._lock:
-            if ticket is not None and ticket != self._counts.get(axis, 0):
+            for axis in axes:
+                if self.is_raw([axis], who):
+                    self.stop(axis)
+
+    @contextmanager
+    def _ordering(self, axes: Sequence[AxisAddress], ticket: int | None) -> Iterator[None]:
+        """Carry out an order on axes, unless one is stopped; one that fails on the way ends with a halt."""
+        with self._lock:
+            if ticket is not None and ticket != self.ticket(*axes):
                 raise LocalError("it was stopped meanwhile: not carried out")
-            if axis in self._stops:
-                raise LocalError(f"{self._name(axis)} is still being stopped: {self._stops[axis].text(self._clock())}")
-            self._order, self._is_revoked = axis, False
+            for axis in axes:
+                if axis in self._stops:
+                    still = self._stops[axis].text(self._clock())
+                    raise LocalError(f"{self._name(axis)} is still being stopped: {still}")
+            self._order, self._is_revoked = axes, False
         try:
             yield
         except BaseException:
-            if axis in self._motions:
-                self.stop(axis)
+            for axis in axes:
+                if axis in self._motions:
+                    self.stop(axis)
             raise
         finally:
             with self._lock:
-                self._order = None
+                self._order = ()
 
     @contextmanager
-    def _gate(self) -> Iterator[None]:
+    def gate(self) -> Iterator[None]:
         """Let a frame of an order out; raises LocalError once the axis is being stopped. No stop begins meanwhile."""
         with self._lock:
-            if self._order is not None and self._is_revoked:
+            if self._order and self._is_revoked:
                 raise LocalError("it was stopped meanwhile: not carried out")
             yield
 
@@ -388,7 +426,8 @@ class Drives:
         with self._lock:
             self._held[axis] = who, self._clock()
             motion = self._motions.get(axis)
-            if motion is not None and motion.who is who:
+            # Not of what was sent raw: that goes on without being held.
+            if motion is not None and motion.who is who and motion.until < inf:
                 motion.until = self._clock() + HELD
 
     def left(self, who: object) -> None:
@@ -405,7 +444,7 @@ class Drives:
             now = self._clock()
             self._counts[axis] = self._counts.get(axis, 0) + 1
             self._motions.pop(axis, None)
-            self._is_revoked |= self._order == axis
+            self._is_revoked |= axis in self._order
             before = self._stops.get(axis)
             ranks = list(StopKind)
             if before is None or ranks.index(kind) > ranks.index(before.kind) or before.has_failed(now):
@@ -429,6 +468,10 @@ class Drives:
         nodes = f"NMT stop to {', '.join(map(self._node_name, others))}" if others else ""
         why = f", and to all: no file describes {', '.join(map(self._node_name, sorted(unknown)))}" if unknown else ""
         return "; ".join(filter(None, [axes, nodes + why])) or "NMT stop to all"
+
+    def has_heard(self, node_id: int) -> bool:
+        """Return whether a node has sent anything."""
+        return node_id in self._heard
 
     def post(self, frames: Iterable[Frame]) -> None:
         """Have frames sent soon, past everything else."""

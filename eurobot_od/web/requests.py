@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections import defaultdict
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Container, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -20,17 +20,26 @@ from typing import Any, NamedTuple
 
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
-from eurobot_od.client.configure import read_object
+from eurobot_od.client.configure import pdo_parameters, read_object
 from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.client.motion import GIVE_UP, AxisAddress
 from eurobot_od.client.streams import read_history
-from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand
+from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import BusError, DriveError, EurobotError, LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.standard import REVISION
-from eurobot_od.od.values import ALL_NODES, DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
+from eurobot_od.od.values import (
+    ALL_NODES,
+    DOMAIN,
+    ERROR_CONTROL_BASE,
+    NMT_COB_ID,
+    NODE_IDS,
+    SDO_REQUEST_BASE,
+    Value,
+    label,
+)
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.kinds import Message
@@ -52,9 +61,14 @@ CYCLED_FOR = 3.0
 
 @dataclass
 class Cyclic:
-    """What is sent again and again: `period`, when it is `due` and `until` when, all in s."""
+    """What somebody has sent again and again: `period`, when it is `due` and `until` when, all in s.
 
-    act: Callable[[], object]
+    `axes` are those that it moves: they are stopped at its end.
+    """
+
+    frame: Frame
+    who: object
+    axes: Sequence[AxisAddress]
     period: float
     due: float
     until: float
@@ -85,12 +99,24 @@ class Requests:
                 master.follow(each)
         self._cyclic: dict[str, Cyclic] = {}
         self.drives = Drives(orders, dictionaries, lambda: session.now, session.tap.send_frame, own_id)
-        session.first = self.drives.hear
-        self.guard = MotionGuard(dictionaries, makers=not session.panels)
+        session.first = self._hear
+        self._orders = orders
+        self._guard = session.decoder, MotionGuard(dictionaries, makers=not session.panels)
+        self._read_from: set[int] = set()
+        """Nodes whose PDO parameters were read since they have started."""
+        self._silent: set[int] = set()
+        """Nodes that did not answer; they are asked again once they are heard."""
         # An SDO frame does not say which transfer it belongs to: two at once would take each other's answers.
         self._one_at_a_time, self._one_order = asyncio.Lock(), asyncio.Lock()
         self._turns: dict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
         """Held while a node is asked, by its name: what is polled does not wait for questions to another node."""
+
+    def _hear(self, frame: Frame) -> bool:
+        if ERROR_CONTROL_BASE < frame.cob_id <= ERROR_CONTROL_BASE + NODE_IDS[-1] and frame.data == bytes(
+            [NmtState.INITIALISING]
+        ):
+            self._read_from.discard(frame.cob_id - ERROR_CONTROL_BASE)
+        return self.drives.hear(frame)
 
     async def answer(self, text: str, who: object = None) -> str:
         """Answer a request of somebody, both as JSON; `asks` in an answer is a question to be confirmed by `sure`."""
@@ -137,7 +163,9 @@ class Requests:
                 await asyncio.to_thread(self.drives.put_back)
 
     def left(self, who: object) -> None:
-        """Stop what somebody has ordered who is gone."""
+        """Stop what somebody has ordered who is gone, and end what is sent again and again for them."""
+        for key in [key for key, each in self._cyclic.items() if each.who is who]:
+            self._end_cycle(key)
         self.drives.left(who)
 
     async def poll(self) -> None:
@@ -222,60 +250,138 @@ class Requests:
         if reason and said.get("sure") is not True:
             raise MayMove(reason)
 
-    def send(self, said: Arguments) -> str:
-        """Send a message, with its fields as a person writes them."""
+    @property
+    def guard(self) -> MotionGuard:
+        """The guard by the PDO mapping that is in force, as far as the bus has shown it."""
+        decoder = self.session.in_force
+        if self._guard[0] is not decoder:
+            self._guard = decoder, MotionGuard(decoder.dictionaries, makers=not self.session.panels)
+        return self._guard[1]
+
+    async def _confirm_frame(self, said: Arguments, frame: Frame) -> None:
+        if said.get("sure") is not True:
+            self._confirm(said, await self._why(frame))
+
+    async def _why(self, frame: Frame) -> str:
+        """Return why a frame may move something: devices may have mapped their RPDOs anew before we heard them."""
+        reason = self.guard.of_frame(frame)
+        # An SDO request names its object, whatever is mapped.
+        if reason or frame.cob_id == NMT_COB_ID or SDO_REQUEST_BASE < frame.cob_id <= SDO_REQUEST_BASE + NODE_IDS[-1]:
+            return reason
+        async with self._one_order:
+            unknown = await asyncio.to_thread(self._read_mappings)
+        # Each answer was on the bus, and is part of what it has shown.
+        return self.guard.of_frame(frame) or unknown
+
+    def _read_mappings(self) -> str:
+        """Read the PDO parameters of nodes that were not asked yet; return why what they obey is not known."""
+        reasons = []
+        for each in self.session.decoder.dictionaries:
+            if each.node_id not in self.guard.guarded - self._read_from:
+                continue
+            if each.node_id in self._silent and not self.drives.has_heard(each.node_id):
+                continue
+            try:
+                pdo_parameters(self._orders.node(each.node_id), each)
+                self._read_from.add(each.node_id)
+            except RemoteError as error:
+                self._silent.add(each.node_id)
+                if self.drives.has_heard(each.node_id):  # else it is not there
+                    reasons.append(f"which frames {each.name} obeys now is not known: {error}")
+        return "; ".join(reasons)
+
+    async def _message(self, said: Arguments) -> Frame:
+        """Return the frame of a message, with its fields as a person writes them."""
         fields = said.get("fields", {})
         if not isinstance(fields, dict) or not all(isinstance(each, str) for each in fields.values()):
             raise LocalError("fields are texts by name")
         protocol = self.session.decoder.protocol
         binding = protocol.binding(_text(said, "message"))
         message = parse(binding, [f"{name}={value}" for name, value in fields.items()])
-        self._confirm(said, self.guard.of_cob_id(binding.cob_id))
+        frame = protocol.encode(message)
+        await self._confirm_frame(said, frame)
         # One after the other, as a panel may wait for the answer of a node.
-        for objection in (panel.objection(message, self) for panel in self.session.panels):
-            if objection:
+        for panel in self.session.panels:
+            if objection := await asyncio.to_thread(panel.objection, message, self):
                 raise LocalError(objection)
-        return self._send(protocol.encode(message))
+        return frame
 
-    def send_frame(self, said: Arguments) -> str:
-        """Send a frame as it is written: `185#0102`."""
+    async def _frame(self, said: Arguments) -> Frame:
+        """Return a frame as it is written: `185#0102`."""
         frame = Frame.parse(_text(said, "frame"))
-        self._confirm(said, self.guard.of_frame(frame))
-        return self._send(frame)
+        await self._confirm_frame(said, frame)
+        return frame
 
-    def cycle(self, said: Arguments) -> None:
+    def _axes_of(self, node_ids: Container[int]) -> list[AxisAddress]:
+        return [each for each in self.drives.axes if each.node_id in node_ids]
+
+    async def send(self, said: Arguments) -> str:
+        """Send a message."""
+        return await self._send_once(said, await self._message(said))
+
+    async def send_frame(self, said: Arguments) -> str:
+        """Send a frame."""
+        return await self._send_once(said, await self._frame(said))
+
+    async def _send_once(self, said: Arguments, frame: Frame) -> str:
+        await self._send_raw(said, self._axes_of(self.guard.drives_of(frame)), partial(self._send_gated, frame))
+        return str(frame)
+
+    def _send_gated(self, frame: Frame) -> None:
+        """Send a frame unless the order that it is was stopped."""
+        with self.drives.gate():
+            self._send(frame)
+
+    async def _send_raw(self, said: Arguments, axes: Sequence[AxisAddress], send: Callable[[], object]) -> None:
+        """Send something; what moves axes waits for the orders before it, and is one."""
+        if axes:
+            await self._in_turn(axes, partial(self.drives.send_raw, axes, send, said["who"]))
+        else:
+            await asyncio.to_thread(send)
+
+    async def cycle(self, said: Arguments) -> None:
         """Send a frame or a message again and again, for as long as the page says so: then it is asked `again`."""
         period = _whole(said, "period")
         if not SHORTEST <= period <= LONGEST:
             raise LocalError(f"a period of {period} ms is not allowed; allowed: {SHORTEST}..{LONGEST} ms")
-        key, act = _text(said, "key"), self.send if "message" in said else self.send_frame
-        kept = self._cyclic.get(key)
-        if kept is None:
-            if said.get("again"):
+        key = _text(said, "key")
+        if said.get("again"):
+            if key not in self._cyclic:
                 raise LocalError("it is no longer sent again and again")
-            if len(self._cyclic) >= MOST_CYCLIC:
-                raise LocalError(f"{MOST_CYCLIC} frames are sent again and again already: end another one first")
-            act(said)  # what is wrong with it is said at once
+            self._cyclic[key].until = self.session.now + CYCLED_FOR
+            return
+        if key in self._cyclic:
+            raise LocalError(f"{key} is sent again and again already: end it first")
+        if len(self._cyclic) >= MOST_CYCLIC:
+            raise LocalError(f"{MOST_CYCLIC} frames are sent again and again already: end another one first")
+        frame = await (self._message(said) if "message" in said else self._frame(said))
+        axes = self._axes_of(self.guard.drives_of(frame))
+        await self._send_raw(said, axes, partial(self._send_gated, frame))  # what is wrong with it is said at once
         now = self.session.now
-        due = now + period / 1000 if kept is None else kept.due
-        self._cyclic[key] = Cyclic(partial(act, said), period / 1000, due, now + CYCLED_FOR)
+        self._cyclic[key] = Cyclic(frame, said["who"], axes, period / 1000, now + period / 1000, now + CYCLED_FOR)
 
     def end_cycle(self, said: Arguments) -> None:
         """End that."""
-        self._cyclic.pop(_text(said, "key"), None)
+        self._end_cycle(_text(said, "key"))
+
+    def _end_cycle(self, key: str) -> None:
+        """End what is sent again and again; what it moves is stopped, and does not go on to the last target."""
+        if each := self._cyclic.pop(key, None):
+            self.drives.end_raw(each.axes, each.who)
 
     async def send_cyclic(self) -> None:
         """Send what is to be sent again and again; what can no longer be sent, and what no page wants, ends."""
         while True:
             now = self.session.now
             for key, each in list(self._cyclic.items()):
-                if each.until < now:
-                    self._cyclic.pop(key, None)
+                # Whoever has stopped an axis has stopped all that moves it.
+                if each.until < now or not self.drives.is_raw(each.axes, each.who):
+                    self._end_cycle(key)
                 elif each.due <= now:
                     try:
-                        await asyncio.to_thread(each.act)
+                        await asyncio.to_thread(self._send, each.frame)
                     except EurobotError:
-                        self._cyclic.pop(key, None)
+                        self._end_cycle(key)
                     # Not from `now`: a period that is late once would be late for ever.
                     each.due = max(each.due + each.period, self.session.now)
             soonest = min((each.due for each in self._cyclic.values()), default=now + POLL_PERIOD)
@@ -330,14 +436,23 @@ class Requests:
         self.drives.post([stop, *held, *([stop] if held else [])])
         return f"{', '.join(leaders)} held until NMT start or reset; {stop}" if leaders else str(stop)
 
-    def write(self, said: Arguments) -> None:
+    async def write(self, said: Arguments) -> None:
         """Write an object of a node; a value that its file does not allow is not sent."""
         node, thing = self._object(said)
+        address = objects.address_of(thing)
         value = objects.parse(thing, _text(said, "value"))
-        self._confirm(said, self.guard.of_object(node.node_id, objects.address_of(thing)))
+        reason = self.guard.of_object(node.node_id, address)
+        self._confirm(said, reason)
         if not objects.is_described(thing):
-            raise LocalError(f"{label(objects.address_of(thing))} is not in an EDS, so its length is unknown")
-        node.download(objects.address_of(thing), objects.encode(thing, value), thing.qualname)
+            raise LocalError(f"{label(address)} is not in an EDS, so its length is unknown")
+        axes = self._axes_of({node.node_id} if reason else ())
+        master = self._orders if axes else self.master
+        content = objects.encode(thing, value)
+        write = partial(master.node(node.node_id).download, address, content, thing.qualname)
+        if axes:
+            await self._send_raw(said, axes, write)
+        else:
+            await self._ask(write, str(said.get("node")))
 
     # Drives of CiA 402
 
@@ -370,7 +485,10 @@ class Requests:
         seen = said.get("seen")
         if isinstance(seen, (int, float)) and self.session.now - seen > STALE:
             raise LocalError(f"the page was {self.session.now - seen:.1f} s behind the bus: not carried out")
-        ticket, asked = self.drives.ticket(axis), self.session.now
+        await self._in_turn([axis], order)
+
+    async def _in_turn(self, axes: Sequence[AxisAddress], order: Callable[..., None]) -> None:
+        ticket, asked = self.drives.ticket(*axes), self.session.now
         async with self._one_order:
             if self.session.now - asked > STALE:
                 raise LocalError(f"other orders took {self.session.now - asked:.1f} s: not carried out")
@@ -407,7 +525,7 @@ class Way(Enum):
 
     AT_ONCE = "in the session's own thread"
     SENDS = "beside all others: it waits for the driver at most"
-    ORDERS = "after all other orders to drives, and past all questions"
+    ORDERS = "in its own turn: what moves drives after all other orders to them, and past all questions"
     ASKS = "after all others that ask: a node has to answer"
 
 
@@ -427,13 +545,13 @@ REQUESTS: Mapping[str, PageRequest] = {
     "history": PageRequest(Requests.history),
     "watch": PageRequest(Requests.watch),
     "diagnosis": PageRequest(Requests.diagnosis, Way.AT_ONCE),
-    "send": PageRequest(Requests.send, Way.SENDS, acts=True),
+    "send": PageRequest(Requests.send, Way.ORDERS, acts=True),
     "nmt": PageRequest(Requests.nmt, Way.SENDS, acts=True),
     "stop": PageRequest(Requests.stop, Way.AT_ONCE, acts=True),
-    "send frame": PageRequest(Requests.send_frame, Way.SENDS, acts=True),
-    "cycle": PageRequest(Requests.cycle, Way.SENDS, acts=True),
+    "send frame": PageRequest(Requests.send_frame, Way.ORDERS, acts=True),
+    "cycle": PageRequest(Requests.cycle, Way.ORDERS, acts=True),
     "end cycle": PageRequest(Requests.end_cycle, Way.AT_ONCE, acts=True),
-    "write": PageRequest(Requests.write, acts=True),
+    "write": PageRequest(Requests.write, Way.ORDERS, acts=True),
     "drive": PageRequest(Requests.drive, Way.ORDERS, acts=True),
     "jog": PageRequest(Requests.jog, Way.ORDERS, acts=True),
     "accept": PageRequest(Requests.accept, Way.AT_ONCE, acts=True),

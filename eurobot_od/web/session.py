@@ -247,6 +247,11 @@ class Session:
         """How many frames were taken in."""
         return self._traffic.frames
 
+    @property
+    def in_force(self) -> Decoder:
+        """The decoder for what the bus has shown that its devices have in force now."""
+        return self._traffic.following.decoder("")
+
     # The bus
 
     def poll(self) -> bool:

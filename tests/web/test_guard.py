@@ -15,7 +15,8 @@ from tests.rows import rows
 from tests.web.test_drives import bench
 
 MOTOR = Dictionary.load(Path(__file__).parents[2] / "docs" / "motor.eds", 6, "motor")
-GUARD = MotionGuard([SERVO, MOTOR])
+IO = Dictionary.load(Path(__file__).parents[2] / "docs" / "io.eds", 7, "io")
+GUARD = MotionGuard([SERVO, MOTOR, IO])
 
 
 @rows(
@@ -36,6 +37,16 @@ GUARD = MotionGuard([SERVO, MOTOR])
         ("000#0100", "NMT start lets all nodes obey PDOs"),
         ("000#8105", "a reset of servo ends"),
         ("000#8209", "a reset of the communication of node 9"),
+        ("000#010500", "NMT start lets servo obey PDOs"),  # some nodes take a command that is too long
+        ("605#2B4060000F00", "0x6040:0 of servo commands a drive"),  # and some servers what is too short
+        ("609#2F00200001000000", "0x2000:0 of node 9 is an object of a maker"),
+        ("609#2300140105020000", "0x1400:1 of node 9 has it obey other frames"),
+        ("609#2F00620101000000", "0x6200:1 of node 9 sets an output"),
+        ("607#2F00620101000000", "0x6200:1 of io sets an output"),
+        ("607#2B116401E8030000", "0x6411:1 of io sets an output"),
+        ("607#2F20620101000000", "0x6220:1 of io sets an output"),  # a single bit
+        ("607#2F006A0101000000", "0x6A00:1 of io sets an output"),  # the second module
+        ("207#01", "it carries 0x6200:1 to io, which sets an output"),
     ],
 )
 def test_what_may_move_something_is_asked_about(frame: str, reason: str) -> None:
@@ -53,6 +64,8 @@ def test_what_may_move_something_is_asked_about(frame: str, reason: str) -> None
         "000#8005",
         "000#01",  # no command
         "705#05",
+        "607#2F06620101000000",  # what an output does on an error
+        "607#2F00120101000000",
         "080#",  # no RPDO of these files is synchronous
     ],
 )
@@ -65,7 +78,7 @@ def test_sync_moves_a_drive_whose_targets_wait_for_it(tmp_path: Path) -> None:
     text = EDS.read_text()
     head, tail = text.split("[1400sub2]", 1)
     file.write_text(f"{head}[1400sub2]{tail.replace('DefaultValue=255', 'DefaultValue=1', 1)}")
-    assert MotionGuard([Dictionary.load(file, 5)]).of_frame(Frame(0x080)).startswith("SYNC has a drive obey")
+    assert MotionGuard([Dictionary.load(file, 5)]).of_frame(Frame(0x080)).startswith("SYNC has synchronous obey")
 
 
 def test_a_makers_rpdo_counts_unless_a_robot_knows_what_its_messages_move() -> None:
