@@ -529,6 +529,8 @@ def _watched(drive: Drive402, node: RemoteNode, axis: int, wanted: int) -> Itera
         line = arm(node, [AxisAddress(node.node_id, axis).offset], own)
         if line.lacks:
             complain(f"node {node.node_id}: {GOES_ON}: {line.lacks}")
+        if line.left:
+            complain(f"node {node.node_id}: {line.left}")
         try:
             yield
         except BaseException:

@@ -2,7 +2,8 @@
 
 Theory of operation. We send a heartbeat under a node-ID of our own, and have the drive consume it: a free entry of
 0x1016 (CiA 301, 7.5.2.19), with quick stop as the abort connection option code 0x6007 (CiA 402-2, clause 8.4.4). Both
-are read first and put back at the end. A drive without one of them goes on when this program or its adapter fails, and
+are read first and put back at the end; if the program is killed, the next one finds what 0x6007 was in the time of the
+entry. A drive without one of them goes on when this program or its adapter fails, and
 whoever orders a motion has to be told before. The heartbeat comes from the thread that also ends motions, or stops
 when nobody says any more that the program is alive: a program that hangs must not look alive.
 """
@@ -38,18 +39,26 @@ STOPPED_ON_ERROR = b"\2"
 QUICK_STOP_ON_LOSS = 3
 """The abort connection option code of a quick stop."""
 
+NOTED = range(9)
+"""Option codes that are noted in the drive itself, as milliseconds: see `_watch_time`."""
+
+NOTES = round(LOST_AFTER * 1000) + 10
+"""The heartbeat time in 0x1016 for a noted option code of 0, in ms."""
+
 GOES_ON = "this drive goes on if this program or its adapter fails"
 
 
 class Lifeline(NamedTuple):
     """How a drive watches us: the `former` contents that were changed, in the order in which they are put back.
 
-    `lacks` says why the drive does not, or not surely, stop when our heartbeat is lost; it is empty if it does.
+    `lacks` says why the drive does not, or not surely, stop when our heartbeat is lost; it is empty if it does. `left`
+    says what a program that was killed has left in the drive, and cannot be put back.
     """
 
     entry: Address | None
     former: tuple[tuple[Address, bytes], ...]
     lacks: str
+    left: str = ""
 
 
 def free_id(heard: Iterable[int], wanted: int = OWN_ID) -> int:
@@ -73,22 +82,42 @@ async def arm(node: RemoteNode, offsets: Iterable[int], own: int) -> Lifeline:
     entry = await _free_entry(node, own)
     if entry is None:
         return Lifeline(None, (), "it has no free entry in 0x1016")
-    lacks = ""
+    lacks, offsets = "", tuple(offsets)
     for offset in offsets:
         if not await _set(node, (cia402.ABORT_CONNECTION + offset, 0), bytes([QUICK_STOP_ON_LOSS, 0]), former):
             lacks = f"it has no 0x{cia402.ABORT_CONNECTION + offset:04X}, which would say to make a quick stop then"
     if lacks:  # Stopped may or may not stop a motor: better than to go on commanded
         await _set(node, ERROR_BEHAVIOUR, STOPPED_ON_ERROR, former)
     before = await node.upload.steps(entry)
-    watched = UNSIGNED32.write(own << 16 | round(LOST_AFTER * 1000))
+    is_left = before[2:3] == bytes([own])  # by one of us that was killed
+    left = _take_over(offsets, int.from_bytes(before[:2], "little") - NOTES, former) if is_left and not lacks else ""
+    watched = UNSIGNED32.write(own << 16 | _watch_time(offsets, former))
     try:
         await node.download.steps(entry, watched)
     except NodeRefused as refused:
         return Lifeline(None, tuple(former), f"it refuses an entry in 0x1016: {refused}")
     # A consumer watches from the first heartbeat on that it hears: it has to be one before anything moves.
     node.master.send(*heartbeat(own))
-    is_left = before[2:3] == bytes([own])  # by one of us that was killed
-    return Lifeline(entry, ((entry, bytes(4) if is_left else before), *former), lacks)
+    return Lifeline(entry, ((entry, bytes(4) if is_left else before), *former), lacks, left)
+
+
+def _take_over(offsets: Iterable[int], noted: int, former: list[tuple[Address, bytes]]) -> str:
+    """Add what a program that was killed has noted; return what is not known."""
+    known = [address for address, _ in former]
+    changed = [each for offset in offsets if (each := (cia402.ABORT_CONNECTION + offset, 0)) not in known]
+    if noted not in NOTED:
+        said = ", ".join(f"0x{index:04X}" for index, _ in changed)
+        return f"a program that was killed has left 3 in {said}: what was there before is not known" if said else ""
+    former += [(each, bytes([noted, 0])) for each in changed if noted != QUICK_STOP_ON_LOSS]
+    return ""
+
+
+def _watch_time(offsets: Iterable[int], former: list[tuple[Address, bytes]]) -> int:
+    """Return the heartbeat time in ms, whose last digit notes the former option code for whoever comes after a kill."""
+    changed = {address[0]: int.from_bytes(content, "little") for address, content in former}
+    codes = {changed.get(cia402.ABORT_CONNECTION + each, QUICK_STOP_ON_LOSS) for each in offsets}
+    code = codes.pop() if len(codes) == 1 else NOTED.stop
+    return NOTES + (code if code in NOTED else NOTED.stop)
 
 
 async def _free_entry(node: RemoteNode, own: int) -> Address | None:

@@ -45,6 +45,9 @@ UNMOVED = 0.2
 NOISE = 2
 """Units by which the position of an axis that stands may change."""
 
+BEGINS = 0.4
+"""How long a drive has to say that a motion has ended before it counts as ended, in s: it may not have begun."""
+
 LAST_STEP = 1.0
 """When a stop without effect becomes disable voltage and NMT stop, in s after its start."""
 
@@ -424,6 +427,7 @@ class MotionEnd:
 
     def __init__(self, axis: AxisObjects, now: float, homing: bool) -> None:
         self._axis, self._homing, self.next, self.done = axis, homing, now + REPEAT, False
+        self._ended = Held()
 
     def due(self, now: float) -> list[Frame]:
         """Return the read of the statusword, at its times."""
@@ -432,7 +436,7 @@ class MotionEnd:
         self.next = now + REPEAT
         return [self._axis.reading(cia402.STATUSWORD)]
 
-    def hear(self, frame: Frame, _: float) -> bool:
+    def hear(self, frame: Frame, now: float) -> bool:
         """Take in a frame; return whether it answers a read of the statusword."""
         answer = self._axis.answer(frame)
         if answer is None or answer.index != cia402.STATUSWORD or answer.value is None:
@@ -441,5 +445,7 @@ class MotionEnd:
         is_there = reached and not word & cia402.BIT_12
         # Of a homing bit 12 says "attained", bit 13 "error" (CiA 402-2, clause 11).
         has_homed = reached and bool(word & (cia402.BIT_12 | cia402.BIT_13))
-        self.done = State.of(word) is not State.ENABLED or (has_homed if self._homing else is_there)
+        # For a while: until a drive begins to move, its bits may still be about the motion before.
+        self._ended.take(has_homed if self._homing else is_there, now)
+        self.done = State.of(word) is not State.ENABLED or self._ended.span >= BEGINS
         return True

@@ -405,6 +405,8 @@ class Drives:
             line = arm(node, offsets, own)
             # What was there before the first time counts, also after a reset of the drive.
             self._lines[axis.node_id] = line._replace(former=former or line.former)
+            if line.left:
+                self._said[f"left {axis.node_id}"] = self._clock(), f"{self._name(axis)}: {line.left}"
         if is_motion and line.lacks and axis.node_id not in self._accepted:
             raise LocalError(f"{self._name(axis)}: {GOES_ON}: {line.lacks}. Accept that first")
 

@@ -285,7 +285,7 @@ def test_all_of_it_is_put_back() -> None:
     with simulated(SimulatedDrive(SERVO, given={(0x1016, 1): 0x0001_0000 | 1000, (0x6007, 0): 2})) as network:
         node, drive = network.master.node(5), network[5]
         line = arm(node, [0], 127)
-        assert [drive[0x1016, sub].value for sub in (1, 2)] == [0x0001_03E8, 0x007F_01F4], "the free entry"
+        assert [drive[0x1016, sub].value for sub in (1, 2)] == [0x0001_03E8, 0x007F_0200], "the free entry"
         disarm(node, line)
         assert ([drive[0x1016, sub].value for sub in (1, 2)], drive[0x6007].value) == ([0x0001_03E8, 0], 2)
 
@@ -298,6 +298,26 @@ def test_an_entry_that_a_killed_program_has_left_is_taken_again() -> None:
         assert first.entry == second.entry
         disarm(node, second)
         assert network[5][0x1016, 1].value == 0
+
+
+@rows("code", [0, 1, 2, 3])
+def test_what_a_killed_program_has_changed_is_put_back_by_the_next_one(code: int) -> None:
+    with simulated(SimulatedDrive(SERVO, given={(0x6007, 0): code})) as network:
+        node = network.master.node(5)
+        arm(node, [0], 127)
+        assert network[5][0x6007].value == 3
+        for _ in range(2):  # the second one is killed, too
+            line = arm(node, [0], 127)
+            assert not line.left
+        disarm(node, line)
+        assert (network[5][0x6007].value, network[5][0x1016, 1].value) == (code, 0)
+
+
+def test_what_is_not_known_of_a_killed_program_is_said() -> None:
+    with simulated(SimulatedDrive(SERVO, given={(0x6007, 0): -5})) as network:
+        node = network.master.node(5)
+        assert not arm(node, [0], 127).left
+        assert arm(node, [0], 127).left.startswith("a program that was killed has left 3 in 0x6007")
 
 
 def test_our_node_id_is_one_that_nobody_else_has() -> None:

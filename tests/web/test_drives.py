@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import aiohttp
+import can
+import canopen
 import pytest
 
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.bus.simulated.network import ON_TIME
 from eurobot_od.client.lifeline import LOST_AFTER
-from eurobot_od.client.motion import AxisAddress
+from eurobot_od.client.motion import AxisAddress, AxisObjects, MotionEnd
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import State
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.values import Address
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, STOPS, Drives, axes_of, units
+from eurobot_od.web.session import Session
 from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
 from tests.eds_text import record
@@ -30,7 +36,7 @@ from tests.kit import plant
 from tests.rows import rows
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
-from tests.web.test_server import answer, talk
+from tests.web.test_server import answer, snapshot, talk
 
 AXIS = AxisAddress(5, 1)
 REQUESTS, TURNS = 0x605, bytes.fromhex("2B4060000F000000")
@@ -42,6 +48,12 @@ NETWORK = Decoder([Dictionary.load(EDS, 5, "servo")])
 class Bench(NamedTuple):
     served: Served
     drive: SimulatedDrive
+    channel: str
+
+    @property
+    def session(self) -> Session:
+        assert self.served.session is not None
+        return self.served.session
 
     @property
     def velocity(self) -> float:
@@ -59,14 +71,16 @@ class Bench(NamedTuple):
 
 
 @contextmanager
-def bench(tmp_path: Path, control: bool = True, fault: str = "") -> Iterator[Bench]:
+def bench(
+    tmp_path: Path, control: bool = True, fault: str = "", given: Mapping[Address, int] = MappingProxyType({})
+) -> Iterator[Bench]:
     kind = DRIVE_FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
-    name, drive = channel(), kind(SERVO)
+    name, drive = channel(), kind(SERVO, given=given)
     with (
         Live.node(open_bus("virtual", name), drive),
         live_page(name, tmp_path, control, network=NETWORK, panels=()) as served,
     ):
-        yield Bench(served, drive)
+        yield Bench(served, drive, name)
 
 
 def open_drives(page: Page, served: Served) -> None:
@@ -229,13 +243,20 @@ class Jogged(NamedTuple):
             self.network.sleep(0.01)
 
 
-@pytest.fixture
-def jogged() -> Iterator[Jogged]:
+@contextmanager
+def jogging() -> Iterator[Jogged]:
+    """An enabled drive, with nobody else."""
     with simulated(SimulatedDrive(SERVO)) as network:
         drives = Drives(network.master, [SERVO], network.master.clock)
         network.master.observers += (lambda cob_id, data, _: drives.hear(Frame(cob_id, data)),)
         drives.command(AXIS, "enable")
         yield Jogged(network, drives)
+
+
+@pytest.fixture
+def jogged() -> Iterator[Jogged]:
+    with jogging() as scene:
+        yield scene
 
 
 def lost(scene: Jogged, chance: Callable[[Frame], bool]) -> None:
@@ -351,6 +372,144 @@ def test_a_move_that_is_there_needs_nobody_any_more(jogged: Jogged) -> None:
     jogged.pass_time(2, held=True)
     assert jogged.drives.data()["moving"] == []
     assert jogged.network[5].drive402.position == pytest.approx(2000, abs=50)
+
+
+def test_a_homing_that_is_slow_to_begin_is_not_taken_for_ended() -> None:
+    """The drive says that it has homed, of the time before, until it begins anew."""
+    end, word = MotionEnd(AxisObjects(AXIS, SdoChannel.default(5), SERVO), 0.0, homing=True), 0x1427
+    answers = {0.1: word, 0.2: word, 0.3: 0x0027, 0.9: 0x0027, 1.0: word, 1.2: word}
+    for at, said in answers.items():
+        assert end.hear(Frame(0x585, bytes.fromhex("4B416000") + said.to_bytes(4, "little")), at)
+        assert not end.done
+    end.hear(Frame(0x585, bytes.fromhex("4B416000") + word.to_bytes(4, "little")), 1.5)
+    assert end.done
+
+
+JOGS_BY_RPDO = Frame(0x405, bytes.fromhex("0F00E8030000"))
+"""RPDO 3: enabled, with a target velocity of 1000."""
+
+
+def sent_raw(scene: Jogged, who: object = None) -> None:
+    """Turn the drive by a frame of its RPDO."""
+    scene.network[5].drive402.choose(3)  # type: ignore[arg-type]
+    scene.network[5].nmt.state = "OPERATIONAL"
+    scene.drives.send_raw([AXIS], lambda: scene.network.master.send(*JOGS_BY_RPDO), who)
+    scene.pass_time(1)
+    assert scene.velocity > 0, "without being held"
+
+
+@rows(
+    "end",
+    [
+        lambda drives: drives.end_raw([AXIS], "page"),  # it is no longer sent again and again
+        lambda drives: drives.left("page"),
+        lambda drives: drives.begin_end(),
+        lambda drives: drives.stop(AXIS),
+    ],
+)
+def test_what_was_sent_raw_ends_at_rest(end: Callable[[Drives], object]) -> None:
+    with jogging() as scene:
+        sent_raw(scene, "page")
+        assert scene.drives.is_raw([AXIS], "page")
+        scene.drives.end_raw([AXIS], "another page")
+        scene.drives.left("another page")
+        scene.drives.hold(AXIS, "page")
+        scene.pass_time(1)
+        assert scene.velocity > 0
+        end(scene.drives)
+        assert not scene.drives.is_raw([AXIS], "page")
+        scene.pass_time(1)
+        assert abs(scene.velocity) < 0.001
+        assert scene.network[5][0x60FF].value == 0
+
+
+def test_the_drive_stands_when_what_was_sent_raw_is_left_by_a_program_that_is_killed(jogged: Jogged) -> None:
+    sent_raw(jogged)
+    jogged.network.sleep(LOST_AFTER + 0.3)
+    assert abs(jogged.velocity) < 0.001
+
+
+def test_what_is_sent_raw_does_not_outlive_the_hold_of_a_jog(jogged: Jogged) -> None:
+    jogged.drives.jog(AXIS, 500, who="page")
+    jogged.drives.send_raw([AXIS], lambda: None, "another page")
+    jogged.pass_time(HELD + 0.5)
+    assert abs(jogged.velocity) < 0.001
+
+
+def test_what_is_sent_raw_is_void_once_it_is_stopped(jogged: Jogged) -> None:
+    ticket, sent = jogged.drives.ticket(AXIS), list[bool]()
+    jogged.drives.stop(AXIS)
+    with pytest.raises(LocalError, match="it was stopped meanwhile"):
+        jogged.drives.send_raw([AXIS], lambda: sent.append(True), None, ticket)
+    assert not sent
+
+
+async def turned_by_frames(opened: aiohttp.ClientWebSocketResponse, scene: Bench) -> None:
+    """Have the server send RPDO 3 again and again until the drive turns."""
+    for words in (
+        {"do": "drive", "node": "servo", "axis": 1, "command": "enable"},
+        {"do": "write", "node": "servo", "object": "0x6060", "value": "3", "sure": True},
+        {"do": "nmt", "command": "start", "node": "servo", "sure": True},
+        {"do": "cycle", "key": "a", "period": 20, "frame": f"405#{JOGS_BY_RPDO.data.hex()}", "sure": True},
+    ):
+        assert "error" not in await answer(opened, json.dumps({"id": 1, **words}))
+    while scene.velocity <= 0:
+        await snapshot(opened)
+
+
+@rows(
+    "end",
+    [
+        None,  # its page is closed
+        {"do": "end cycle", "key": "a"},
+        {"do": "drive", "node": "servo", "axis": 1, "command": "halt"},
+        {"do": "drive", "node": "servo", "axis": 1, "command": "disable"},
+        {"do": "stop"},
+    ],
+)
+def test_what_is_sent_again_and_again_ends_at_rest(tmp_path: Path, end: dict[str, Any] | None) -> None:
+    """A page that was closed left its last target in the drive, and a halt met the next frame."""
+
+    async def act(opened: aiohttp.ClientWebSocketResponse) -> None:
+        await turned_by_frames(opened, scene)
+        if end is not None:
+            await answer(opened, json.dumps({"id": 1, **end}))
+            while abs(scene.velocity) > 0.001:
+                await snapshot(opened)
+            again = {"id": 1, "do": "cycle", "key": "a", "period": 20, "again": True}
+            assert "no longer" in (await answer(opened, json.dumps(again)))["error"]
+
+    with bench(tmp_path) as scene:
+        talk(scene.served, act)
+        until(lambda: abs(scene.velocity) < 0.001)
+        until(lambda: scene.drive.device.objects.kept((0x60FF, 0)) == 0)
+
+
+MOVED = {"do": "send frame", "frame": "6A0#0600E8030000"}
+"""A frame that moves nothing by the file."""
+
+
+def test_the_guard_reads_what_the_drive_has_mapped(tmp_path: Path) -> None:
+    """RPDO 3 had been moved before the server began: one click turned the drive."""
+    with bench(tmp_path, given={(0x1402, 1): 0x6A0}) as scene:
+        assert scene.ask(**MOVED)["asks"] == "it carries 0x6040:0 to servo, which commands a drive"
+
+
+def test_the_guard_hears_what_another_master_maps(tmp_path: Path) -> None:
+    with bench(tmp_path) as scene, canopen.Network(open_bus("virtual", scene.channel)) as other:
+        assert scene.ask(**MOVED)["ok"] == MOVED["frame"]
+        other.notifier = can.Notifier(other.bus, other.listeners, 0.1)
+        drive = other.add_node(5, str(EDS))
+        drive.sdo[0x1402][1].raw = 0x8000_0405
+        shown = scene.session.in_force
+        drive.sdo[0x1402][1].raw = 0x6A0
+        until(lambda: scene.session.in_force is not shown)
+        assert scene.ask(**MOVED)["asks"].startswith("it carries 0x6040:0 to servo")
+        # A reset takes that back; what was stored meanwhile nobody has heard, so it is read again.
+        scene.ask(do="nmt", command="reset communication", node="servo", sure=True)
+        until(lambda: scene.drive.device.objects.kept((0x1402, 1)) == 0x405)
+        assert scene.ask(**MOVED)["ok"] == MOVED["frame"]
+        assert "asks" in scene.ask(do="send frame", frame="405#060000000000")
 
 
 def test_the_drive_stands_when_the_program_is_killed(jogged: Jogged) -> None:
@@ -536,6 +695,34 @@ def test_no_control_moves_whatever_header_and_state_say(tmp_path: Path, window: 
             document.querySelector('.drive .facts').textContent = 'long '.repeat(200);
         })()""")
         assert window.run(PLACES) == before
+
+
+def test_no_control_moves_when_one_is_armed(tmp_path: Path, window: Page) -> None:
+    """The button grew by "press again", and the next one came under the pointer."""
+    with bench(tmp_path) as scene:
+        open_drives(window, scene.served)
+        window.wait("document.querySelector('.jog button').offsetParent")
+        before = window.run(PLACES)
+        buttons = "[...document.querySelectorAll('.drive button')].filter(each => each.offsetParent)"
+        for name in ("Move to", "Move by", "Step response", "Home"):
+            found = f"{buttons}.find(each => each.textContent === '{name}')"
+            window.run(f"(button => {{ button.focus(); button.click(); }})({found})")
+            assert window.run("document.querySelector('.armed').textContent") == f"{name}: press again"
+            assert window.run(PLACES) == before
+        window.click("#tab-send")
+        window.wait("document.querySelector('form.send select[aria-label=message]')")
+        window.run("""(() => {
+            const chosen = document.querySelector('form.send select[aria-label=message]');
+            chosen.value = '(a frame as bytes)';
+            chosen.dispatchEvent(new Event('change'));
+            document.querySelector('form.send [aria-label^=identifier]').value = '605';
+            document.querySelector('form.send [aria-label^=bytes]').value = '2B 40 60 00 06 00 00 00';
+        })()""")
+        shown = PLACES.replace(".drive .controls", ".send")
+        before = window.run(shown)
+        window.run("document.querySelector('.sure button').click()")
+        window.wait("document.querySelector('.sure .armed')")
+        assert window.run(shown) == before
 
 
 def test_no_control_touches_another(tmp_path: Path, window: Page) -> None:

@@ -80,10 +80,10 @@ const ARMED = 4000;                         // ms that a first click counts
 function askedTwice(text, act, attributes) {  // a button for what moves something: a second click has to confirm it
   let timer = 0;
   const disarm = () => { clearTimeout(timer); timer = 0; say(button, text); button.classList.remove("armed"); };
-  const button = h("button", {...attributes, onclick: event => {
+  const button = h("button", {...attributes, "data-armed": `${text}: press again`, onclick: event => {
     event.preventDefault();
     if (timer) { disarm(); act(event); return; }
-    say(button, `${text}: press again`);
+    say(button, button.dataset.armed);
     button.classList.add("armed");
     timer = setTimeout(disarm, ARMED);
   }, onblur: () => { if (timer) disarm(); }}, text);
@@ -95,13 +95,13 @@ function sureButton(text, act, attributes = {}) {
   let timer = 0;
   const disarm = () => { clearTimeout(timer); timer = 0; say(button, text); say(reason, ""); show(reason, false); button.classList.remove("armed"); };
   const arm = why => {
-    say(button, `${text}: press again`);
+    say(button, button.dataset.armed);
     say(reason, why);
     show(reason, true);
     button.classList.add("armed");
     timer = setTimeout(disarm, ARMED);
   };
-  const button = h("button", {type: "button", ...attributes, onclick: async event => {
+  const button = h("button", {type: "button", ...attributes, "data-armed": `${text}: press again`, onclick: async event => {
     event.preventDefault();
     const sure = timer ? {sure: true} : {};
     if (timer) disarm();
