@@ -506,8 +506,9 @@ def test_the_guard_hears_what_another_master_maps(tmp_path: Path) -> None:
         until(lambda: scene.session.in_force is not shown)
         assert scene.ask(**MOVED)["asks"].startswith("it carries 0x6040:0 to servo")
         # A reset takes that back; what was stored meanwhile nobody has heard, so it is read again.
+        shown = scene.session.in_force
         scene.ask(do="nmt", command="reset communication", node="servo", sure=True)
-        until(lambda: scene.drive.device.objects.kept((0x1402, 1)) == 0x405)
+        until(lambda: scene.session.in_force is not shown)
         assert scene.ask(**MOVED)["ok"] == MOVED["frame"]
         assert "asks" in scene.ask(do="send frame", frame="405#060000000000")
 
