@@ -104,7 +104,7 @@ def monitor(
     print("\n".join(plain_table(rows, source.now)))
     if statistics:
         print("\n".join(tables(traffic.buses)))
-    sys.stderr.writelines(f"{line}\n" for line in (*traffic.damage.report(), *source.notes))
+    sys.stderr.writelines(f"{line}\n" for line in (*traffic.damage.report(), *traffic.following.notes(), *source.notes))
 
 
 class Monitor(NamedTuple):

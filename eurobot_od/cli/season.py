@@ -59,6 +59,8 @@ def archive(
         for each in list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number):
             log, size = one_line(each.log), f"{amount(each.frames, 'frame')}, {each.damage} damaged"
             print(f"{log}: known, {each.run}" if each.known else f"{log}: {each.run}, {size}", flush=True)
+            for note in each.notes:
+                complain(f"{log}: {note}")
 
 
 def _adding(draw: Progress, log: Path) -> Callable[[int], None]:

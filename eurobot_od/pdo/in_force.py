@@ -12,7 +12,7 @@ or when a device answers with something else than its file says.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -176,13 +176,14 @@ class InForce:
         """
         return self._renumber([each for each in self._files.values() if _is_of(each.identity, identity)], node_id)
 
-    def renumber_only(self, heard: Container[int], node_id: int) -> Dictionary | None:
+    def renumber_only(self, heard: Set[int], node_id: int) -> Dictionary | None:
         """Take in that the one device on a bus has a new node-ID; of several files that of the one that was `heard`.
 
-        Return as `renumber` does.
+        Return as `renumber` does; None if several were heard, or if several files may be meant.
         """
         files = list(self._files.values())
-        return self._renumber([each for each in files if each.node_id in heard] or files, node_id)
+        meant = [each for each in files if each.node_id in heard] or files
+        return self._renumber(meant, node_id) if len(heard) <= 1 and len(meant) == 1 else None
 
     def _renumber(self, found: Iterable[Dictionary], node_id: int) -> Dictionary | None:
         files = {each.file: each for each in found}
@@ -422,6 +423,9 @@ def _services(shown: Mapping[Address, int]) -> Iterator[str]:
             yield _variable(f"{index:X}", f"0x{index:04X}", UNSIGNED32.code, f"DefaultValue={kept[0]}\n")
         elif kept:
             yield _record(index, f"0x{index:04X}", {0: max(kept)} | kept)
+    for index in sorted(SDO_CHANNELS.intersection(at for at, _ in shown) - {standard.SDO_REQUESTS[0]}):
+        kept = {sub: value for (at, sub), value in shown.items() if at == index and sub}
+        yield _record(index, f"0x{index:04X}", {0: max(kept, default=0)} | kept)
 
 
 def _pdos(shown: Mapping[Address, int]) -> Iterator[str]:

@@ -261,6 +261,10 @@ class RunTables:
                     if message.table not in self._files:  # also a table without rows is there for a query
                         self._file(message)
 
+    def notes(self) -> tuple[str, ...]:
+        """Return what the log cannot tell."""
+        return tuple(self._following.notes())
+
     def row(self) -> dict[str, Any]:
         """Return the run's row: network, amounts, start and end."""
         last = next(reversed(self._now.values()), self._decoding)
@@ -369,7 +373,7 @@ BEGUN = ".begun"
 
 
 class Archived(NamedTuple):
-    """The result for a log: its `run`, whether it was `known` before, how many frames, and how much is damaged."""
+    """The result for a log: its `run`, whether it was `known` before, what is in it, and what it cannot tell."""
 
     log: str
     run: str
@@ -377,6 +381,7 @@ class Archived(NamedTuple):
     size: int
     frames: int = 0
     damage: int = 0
+    notes: tuple[str, ...] = ()
 
 
 Progress = Callable[[int], object]
@@ -472,8 +477,8 @@ class Archiver:
             if self._is_there(run) or run in self._packed:
                 return Archived(str(log), run, True, size)
             file.seek(0)
-            row = self._put(file, {"run": run, "log": encodable(str(log)), "format": form, "bytes": size})
-        return Archived(str(log), run, False, size, row["frames"], row["damage"])
+            row, notes = self._put(file, {"run": run, "log": encodable(str(log)), "format": form, "bytes": size})
+        return Archived(str(log), run, False, size, row["frames"], row["damage"], notes)
 
     def _is_there(self, part: str) -> bool:
         """Return whether all files of a part are there, and none is damaged."""
@@ -495,8 +500,11 @@ class Archiver:
         with files.naming(Path(file.name)):
             yield from batches(file, self.form)
 
-    def _make(self, folder: Path, file: BinaryIO, known: dict[str, Any]) -> dict[str, Any]:
-        """Write all tables of a run into a folder, and last its row in `runs` with the seals of the others."""
+    def _make(self, folder: Path, file: BinaryIO, known: dict[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+        """Write all tables of a run into a folder, and last its row in `runs` with the seals of the others.
+
+        Return the row, and what the log cannot tell.
+        """
         with RunTables(folder, known["run"], self._decoding) as written:
             for batch in self._read(file):
                 written.take(batch)
@@ -506,17 +514,17 @@ class Archiver:
         schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {}).with_metadata({tables.SEALS: json.dumps(seals)})
         target = folder / f"{tables.RUNS}{tables.SUFFIX}"
         pq.write_table(pa.Table.from_pylist([row], schema), target, write_page_checksum=True)
-        return row
+        return row, written.notes()
 
-    def _put(self, file: BinaryIO, known: dict[str, Any]) -> dict[str, Any]:
-        """Write all tables of a run, and move them into the season; return its row in the table `runs`."""
+    def _put(self, file: BinaryIO, known: dict[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+        """Write all tables of a run, and move them into the season; return as `_make` does."""
         run = known["run"]
         # A folder of its own: another process may be at work on the same log.
         begun = self.season / BEGUN / f"{run}.{secrets.token_hex(4)}"
         try:
             with files.naming(self.season):
-                row = self._make(begun, file, known)
+                made = self._make(begun, file, known)
                 packing.put_in_place(begun, self.season, run)
         finally:
             shutil.rmtree(begun, ignore_errors=True)
-        return row
+        return made

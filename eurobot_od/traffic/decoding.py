@@ -45,7 +45,7 @@ from eurobot_od.traffic.meaning import (
     wrong,
 )
 from eurobot_od.traffic.services import FOLLOWED, GUARDING, LSS, NMT, SDO, WRITE, SdoEnd, guarding_words
-from eurobot_od.traffic.transfers import LssConfiguration, Said, Transfers
+from eurobot_od.traffic.transfers import ONE_WAY, LssConfiguration, Said, Transfers
 
 NAME_WIDTH = 29
 """Width of the column with the messages' names; a longer name pushes its fields to the right."""
@@ -282,12 +282,6 @@ RUNNING = frozenset(bytes([state]) for state in NmtState if state is not NmtStat
 
 SHOWN = range(FIRST, MANUFACTURER[0])
 """The objects of which some say what other frames mean."""
-
-ONE_WAY = {
-    False: "no answers in this log: settings are as the files say",
-    True: "no requests in this log: of what was written nobody knows what it was",
-}
-"""What a log says of SDO if it has only requests, or only answers."""
 
 
 def is_followed(meaning: Meaning) -> bool:

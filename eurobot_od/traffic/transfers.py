@@ -38,6 +38,12 @@ LONGEST_VALUE = 100
 SKIPPED = "a segment before this one is not in the log"
 """What a wrong toggle bit says."""
 
+ONE_WAY = {
+    False: "no answers in this log: settings are as the files say",
+    True: "no requests in this log: of what was written nobody knows what it was",
+}
+"""What a log says of SDO if it has only requests, or only answers."""
+
 SILENCE = 1.0
 """Seconds after which a segment with an unexpected number is not a segment."""
 

@@ -241,3 +241,47 @@ def test_the_mark_is_one_word_in_all_outputs(tmp_path: Path) -> None:
         f"servo: {word}: servo.TPDO1: its mapping was written before the log begins, or the log does not have what was "
         "written"
     ]
+
+
+def test_a_second_sdo_server_of_a_device_without_a_file_is_its_own() -> None:
+    lines = " ".join([write(0x1201, 1, 0x641), write(0x1201, 2, 0x5C1), "641#2B40600000000000"])
+    following = Following(Decoder([]))
+    *_, meaning = [following(t, c, raw, n) for n, t, c, raw in formats.read(io.BytesIO(log_of(lines)), "log")]
+    assert meaning.nodes == ("node 1",)
+
+
+def test_lss_to_all_of_two_devices_with_one_file_renumbers_neither() -> None:
+    two = [SERVO.renumbered(node).named(f"servo_{node}") for node in (1, 2)]
+    configured = "7E5#0401000000000000 7E5#1109000000000000 7E4#1100000000000000 7E5#0400000000000000"
+    assert last(f"701#00 702#00 {configured} 709#00 189#3702E8030000", *two).message is None
+
+
+MAPPED_OTHERWISE: dict[str, tuple[str, str, list[str]]] = {
+    "moved": (
+        f"{write(0x1800, 1, 0x80000181)} {write(0x1800, 1, 0x195)}",
+        "195#3702E8030000",
+        ["servo: servo.TPDO1 is sent under 0x195; its file says 0x181"],
+    ),
+    "moved to where another one was": (
+        f"{write(0x1801, 1, 0x80000281)} {write(0x1800, 1, 0x80000181)} {write(0x1800, 1, 0x281)}",
+        "281#3702E8030000",
+        ["servo: servo.TPDO1 is sent under 0x281; its file says 0x181"],
+    ),
+    "not known": (write(0x1A00, 1, VELOCITY).split()[1], FRAME, []),
+}
+
+
+@pytest.mark.parametrize(("lines", "frame", "titles"), MAPPED_OTHERWISE.values(), ids=MAPPED_OTHERWISE)
+def test_diagnose_compares_a_pdo_with_the_same_one_in_its_file(lines: str, frame: str, titles: list[str]) -> None:
+    diagnosis = Diagnosis(Decoder([SERVO]))
+    for line, time, channel, raw in formats.read(io.BytesIO(log_of(f"{lines} {frame}")), "log"):
+        diagnosis.take(time, channel, raw, line)
+    diagnosis.end()
+    assert [each.title for each in diagnosis.incidents.sorted() if each.rule.id == "pdo-mapped-otherwise"] == titles
+
+
+@pytest.mark.parametrize(("lines", "note"), ONE_WAY.values(), ids=ONE_WAY)
+def test_a_log_of_one_direction_is_said_by_the_archive(tmp_path: Path, lines: str, note: str) -> None:
+    (tmp_path / "some.log").write_bytes(log_of(lines))
+    made = Archiver(tmp_path / "season", DecodedNetwork((SERVO,), NOTHING))(tmp_path / "some.log")
+    assert [note in each for each in made.notes] == [True]

@@ -124,11 +124,18 @@ class PdoWatcher(Watcher):
         return WatchedPdo(binding.name, binding.pdo, sender, binding.always)
 
     def _mapped(self, cob_id: int, binding: Binding, sender: ObservedNode) -> None:
-        said = next((each for each in self.bus.files.protocol.bindings if each.cob_id == cob_id), None)
+        """Report that a PDO is mapped, or sent, otherwise than its sender's file says; one that is not known is not."""
+        if not binding.is_whole:
+            return
+        said = next((each for each in self.bus.files.protocol.bindings if each.name == binding.name), None)
         if said is None or said.layout.slots != binding.layout.slots:
             text = f"{binding.name} maps {', '.join(binding.layout.fields) or 'nothing'}"
             mapped = f"; its file {', '.join(said.layout.fields) or 'nothing'}" if said else ""
             file = mapped or ", which its file does not have"
+            self.bus.found(BusRule.PDO_MAPPED_OTHERWISE, sender.name, f"{text}{file}", cob_id)
+        elif said.cob_id != cob_id:
+            text = f"{binding.name} is sent under 0x{identifier_text(cob_id)}"
+            file = f"; its file says 0x{identifier_text(said.cob_id)}"
             self.bus.found(BusRule.PDO_MAPPED_OTHERWISE, sender.name, f"{text}{file}", cob_id)
 
     def gap(self, time: float) -> None:

@@ -213,6 +213,13 @@ class BusRule(IncidentRule):
         remedy="`scan` lists who answers; look at the node's NMT state",
         clause="CiA 301, 7.2.4.3, 7.3.2.2.4",
     )
+    ONE_DIRECTION = RuleRow(
+        Severity.WARNING,
+        "A log has only one direction of SDO",
+        cause="the recorder does not take its own program's frames, or a filter leaves one direction out",
+        remedy="record requests and answers: settings that a log does not show are taken from the files",
+        clause="CiA 301, 7.2.4.2",
+    )
     SDO_BROKEN = RuleRow(
         Severity.ERROR,
         "An SDO transfer breaks off",

@@ -6,6 +6,7 @@ CiA 301, 7.2.4; the values of a device's DCF by CiA 302-2 and 306.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from eurobot_od.device.nmt import COMMAND_NAMES, SERVICES, STATE_NAMES, NmtCommand
 from eurobot_od.frame import Frame
@@ -19,7 +20,7 @@ from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Oc
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
 from eurobot_od.traffic.services import NMT, CanopenService, SdoEnd, object_words
-from eurobot_od.traffic.transfers import SKIPPED, How
+from eurobot_od.traffic.transfers import ONE_WAY, SKIPPED, How
 
 IMPATIENT = 0.02
 """Seconds that no client waits less for an answer: who asks again before that is another one."""
@@ -44,12 +45,28 @@ class SdoLine:
     is_used: bool = False
 
 
+class HeldFinding(NamedTuple):
+    """What only counts if the log has requests and answers: `rule`, `node` and `text` of the incident."""
+
+    rule: BusRule
+    node: ObservedNode
+    text: str
+    cause: str
+    seen: Occurrences
+
+    def report(self, bus: ObservedBus) -> None:
+        """Report it on its bus."""
+        bus.found(self.rule, self.node.name, self.text, cause=self.cause, seen=self.seen)
+
+
 class SdoWatcher(Watcher):
     """Watches the SDO channels of a bus."""
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
         self._lines: dict[int, SdoLine] = {}
+        self._ways = set[bool]()
+        self._held: dict[tuple[BusRule, int], HeldFinding] = {}
         self._own = {n: _own_values(node.dictionary) for n, node in bus.nodes.items() if node.dictionary}
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -62,6 +79,7 @@ class SdoWatcher(Watcher):
         end = meaning.service.end if isinstance(meaning.service, CanopenService) else None
         if end is None or not isinstance(frame, Frame):  # a segment of a block, or not a frame of SDO at all
             return
+        self._heard(end.is_answer)
         line, node = self._lines.setdefault(end.channel, SdoLine()), self.bus.node(end.server)
         asked = line.seen if line.asked is not None else None
         if end.is_answer:
@@ -75,12 +93,31 @@ class SdoWatcher(Watcher):
                 line.asked = None  # the client's last word
         line.is_used = True
 
+    def _heard(self, is_answer: bool) -> None:
+        """Take in a direction; with both, what was held back counts."""
+        if is_answer not in self._ways:
+            self._ways.add(is_answer)
+            for each in self._held.values() if len(self._ways) > 1 else ():
+                each.report(self.bus)
+
+    def _found(
+        self, rule: BusRule, node: ObservedNode, text: str, cause: str = "", seen: Occurrences | None = None
+    ) -> None:
+        """Report what one direction alone does not tell, or hold it back until the other one is there."""
+        finding = HeldFinding(rule, node, text, cause, seen or Occurrences.once(self.bus.at()))
+        if len(self._ways) > 1:
+            finding.report(self.bus)
+        elif first := self._held.get((rule, node.node_id)):
+            first.seen.join(finding.seen)
+        else:
+            self._held[rule, node.node_id] = finding
+
     def _request(self, time: float, line: SdoLine, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
         command = end.command(data)
         named = command is not None and command.names_object
         if named and line.asked is not None and self._is_hasty(line.asked):
             text = f"is asked again {duration(time - line.asked, 6)} after a request, before its answer"
-            self.bus.found(BusRule.TWO_CLIENTS, node.name, text)
+            self._found(BusRule.TWO_CLIENTS, node, text)
         if data[0] == ABORT:
             line.asked = None
             return
@@ -96,7 +133,7 @@ class SdoWatcher(Watcher):
         needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
         if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
             text = f"answers without a request: {label(Initiate.of(data).address)}"
-            self.bus.found(BusRule.SDO_UNASKED, node.name, text)
+            self._found(BusRule.SDO_UNASKED, node, text)
         line.asked = None
 
     def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:
@@ -121,7 +158,7 @@ class SdoWatcher(Watcher):
             cause = f"the node is {STATE_NAMES[node.state]}, where it has no SDO (CiA 301, 7.3.2.2.4)"
         elif node.heard:
             cause = "the node is there, but its SDO server hangs, refuses without a word, or is elsewhere (0x1200)"
-        self.bus.found(BusRule.SDO_UNANSWERED, node.name, f"does not answer {what}", cause=cause, seen=seen)
+        self._found(BusRule.SDO_UNANSWERED, node, f"does not answer {what}", cause, seen)
 
     def _aborted(self, ended: SdoTransfer, node: ObservedNode, what: str, is_refused: bool) -> None:
         assert ended.aborted is not None
@@ -177,6 +214,17 @@ class SdoWatcher(Watcher):
                 service = self.bus.decoder.services.get(channel)
                 if service and service.end:
                     self._unanswered(self.bus.node(service.end.server), f"the request for {line.object}", line.seen)
+        if len(self._ways) == 1:
+            self._one_way()
+
+    def _one_way(self) -> None:
+        """Report that a log has only one direction; or what was held back, as requests to nobody are waited for."""
+        shows = [each for each in self._held.values() if each.rule is not BusRule.SDO_UNANSWERED]
+        if shows:
+            self.bus.found(BusRule.ONE_DIRECTION, "", ONE_WAY[True in self._ways], seen=shows[0].seen)
+            return
+        for each in self._held.values():
+            each.report(self.bus)
 
 
 def _own_values(dictionary: Dictionary) -> dict[Address, bytes]:

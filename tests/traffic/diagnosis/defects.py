@@ -307,6 +307,8 @@ DEFECTS = [
         BusRule.SDO_UNANSWERED, log(at(READ), beats(node=6)), 0.0, log(at(READ), at(VALUE, start=0.3), beats(node=6))
     ),
     RuleDefect(BusRule.SDO_UNANSWERED, at(READ, READ, gap=0.5), 0.0, at(READ, VALUE, gap=0.5)),
+    RuleDefect(BusRule.ONE_DIRECTION, at(READ, READ_2, READ), 0.001, at(READ, VALUE, READ_2, VALUE_2)),
+    RuleDefect(BusRule.ONE_DIRECTION, at("705#05", VALUE, VALUE_2), 0.002, at("705#05", READ, VALUE, READ_2, VALUE_2)),
     RuleDefect(
         BusRule.SDO_BROKEN,
         at(*SEGMENTED, READ, VALUE),
