@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.signature import Option
 from eurobot_od.device.node import Node
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, NoAnswer
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.plugin import NodeRun, Scene
 from eurobot_od.robot.commands import status_of
@@ -133,11 +133,21 @@ def _play(
 
 
 def _lead(core: Core, options: NodeOptions, left: Callable[[], float]) -> None:
-    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer.
+    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer, StateError.
+
+    A match that the drive is in goes on: this core has begun again.
 
     The drill ends after the seconds that are `left`, and its goto with it.
     """
-    if options.team is not None:
+    memory = None
+    with suppress(NoAnswer):  # a drive that is not there yet remembers nothing
+        memory = core.recall().result()
+    if memory is not None and memory.time_left:
+        place = core.recover().result()
+        print(
+            f"a match is under way, {core.time_left:.1f} s are left; the robot is at ({place.x}, {place.y})", flush=True
+        )
+    elif options.team is not None:
         for name, seconds in core.check_nodes().result().items():
             print(f"{name} answered after {seconds * 1000:.1f} ms", flush=True)
         seconds = core.configure_start(options.team).result()

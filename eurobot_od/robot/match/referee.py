@@ -14,6 +14,7 @@ import threading
 import traceback
 from collections.abc import Callable, Coroutine, Generator
 from concurrent.futures import CancelledError, Future
+from contextlib import suppress
 from functools import partial
 from inspect import iscoroutinefunction, signature
 from math import ceil, inf
@@ -23,7 +24,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 from eurobot_od.bus.live.event_loop import Hang, Terminated, caller, exited
 from eurobot_od.device.timers import Call
-from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
+from eurobot_od.errors import LocalError, NoAnswer, ProgramFailed, RemoteError, StateError
 from eurobot_od.pdo.kinds import plain
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.model.messages import DIAMETERS, GotoXY, KalmanPositionResponse
@@ -284,6 +285,27 @@ class Referee:
         await self._stand_still()
 
     async def _start_up(self) -> None:
+        """Bring the nodes to the start of a match (document 5.1), or go on with one that is under way.
+
+        Raises NoAnswer, StateError.
+        """
+        memory = None
+        with suppress(NoAnswer):  # a drive that is not there yet remembers nothing
+            memory = await self.core.recall()
+        if memory is not None and memory.time_left:
+            await self._go_on()
+        else:
+            await self._begin()
+
+    async def _go_on(self) -> None:
+        """Go on with a match that a core has begun which has ended since; the drive remembers it."""
+        seen = await self.core.recover()
+        self._duration = self.core.time_left
+        what = f"a match is under way, {self._duration:.1f} s are left: configuration and place are the drive's"
+        self.timeline.tell(EventKind.CONFIGURE, what, left=self._duration)
+        self.timeline.tell(EventKind.POSITION, f"({seen.x}, {seen.y}) {seen.angle} deg", position=seen[:3])
+
+    async def _begin(self) -> None:
         """Check the nodes, configure the start, and wait for the robot's place (document 5.1); raises NoAnswer."""
         answered = await self.core.check_nodes()
         answers = ", ".join(f"{node} answered after {seconds * 1000:.1f} ms" for node, seconds in answered.items())

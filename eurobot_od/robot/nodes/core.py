@@ -52,13 +52,16 @@ from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
-from eurobot_od.robot.nodes import flows
+from eurobot_od.robot.nodes import flows, recovery
 from eurobot_od.robot.nodes.agreement import NodeMismatch, SdoClientParameter, number_in
 from eurobot_od.robot.nodes.estimate import DriveAnswer, Seen, Sighting, Track, Twins
 from eurobot_od.robot.nodes.flows import GotoReport, Standstill
 from eurobot_od.robot.nodes.node import (
     DEVIATION,
+    KEEP_PLACE,
     LEAVING,
+    START_STATE,
+    TIME_LEFT,
     UNKNOWN,
     Actuators,
     Approach,
@@ -67,9 +70,12 @@ from eurobot_od.robot.nodes.node import (
     Detection,
     DistanceSensor,
     Handlers,
+    KeepPlace,
     Loss,
     Objects,
     Readiness,
+    StartState,
+    milliseconds_until,
 )
 from eurobot_od.support.texts import one_line
 
@@ -135,6 +141,7 @@ class Core(CallingNode, CoreSettings):
         self.observe: Callable[[messages.GotoXY | str, Call[Any]], None] = lambda _what, _call: None
         self.at_match_end: Callable[[], object] = lambda: None
         self.told: list[Callable[[str], object]] = []
+        self._has_begun = False
         self._forget()
         for _, confirm in self.confirming():
             self.on(confirm, lambda heard: self.readiness.confirms.add(type(heard)))
@@ -158,6 +165,8 @@ class Core(CallingNode, CoreSettings):
         self._place: Place | None = None
         self._deviation: int | None = None
         self._tells_deviation = True
+        self._telling: Flow[Any] | None = None
+        self._recalling: Flow[Any] | None = None
         self._astray = False
         self._match: Timer | None = None
         self._match_end: float | None = None
@@ -165,12 +174,18 @@ class Core(CallingNode, CoreSettings):
         self._heard = 0.0
 
     def reset(self) -> None:
-        """Give up whatever is going on and forget everything, as after power-on; a goto under way is stopped."""
+        """Give up whatever is going on and forget everything, as after power-on; a goto under way is stopped.
+
+        After an NMT reset the drive is asked for what it remembers of the match; the next goto begins with a recovery.
+        """
         driving = self.is_commanding
         super().reset()
         self._forget()
         if driving:
             self._halt(messages.StopDrive())
+        if self._has_begun:  # by NMT, and not by power-on: nobody is going to start this core up
+            self._recalling = self.begin(self._recall())
+        self._has_begun = True
 
     @property
     def is_commanding(self) -> bool:
@@ -231,20 +246,29 @@ class Core(CallingNode, CoreSettings):
             self._configuring = self.begin(self._configure_start(configuration, self._no_longer_watched()))
             return self._configuring.call
 
-    def recover(self) -> Call[messages.KalmanPositionResponse]:
-        """Let the robot go on after an Emergency Shutdown: checks, start configuration, a look at where it is.
+    def recall(self) -> Call[recovery.Memory | None]:
+        """Ask the drive what it remembers of a match; None if it was not configured since it booted, or has no SDO.
 
-        The result is the place. A drive that knows it is told to keep it (object 0x210A); any other one begins at its
-        start place, until the navigation has seen it twice. Raises the errors of `check_nodes` and `configure_start`,
-        and StateError before the first start configuration or if the drive is not where it was last seen.
+        A core that has begun again asks this before it configures anything. Raises NoAnswer.
         """
         with self.guard:
             self.check_present()
-            configuration = self.configuration
-            if configuration is None:
-                raise StateError("there is nothing to go back to: call check_nodes() and configure_start()")
+            return self.begin(recovery.recall(self)).call
+
+    def recover(self) -> Call[messages.KalmanPositionResponse]:
+        """Let the robot go on after an Emergency Shutdown, or after this core has begun again; return where it is.
+
+        A core that remembers nothing asks the drive for the start configuration, the place and the match clock. Then
+        the nodes are checked and configured. A drive that knows its place is told to keep it (object 0x210A); any other
+        one begins at its start place, until the navigation has seen it twice. The match ends at its time.
+
+        Raises the errors of `check_nodes` and `configure_start`; StateError if neither core nor drive remember a start
+        configuration, or if the drive is not where it was last seen and the navigation does not see it there.
+        """
+        with self.guard:
+            self.check_present()
             self.end(self._configuring, StateError("replaced by a recovery"))
-            flow = self._configuring = self.begin(self._recover_all(configuration, self._no_longer_watched()))
+            flow = self._configuring = self.begin(self._recover_all(self._no_longer_watched()))
             return flow.call
 
     def _no_longer_watched(self) -> bool:
@@ -283,15 +307,13 @@ class Core(CallingNode, CoreSettings):
         with self.guard:
             self.check_present()
             self.device.transmit(goto)  # raises if anything is wrong with it, and sends nothing yet
-            if self.shut_down:
-                raise StateError("no goto after an emergency shutdown: `await core.recover()` ends it")
+            if self._recalling is None:
+                self._check_may_drive()
             if self.match_over:
                 # Raised when it is awaited: a strategy that catches it in a loop yields, and can be cancelled.
                 late: Call[GotoReport] = Call()
                 late.set_exception(StateError("no goto after the match"))
                 return late
-            if not self._has_to_recover and (missing := self.readiness.missing(self.without)):
-                raise StateError(f"no goto yet: {missing}")
             if self._has_to_recover and self.is_commanding:
                 self._stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
             self.end(self._driving, _Ended(Outcome.REPLACED))
@@ -300,6 +322,13 @@ class Core(CallingNode, CoreSettings):
             call = self._driving.call
         self.observe(goto, call)
         return call
+
+    def _check_may_drive(self) -> None:
+        """Raise StateError if a goto must not be sent, and say what is missing."""
+        if self.shut_down:
+            raise StateError("no goto after an emergency shutdown: `await core.recover()` ends it")
+        if not self._has_to_recover and not self.match_over and (missing := self.readiness.missing(self.without)):
+            raise StateError(f"no goto yet: {missing}")
 
     def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
@@ -417,6 +446,17 @@ class Core(CallingNode, CoreSettings):
         with self.guard:
             self.match_over, self._heard = False, self.now
             self.soon(lambda now: self._end_match_at(now + seconds))
+            self._start_clock()
+
+    def _start_clock(self) -> None:
+        """Have the drive keep the time of the match, for a core that begins again."""
+        self.end(self._telling, StateError("replaced by a newer clock"))
+        self._telling = self.begin(self._tell_time_left())
+
+    def _tell_time_left(self) -> Script[bool]:
+        yield START
+        left = milliseconds_until(self._match_end, self.now)
+        return (yield from recovery.tell_drive(self, TIME_LEFT, left, self.transmissions))
 
     def leave(self) -> Call[Standstill] | None:
         """Stop the drive before the node is switched off, if it was ever sent anywhere; see `stop`.
@@ -494,7 +534,10 @@ class Core(CallingNode, CoreSettings):
         """
         try:
             if in_place:
-                yield from flows.keep_place(self)
+                yield from recovery.keep_place(self)
+            elif self._is_in_match or "drive" in self.readiness.checked:
+                # The caller has put the robot at its start place; in a match the drive would not believe it.
+                yield from recovery.tell_drive(self, KEEP_PLACE, KeepPlace.START_OVER, 1)
             seconds = yield from self._configure(configuration)
         except BaseException:  # nothing has changed: what had to be stopped still has to be
             if self.shut_down:
@@ -529,6 +572,11 @@ class Core(CallingNode, CoreSettings):
     def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
         try:
             yield START
+            if self._recalling is not None:
+                yield from self._until_recalled()
+                self._check_may_drive()
+            if self.match_over:  # as the drive remembers
+                raise StateError("no goto after the match")
             if self._has_to_recover and self.configuration is not None:
                 yield from self._recover(self.configuration)
         except _Ended as ended:
@@ -593,33 +641,71 @@ class Core(CallingNode, CoreSettings):
         yield from flows.check_nodes(self, self.without)
         here = yield from flows.drive_position(self)
         # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
-        # its place is left alone.
-        if here.x is None or not self.readiness.configured:
+        # its place is left alone, or told to keep it.
+        if here.x is None:
+            yield from self._configure(configuration)
+        elif not self.readiness.configured:
+            yield from recovery.keep_place(self)
             yield from self._configure(configuration)
         else:
             yield from flows.tell_others(self, configuration)
         self._lost = ""
         yield from self._find_place(configuration, self._place)
+        if self._is_in_match:
+            self._start_clock()  # a drive that has booted has forgotten it
 
     def _find_place(
         self, configuration: messages.StartConfigurationSet, there: Place | None
     ) -> Script[messages.KalmanPositionResponse]:
         try:
-            here = yield from flows.find_place(self, there, self.facts.start(configuration.team_colour))
-        except flows.PlaceLost:
-            self._lost = flows.LOST_PLACE  # so that the next goto looks again
+            here = yield from recovery.find_place(
+                self, there, self.facts.start(configuration.team_colour), self._seen_by_navigation
+            )
+        except recovery.PlaceLost:
+            self._lost = recovery.LOST_PLACE  # so that the next goto looks again
             raise
         self._astray = False
         return here
 
-    def _recover_all(
-        self, configuration: messages.StartConfigurationSet, watched: bool
-    ) -> Script[messages.KalmanPositionResponse]:
+    def _recover_all(self, watched: bool) -> Script[messages.KalmanPositionResponse]:
+        yield from self._until_recalled()
+        if self.configuration is None:
+            yield from self._recall()
+        configuration = self.configuration
+        if configuration is None:
+            raise StateError(recovery.NOTHING_TO_GO_BACK_TO)
         # Kept, although the configuration forgets it: the robot has not been moved to its start.
         there = self._place
         yield from self._configure_start(configuration, watched, in_place=True)
         self._place, self._astray = there, True
         return (yield from self._find_place(configuration, there))
+
+    def _until_recalled(self) -> Script[None]:
+        """Wait for the questions that follow an NMT reset."""
+        yield START
+        while self._recalling is not None:
+            yield Pause(self.state_request_period)
+
+    def _recall(self) -> Script[None]:
+        """Take over what the drive remembers of the start and of the match; the next goto begins with a recovery."""
+        memory = yield from recovery.recall(self)
+        if memory is None:
+            return
+        self.configuration, self._place, self._lost = memory.configuration, memory.place, "the core has begun again"
+        self._stopped = messages.StopDrive()
+        if memory.shut_down:
+            self.shut_down, self._stopped = True, messages.EmergencyShutdown()
+        if memory.time_left is not None:
+            self._heard = self.now
+            self.match_over = memory.time_left == 0
+            self._end_match_at(self.now + memory.time_left)
+            if not self.match_over:
+                yield from self._miss_navigation()  # a match goes on without one
+
+    def _seen_by_navigation(self, since: float) -> Place | None:
+        """Return where the navigation has seen us since a time in s; None if it has not."""
+        sighting = self.positions.get(messages.NaviPositionResponse)
+        return None if sighting is None or sighting.time < since else sighting.position[:3]
 
     def _miss_navigation(self) -> Script[None]:
         """Ask a navigation that has been silent for long during a match whether it is there."""
@@ -678,6 +764,11 @@ class Core(CallingNode, CoreSettings):
         return self.actuators.finish(task)
 
     # Match
+
+    def _start_state(self) -> StartState:
+        if self.shut_down:
+            return StartState.SHUT_DOWN
+        return StartState.UNCONFIGURED if self.configuration is None else StartState.CONFIGURED
 
     @property
     def time_left(self) -> float:
@@ -807,7 +898,7 @@ class Core(CallingNode, CoreSettings):
         else:
             self._heard = self.now
 
-    NOBODYS = ("_keeping_on", "_missing")
+    NOBODYS = ("_keeping_on", "_missing", "_telling", "_recalling")
     ONE_AT_A_TIME = ("_driving", "_configuring", "_standing", "_acting", *NOBODYS)
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {"Match.Match duration": lambda facts: facts.duration}
     OBJECTS: ClassVar[Objects] = {
@@ -816,6 +907,8 @@ class Core(CallingNode, CoreSettings):
     }
     MEASURED: ClassVar[Mapping[str, Callable[[Any], int]]] = {
         DEVIATION: lambda core: UNKNOWN if core._deviation is None else core._deviation,
+        TIME_LEFT: lambda core: milliseconds_until(core._match_end, core.now),
+        START_STATE: lambda core: core._start_state(),
     }
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoConfirm: lambda core, _: core._stop_late_goto(),

@@ -12,17 +12,28 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
-from eurobot_od.device.bound import BoundObject, period, scaled, seconds, setting, together
+from eurobot_od.device.bound import Application, BoundObject, period, scaled, seconds, setting, together
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.meanings import NO_MEANING
+from eurobot_od.od.values import Value
 from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
-from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
+from eurobot_od.robot.model.values import (
+    Barriers,
+    Direction,
+    GotoFault,
+    Obstacle,
+    Passage,
+    RobotError,
+    Route,
+    Source,
+    TeamColour,
+)
 from eurobot_od.robot.nodes.estimate import Estimate, Tuning
 from eurobot_od.robot.nodes.motion import (
     AT_REST,
@@ -36,7 +47,20 @@ from eurobot_od.robot.nodes.motion import (
     find_route,
 )
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.nodes.node import DEVIATION, KEEP_PLACE, UNKNOWN, FollowingNode, Handlers, Objects
+from eurobot_od.robot.nodes.node import (
+    DEVIATION,
+    KEEP_PLACE,
+    NO_MATCH,
+    START_STATE,
+    TIME_LEFT,
+    UNKNOWN,
+    FollowingNode,
+    Handlers,
+    KeepPlace,
+    Objects,
+    StartState,
+    milliseconds_until,
+)
 
 LATE = 0.1
 """How late a control step may be, in seconds, and still be made up for: as long as a busy computer may take."""
@@ -117,6 +141,18 @@ class Drive(FollowingNode):
         self._told = math.inf
         self._motion: Motion | Braking | None = None
         self._control: Timer | None = None
+        self._match_end: float | None = None
+        self._has_driven = False
+
+    def _application(self, dictionary: Dictionary) -> Application:
+        """Return what the application gives the objects: the core starts the match clock by a write."""
+        told = {dictionary.address(TIME_LEFT): self._start_clock}
+        return super()._application(dictionary)._replace(told=told)
+
+    def _start_clock(self, time_left: Value) -> None:
+        self._match_end = None
+        if isinstance(time_left, int) and time_left != NO_MATCH:
+            self._match_end = self.now + time_left / 1000
 
     def reset(self) -> None:
         """Stop at once and forget everything, as after power-on."""
@@ -140,7 +176,7 @@ class Drive(FollowingNode):
         """Take over a goto and drop the one before (document 2.1). Raises Refused in the safe state."""
         if self.safe:
             raise Refused(Cause.STATE, "the safe state is held until a new start configuration")
-        self.goto, self.stopped_by = goto, None
+        self.goto, self.stopped_by, self._has_driven = goto, None, True
         self._forget_obstruction()
         self._set_out(goto)
         return messages.GotoConfirm()
@@ -322,21 +358,34 @@ class Drive(FollowingNode):
     def configure(self, configuration: messages.StartConfigurationSet) -> Message:
         """Start over from the team's start place (document 2.3); raises Refused for a contradictory configuration.
 
-        A place that is known is kept, once, if the object 0x210A says so: the core has not been put at its start.
+        In a match the start place holds before the first goto only, as the robot has left it since. The core says by
+        the object 0x210A if it is otherwise: the place is kept outside of a match as well, or the robot was put back.
         """
         confirm = super().configure(configuration)
         self._stop(messages.StopDrive())
         # The stop was part of configuring, and is not a reason.
         self.stopped_by = None
-        if not self.keep_place or self.estimate.pose is None:
+        if not self._keeps_place() or self.estimate.pose is None:
             self.estimate = Estimate(self.tuning, self.facts.start(configuration.team_colour))
             self.clear_error(Estimate)
+            self._has_driven = False
         self._start_over_next()
         return confirm
 
+    def _keeps_place(self) -> bool:
+        """Return whether the next start configuration leaves the place as it is known."""
+        if self.keep_place == KeepPlace.BY_MATCH:
+            return self._has_driven and self._match_end is not None and self.now < self._match_end
+        return self.keep_place == KeepPlace.KEEP
+
     def _start_over_next(self) -> None:
         # Whoever wanted it otherwise has had it, or is gone.
-        self.device.objects.put(self.device.dictionary.address(KEEP_PLACE), 0)
+        self.device.objects.put(self.device.dictionary.address(KEEP_PLACE), KeepPlace.BY_MATCH)
+
+    def _start_state(self) -> StartState:
+        if self.safe:
+            return StartState.SHUT_DOWN
+        return StartState.UNCONFIGURED if self.configuration is None else StartState.CONFIGURED
 
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {
         "Body.Robot radius": lambda facts: math.ceil(facts.body.radius),
@@ -347,13 +396,18 @@ class Drive(FollowingNode):
         "Goto state": BoundObject(read=_state),
         "Navi position": BoundObject(write=messages.NaviPositionResponse),
         "Kalman position": BoundObject(read=_position),
-        "Start configuration": BoundObject(write=messages.StartConfigurationSet),
+        "Start configuration": BoundObject(
+            read=lambda self: self.configuration or messages.StartConfigurationSet(TeamColour.YELLOW, 0, 0, 0, 0),
+            write=messages.StartConfigurationSet,
+        ),
     }
     MEASURED: ClassVar[Mapping[str, Callable[[Any], int]]] = {
         "Position deviation.X deviation": lambda self: self._deviation("x", 1.0),
         "Position deviation.Y deviation": lambda self: self._deviation("y", 1.0),
         DEVIATION: lambda self: self._deviation("worst", 1.0),
         "Position deviation.Heading deviation": lambda self: self._deviation("heading", 0.1),
+        START_STATE: lambda self: self._start_state(),
+        TIME_LEFT: lambda self: milliseconds_until(self._match_end, self.now),
     }
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoXY: _accept,

@@ -1,4 +1,4 @@
-"""What the core's flows are made of: startup, goto, stop, recovery (document 2.1 to 2.3, 4.2.2, 5.1).
+"""What the core's flows are made of: startup, goto, stop (document 2.1 to 2.3, 4.2.2, 5.1); see also `recovery`.
 
 Confirms of the start configuration have one identifier and may merge on the wire, so one of them may be anybody's. That
 is why a configuration ends with a second check of both nodes.
@@ -17,10 +17,10 @@ from eurobot_od.device.timers import START, Ask, Pause, Script
 from eurobot_od.errors import DictionaryError, NoAnswer, RemoteError, StateError
 from eurobot_od.od.standard import REVISION
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.places import Place, is_near
+from eurobot_od.robot.model.places import is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
 from eurobot_od.robot.nodes.agreement import SdoClientParameter, compare
-from eurobot_od.robot.nodes.node import KEEP_PLACE, Component, CoreSettings
+from eurobot_od.robot.nodes.node import Component, CoreSettings
 
 # The startup
 
@@ -55,12 +55,13 @@ def check_nodes(core: CoreSettings, without: Collection[str] = ()) -> Script[dic
 
 def _check_of(core: CoreSettings, node: str, part: Component) -> Ask:
     if part.check is None or part.answer is None:
-        channel = _channel(core, node)
+        channel = channel_to(core, node)
         return Ask(channel.ask(REVISION), channel.answer, core.check_wait, core.check_attempts)
     return Ask(part.check, part.answer, core.check_wait, core.check_attempts)
 
 
-def _channel(core: CoreSettings, node: str) -> SdoClientParameter:
+def channel_to(core: CoreSettings, node: str) -> SdoClientParameter:
+    """Return how the core reaches a node by SDO; raises StateError if its EDS does not say."""
     channel = SdoClientParameter.to(node, core.device)
     if channel is None:
         raise StateError(f"the core cannot ask the {node} by SDO: name it in `asks` of the core in the protocol table")
@@ -121,7 +122,7 @@ def tell(core: CoreSettings, node: str, configuration: messages.StartConfigurati
 
     A Start Configuration Set would take the drive's estimate back to its start place, so each sub-index is written.
     """
-    channel, protocol = _channel(core, node), core.device.protocol
+    channel, protocol = channel_to(core, node), core.device.protocol
     _, raw = protocol.unpack(*protocol.encode(configuration))
     for name, field in zip(CONFIGURED, configuration._fields):
         order = channel.order(core.device.dictionary, f"Start configuration.{name}", raw[field])
@@ -240,61 +241,3 @@ def _standing_place(core: CoreSettings) -> Script[messages.KalmanPositionRespons
         return None
     moved = not is_near(before[:3], after[:3], core.standstill_distance, core.standstill_turn)
     return None if moved or is_driving(state) else after
-
-
-# After a node was lost
-
-
-ANY_ANGLE = 180.0
-"""Two headings are never further apart than this, degrees."""
-
-AT_START = 50.0
-"""A configured drive may not have been seen by the navigation yet if it is this near its start place, mm.
-"""
-
-LOOKS = 3
-"""How often the navigation is asked for a drive that has booted. It believes the navigation when two positions agree,
-and one of them may be unknown or wrong."""
-
-LOST_PLACE = "the drive has lost its place"
-
-
-def keep_place(core: CoreSettings) -> Script[None]:
-    """Have the drive keep the place that it knows when it is configured next. One without SDO will start over.
-
-    Raises NoAnswer if the drive does not answer at all: configured now, it might forget what it knows.
-    """
-    yield START
-    channel = SdoClientParameter.to("drive", core.device)
-    if channel is None or not core.keeps_place:
-        return
-    order = channel.order(core.device.dictionary, KEEP_PLACE, 1)
-    for _ in range(core.transmissions):
-        with suppress(NoAnswer):
-            yield Ask(order, channel.answer, core.identity_wait, 1)
-            return
-        yield from drive_position(core)  # raises NoAnswer: a drive that is not there is not one without SDO
-
-
-class PlaceLost(StateError):
-    """The drive is not where it was last seen; it has to be put at its start place, and the start configured."""
-
-
-def find_place(core: CoreSettings, there: Place | None, start: Place) -> Script[messages.KalmanPositionResponse]:
-    """Have the navigation look where the drive is, and check that it is where it was last seen (`there`), if it was.
-
-    Raises PlaceLost if it is elsewhere, or so near its `start` place that nobody may have seen it there; NoAnswer.
-    """
-    for _ in range(LOOKS):
-        core.offer(messages.NaviPositionRequest())
-        # The drive hears the answers itself (document 4.2.2 Navigation), so there is nothing to wait for here.
-        yield Pause(core.state_request_period)
-    here = yield from drive_position(core)
-    if there is None:
-        return here
-    moved = not is_near(there, here[:3], core.displacement, ANY_ANGLE)
-    unseen = is_near(start, here[:3], AT_START, ANY_ANGLE) and not is_near(start, there, AT_START, ANY_ANGLE)
-    if moved or unseen:
-        text = f"it was last seen at {there[:2]}, and is at {here[:2]} now; configure the start"
-        raise PlaceLost(f"{LOST_PLACE}: {text}")
-    return here

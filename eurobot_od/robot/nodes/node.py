@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import Future
-from enum import Enum
+from enum import Enum, IntEnum
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.controller import Reporter
@@ -186,6 +186,38 @@ class RobotNode(Node):
 
 KEEP_PLACE = "Place.Keep place"
 """The object by which the core has the drive keep its place in the next start configuration."""
+
+
+class KeepPlace(IntEnum):
+    """What the object `KEEP_PLACE` says of the next start configuration, and of that one only."""
+
+    BY_MATCH = 0
+    """The drive begins at its start place, unless a match is under way in which it has had a goto."""
+    KEEP = 1
+    START_OVER = 2
+    """The drive begins at its start place: the robot has been put there, even if a match is under way."""
+
+
+START_STATE = "Start state.State"
+"""The object by which the drive says whether it has a start configuration, for a core that has begun again."""
+
+
+class StartState(IntEnum):
+    """The values of the object `START_STATE`."""
+
+    UNCONFIGURED = 0
+    CONFIGURED = 1
+    SHUT_DOWN = 2
+    """Configured or not, the drive holds its safe state."""
+
+
+TIME_LEFT, NO_MATCH = "Match clock.Time left", 0xFFFF_FFFF
+"""The object with the time to the end of the match, ms; its value while no match was started."""
+
+
+def milliseconds_until(end: float | None, now: float) -> int:
+    """Return the value of the object `TIME_LEFT`; `end` is that of the match, None without one."""
+    return NO_MATCH if end is None else max(round((end - now) * 1000), 0)
 
 
 DEVIATION, UNKNOWN = "Arrival deviation.Deviation", 0xFFFF

@@ -56,10 +56,11 @@ from eurobot_od.robot.model.values import (
 )
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.flows import GotoReport, NotStanding, PlaceLost, Standstill
+from eurobot_od.robot.nodes.flows import GotoReport, NotStanding, Standstill
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.nodes.node import DEVIATION, Handlers
+from eurobot_od.robot.nodes.node import DEVIATION, NO_MATCH, TIME_LEFT, Handlers
+from eurobot_od.robot.nodes.recovery import PlaceLost
 from tests.client.peers import new_channel, open_bus
 from tests.kit.bench import put
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, TUNING, Bench
@@ -1209,6 +1210,7 @@ def test_20_the_place_is_kept_once_and_for_the_core_that_asked(done: Callable[[B
     bench = ready()
     shut_down_far_off(bench)
     there = bench.pose()
+    put(bench.drive, TIME_LEFT, NO_MATCH)  # in a match it is kept in any case
     put(bench.drive, "Place.Keep place", 1)
     done(bench)
     bench.drive.configure(RED)
@@ -1263,14 +1265,17 @@ def test_19_a_match_that_is_started_again_begins_anew(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("before", [1.0, 3.0])
-def test_19_an_nmt_reset_forgets_the_match(bench: Bench, before: float) -> None:
+def test_19_an_nmt_reset_does_not_prolong_the_match(bench: Bench, before: float) -> None:
+    end = bench.now + 2.0
     bench.core.start_match(2.0)
     bench.run(before)
     nmt(bench, NmtCommand.RESET_NODE, CORE_ID)
-    assert not bench.core.match_over
-    bench.run(5.0)
-    assert not bench.core.match_over
+    bench.run(max(end - bench.now - 0.1, 0.5))
+    assert bench.core.match_over is (before > 2.0)
+    bench.run(0.3)
+    assert bench.core.match_over
     bench.configure()
+    bench.core.start_match(9.0)
     drive_off(bench, FAR, 1.0)
 
 
@@ -1538,5 +1543,7 @@ def test_a_recovery_without_a_navigation_that_sees_the_robot_is_refused() -> Non
     recovered = bench.core.recover()
     bench.run(2.0)
     assert "the drive has lost its place" in str(recovered.exception(0))
-    with pytest.raises(StateError, match="there is nothing to go back to"):
-        Bench().core.recover()
+    fresh = Bench()
+    nothing = fresh.core.recover()
+    fresh.run(5.0)
+    assert "there is nothing to go back to" in str(nothing.exception(0))

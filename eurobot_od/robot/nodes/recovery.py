@@ -1,0 +1,156 @@
+"""Where the robot is after something was lost: a node, the core's own memory, or the drive's (see `flows`).
+
+Rule of this file: ask before telling. The drive has the start configuration, the place and the match clock, and nothing
+is sent that could make it forget them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import NamedTuple
+
+from eurobot_od.device.timers import START, Ask, Pause, Script
+from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.places import Place, is_near
+from eurobot_od.robot.nodes.agreement import SdoClientParameter, number_in
+from eurobot_od.robot.nodes.flows import CONFIGURED, drive_position
+from eurobot_od.robot.nodes.node import (
+    KEEP_PLACE,
+    NO_MATCH,
+    START_STATE,
+    TIME_LEFT,
+    CoreSettings,
+    KeepPlace,
+    StartState,
+)
+
+
+class Memory(NamedTuple):
+    """What the drive remembers for a core that has begun again.
+
+    `place` is where the drive is, mm and degrees; `time_left` is the time to the end of the match in s, None if no
+    match was started; `shut_down` tells whether the drive holds its safe state.
+    """
+
+    configuration: messages.StartConfigurationSet
+    place: Place
+    time_left: float | None
+    shut_down: bool
+
+
+NOTHING_TO_GO_BACK_TO = "there is nothing to go back to: call check_nodes() and configure_start()"
+"""The drive knows no place, so that nobody can go on from one."""
+
+
+def recall(core: CoreSettings) -> Script[Memory | None]:
+    """Ask the drive what it remembers; None if it was not configured since it booted, or has no SDO.
+
+    Raises NoAnswer if it does not answer at all.
+    """
+    yield START
+    try:
+        state = yield from _asked_drive(core, START_STATE)
+        if state is None or state == StartState.UNCONFIGURED:
+            return None
+        raw = {}
+        for name, field in zip(CONFIGURED, messages.StartConfigurationSet._fields):
+            raw[field] = (yield from _asked_drive(core, f"Start configuration.{name}")) or 0
+        left = yield from _asked_drive(core, TIME_LEFT)
+    except NoAnswer:
+        yield from drive_position(core)  # raises NoAnswer: a drive that is not there is not one without SDO
+        return None
+    here = yield from drive_position(core)
+    if here.x is None:
+        return None
+    binding = core.device.protocol.binding(messages.StartConfigurationSet)
+    configuration = binding.decode(binding.pack(raw))
+    assert isinstance(configuration, messages.StartConfigurationSet)
+    time_left = None if left is None or left == NO_MATCH else left / 1000
+    return Memory(configuration, here[:3], time_left, state == StartState.SHUT_DOWN)
+
+
+def _asked_drive(core: CoreSettings, name: str) -> Script[int | None]:
+    """Ask the drive for an object; None if the core has no channel or the drive no such object. Raises NoAnswer."""
+    channel = SdoClientParameter.to("drive", core.device)
+    if channel is None:
+        return None
+    address = core.device.dictionary.address(name)
+    answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, core.transmissions)
+    return number_in(answer, address)
+
+
+def tell_drive(core: CoreSettings, name: str, value: int, attempts: int) -> Script[bool]:
+    """Write an object of the drive; return whether the drive has answered."""
+    yield START
+    channel = SdoClientParameter.to("drive", core.device)
+    if channel is None:
+        return False
+    order = channel.order(core.device.dictionary, name, value)
+    with suppress(NoAnswer):
+        yield Ask(order, channel.answer, core.identity_wait, attempts)
+        return True
+    return False
+
+
+ANY_ANGLE = 180.0
+"""Two headings are never further apart than this, degrees."""
+
+AT_START = 50.0
+"""A configured drive may not have been seen by the navigation yet if it is this near its start place, mm.
+"""
+
+LOOKS = 3
+"""How often the navigation is asked for a drive that has booted. It believes the navigation when two positions agree,
+and one of them may be unknown or wrong."""
+
+AGREEING = 50.0
+"""Drive and navigation agree on a place if their positions are this near, mm."""
+
+UNSEEN: Place = (None, None, None)
+
+LOST_PLACE = "the drive has lost its place"
+
+
+def keep_place(core: CoreSettings) -> Script[None]:
+    """Have the drive keep the place that it knows when it is configured next; one without SDO will start over.
+
+    So will any other one if the core's setting `Keep place` is 0.
+
+    Raises NoAnswer if the drive does not answer at all: configured now, it might forget what it knows.
+    """
+    yield START
+    what = KeepPlace.KEEP if core.keeps_place else KeepPlace.START_OVER
+    if not (yield from tell_drive(core, KEEP_PLACE, what, core.transmissions)):
+        yield from drive_position(core)  # raises NoAnswer: a drive that is not there is not one without SDO
+
+
+class PlaceLost(StateError):
+    """The drive is not where it was last seen, and the navigation does not see it where it says that it is."""
+
+
+def find_place(
+    core: CoreSettings, there: Place | None, start: Place, seen: Callable[[float], Place | None]
+) -> Script[messages.KalmanPositionResponse]:
+    """Have the navigation look where the drive is, and check that it is where it was last seen (`there`), if it was.
+
+    `seen` returns the navigation's last place of ours since a time in s. Raises NoAnswer; PlaceLost if the drive is
+    elsewhere, or so near its `start` place that it may just have begun there, and the navigation does not agree.
+    """
+    began = core.now
+    for _ in range(LOOKS):
+        core.offer(messages.NaviPositionRequest())
+        # The drive hears the answers itself (document 4.2.2 Navigation), so there is nothing to wait for here.
+        yield Pause(core.state_request_period)
+    here = yield from drive_position(core)
+    if there is None:
+        return here
+    moved = not is_near(there, here[:3], core.displacement, ANY_ANGLE)
+    unseen = is_near(start, here[:3], AT_START, ANY_ANGLE) and not is_near(start, there, AT_START, ANY_ANGLE)
+    if (moved or unseen) and not is_near(seen(began) or UNSEEN, here[:3], AGREEING, ANY_ANGLE):
+        text = f"it was last seen at {there[:2]}, says {here[:2]} now, and the navigation does not see it there"
+        raise PlaceLost(
+            f"{LOST_PLACE}: {text}; whoever has put the robot at its start place says so: configure_start()"
+        )
+    return here
