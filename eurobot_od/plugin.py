@@ -37,8 +37,9 @@ if TYPE_CHECKING:
     from eurobot_od.check.on_bus import NodeUnderTest
     from eurobot_od.check.report import SuiteResult
     from eurobot_od.check.runner import RunOptions
-    from eurobot_od.check.shapes import Networks
-    from eurobot_od.check.suite import Suite, SuiteAction
+    from eurobot_od.check.shapes import MakeRow, Networks
+    from eurobot_od.check.steps import SuiteAction
+    from eurobot_od.check.suite import Suite
     from eurobot_od.client.master import Master
     from eurobot_od.client.program import DownloadProcedure
     from eurobot_od.device.faults import Fault
@@ -441,9 +442,9 @@ def package_of(identity: Sequence[int], among: Iterable[Plugin]) -> Plugin:
     return max(fitting, key=lambda each: len(each.identity), default=NO_ROBOT)
 
 
-def all_actions(named: Sequence[str] = ()) -> Mapping[str, SuiteAction]:
+def all_actions(named: Sequence[str] = ()) -> Mapping[str, MakeRow]:
     """Return the steps that device packages add to suites, by their keys; `named` as in `packages`."""
-    return {name: action for each in packages(named) for name, action in each.actions().items()}
+    return {name: action.entered_as(name) for each in packages(named) for name, action in each.actions().items()}
 
 
 def _written(name: str, file: Path) -> Plugin:

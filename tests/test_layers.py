@@ -232,7 +232,7 @@ NOUNS: dict[str, dict[str, str]] = {
         "frame.Frame": "identifier and data",
         "frame.RemoteFrame": "... of a remote frame",
         "check.suite.SentFrame": "what a step sends",
-        "check.steps.SeenFrame": "what a check has seen, and when",
+        "check.bench.SeenFrame": "what a check has seen, and when",
     },
     "Variable": {"od.description.DescribedVariable": "a variable as a file's text; all others are canopen's"},
     "Dictionary": {"od.dictionary.Dictionary": "a loaded file"},

@@ -5,41 +5,26 @@ Each key stands in one table, with its shape and whether it is needed; docs/chec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import yaml
 
 from eurobot_od.check import shapes, suite
-from eurobot_od.check.shapes import DURATION, NAME, SOME_TIME, FrameShapes, ServiceShapes, Vocabulary
-from eurobot_od.check.suite import Pattern, Suite
+from eurobot_od.check.actions import ACTIONS
+from eurobot_od.check.shapes import COUNT, DURATION, MAX_COUNT, NAME, DocumentShapes, Vocabulary
+from eurobot_od.check.suite import Suite
 from eurobot_od.errors import FileError, UnknownName, YamlError
-from eurobot_od.frame import HIGHEST_IDENTIFIER
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.support import yaml_places, yaml_shapes
-from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, refuse
-from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, pairs_of
+from eurobot_od.support.yaml_shapes import SCALAR, TEXT, Key, Shape, pairs_of
 from eurobot_od.traffic.meaning import Decoder
 
 VERSION = 1
 """Value of the key `spec`."""
-
-MAX_COUNT = 100_000
-"""Most repetitions of a step, including those of the steps inside it; most periods measured."""
-
-COUNT = yaml_shapes.within(yaml_shapes.shape_of(int), Within(1, MAX_COUNT), "count")
-
-
-class ActionRow(NamedTuple):
-    """An action of a step: its shape, what makes it, and the keys next to it, which `make` gets by their names."""
-
-    shape: Shape[Any]
-    make: Callable[..., suite.Action]
-    extra: Mapping[str, Key] = {}
 
 
 class Format:
@@ -47,10 +32,9 @@ class Format:
 
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
-        self._services = ServiceShapes(words)
-        self._frames = FrameShapes(words, self._services)
         self._step: Shape[suite.Step] = Shape(self._read_step)
-        self._actions = self._action_table()
+        document = DocumentShapes(words, self._step)
+        self._actions = {key: make(document) for key, make in {**ACTIONS, **words.networks.actions}.items()}
         answer = yaml_shapes.named({"yes": True, "no": False}, "answer")
         self._common = {"name": Key(TEXT), "repeat": Key(COUNT), "needed": Key(answer), "undo": Key(answer)}
         self._steps: dict[str, Shape[dict[str, Any]]] = {
@@ -77,43 +61,6 @@ class Format:
             "setup": Key(steps),
             "steps": Key(steps, "the steps", needed=True),
             "teardown": Key(steps),
-        }
-
-    def _action_table(self) -> dict[str, ActionRow]:
-        frames, services = self._frames, self._services
-        identifier = yaml_shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier")
-        within = {"within": Key(DURATION)}
-        until = {"until": Key(frames.pattern, "which frame ends it", needed=True)} | within
-        every = {"every": Key(SOME_TIME, "time from one to the next", needed=True)}
-        question = {"send": Key(frames.sent, "what is sent", needed=True)} | every
-        polled = yaml_shapes.record(lambda send, every: (send, every), question)
-        measured = {
-            "message": Key(frames.pattern, "which frame", needed=True),
-            **every,
-            "tolerance": Key(DURATION, "by how much it may be off", needed=True),
-            "count": Key(COUNT, "how many periods are measured", needed=True),
-        }
-        return {
-            "send": ActionRow(frames.sent, suite.Send),
-            "answer": ActionRow(frames.answers, suite.Answer),
-            "expect": ActionRow(frames.patterns, suite.Expect, within),
-            "await": ActionRow(frames.pattern, suite.Await, within),
-            "never": ActionRow(frames.pattern, _never, {"for": Key(DURATION, "how long none may come", needed=True)}),
-            "poll": ActionRow(polled, lambda parts, **keys: suite.Poll(*parts, **keys), until),
-            "period": ActionRow(yaml_shapes.record(suite.Period, measured), _same),
-            "sdo": ActionRow(services.sdo, _same, within),
-            "dump": ActionRow(services.dump, _same),
-            "boot-up": ActionRow(services.boot_up, _same, within),
-            "unheard": ActionRow(identifier, suite.Unheard),
-            "errors": ActionRow(services.errors, _same),
-            "nmt": ActionRow(services.nmt, _same),
-            "heartbeat": ActionRow(services.heartbeat, _expect_one, within),
-            "emcy": ActionRow(services.emcy, _expect_one, within),
-            "save": ActionRow(yaml_shapes.mapping(frames.field, NAME), suite.Save),
-            "wait": ActionRow(DURATION, suite.Wait),
-            "skip": ActionRow(TEXT, lambda text: suite.Skip(str(text))),
-            "steps": ActionRow(yaml_shapes.listing(self._step), suite.Group),
-            **{name: _own_row(name, each) for name, each in self._words.networks.actions.items()},
         }
 
     # Reading
@@ -156,25 +103,6 @@ class Format:
         else:
             refuse(node, problems, f"no action; a step has one of {', '.join(self._actions)}")
         raise ReadError
-
-
-# What actions are made by
-
-
-def _same(action: Any, **keys: Any) -> suite.Action:
-    return action._replace(**keys) if keys else action  # type: ignore[no-any-return]
-
-
-def _own_row(name: str, action: suite.SuiteAction) -> ActionRow:
-    return ActionRow(yaml_shapes.shape_of(action.keys), partial(suite.OwnAction, name, action))
-
-
-def _never(pattern: Pattern, **keys: float) -> suite.Action:
-    return suite.Never(pattern, keys["for"])  # a word of Python's: no name of a parameter
-
-
-def _expect_one(pattern: Pattern, within: float | None = None) -> suite.Action:
-    return suite.Expect(suite.Patterns(suite.Order.IN_ORDER, (pattern,)), within)
 
 
 # Reads suite files: one YAML document for each suite, several documents in a file if need be.

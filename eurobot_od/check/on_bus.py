@@ -20,9 +20,9 @@ import can
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time
+from eurobot_od.check.bench import SeenFrame, Trace
 from eurobot_od.check.report import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
-from eurobot_od.check.steps import SeenFrame, Trace
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.device.node import Node

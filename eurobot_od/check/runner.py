@@ -1,6 +1,6 @@
 """Runs a suite on a bench: setup, steps, teardown, and a result for each step.
 
-What a step does stands in `steps`; here is which steps are done, what becomes of the others, and that the teardown is
+What a step does stands in `actions`; here is which steps are done, what becomes of the others, and that the teardown is
 done whatever happens.
 """
 
@@ -13,9 +13,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from eurobot_od.check.actions.frames import Never
+from eurobot_od.check.actions.nodes import follows_from_own_error
+from eurobot_od.check.actions.objects import SdoRead, SdoWrite
+from eurobot_od.check.bench import Bench
 from eurobot_od.check.report import GOES_ON, Line, Status, StepReason, StepResult, SuitePart, SuiteResult
-from eurobot_od.check.steps import Bench, Failed, Gone, Skipped, StepRunner
-from eurobot_od.check.suite import Group, Never, Report, SdoRead, SdoWrite, Step, Suite
+from eurobot_od.check.steps import StepRunner
+from eurobot_od.check.suite import Group, Report, Step, StepAction, Suite
+from eurobot_od.check.tester import BenchTester, Failed, Gone, Skipped
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.od.standard import EMCY
@@ -125,7 +130,8 @@ class Runner:
         suite = self._suite
         await self._bench.begin()
         self._start = self._trace.now
-        self._step_runner = StepRunner(suite.timeout, suite.decoder, self._bench, self._options.reported)
+        self._tester = BenchTester(suite.timeout, suite.decoder, self._bench, self._options.reported)
+        self._step_runner = StepRunner(self._tester)
         await self._options.interrupt.guard(self._until_teardown())
         # A lost bus is waited for only where that can help: with a teardown to do, and a bus that has worked once. One
         # that never did (a wrong channel, no other node) would only cost `RECOVERY` seconds for each suite.
@@ -166,7 +172,7 @@ class Runner:
         started = self._since_start
         status, reason = Status.INTERRUPTED, None
         try:
-            status, reason = await self._judge(step)
+            status, reason = await self._judge(step, step.action)
         finally:  # an interrupt passes through here, and leaves the step as INTERRUPTED
             goes_on = keep_going if step.needed is None else not step.needed
             ends_all = bool(self._error) or not (status in GOES_ON or goes_on)
@@ -197,17 +203,17 @@ class Runner:
                     why = why if each.undo else found
         return None if why is AFTER_SKIPPED else why
 
-    async def _judge(self, step: Step) -> tuple[Status, StepReason | None]:
+    async def _judge(self, step: Step, action: StepAction) -> tuple[Status, StepReason | None]:
         """Do a step as often as it says, and return how it ended."""
         try:
             for _ in range(step.repeat):
-                await self._step_runner.do(step.action)
+                await self._step_runner.do(action)
             return Status.PASSED, None
         except Skipped as skipped:
             return Status.SKIPPED, skipped.reason
         except Failed as failed:
             status, reason = Status.FAILED, failed.reason
-            if await self._step_runner.follows_from_own_error(step.action):
+            if await follows_from_own_error(self._tester, action):
                 return Status.SKIPPED, StepReason(f"{reason.what}: {OWN_ERROR}")
             self._gone = self._gone or isinstance(failed, Gone)
             self._stopped = self._stopped or self._gone
@@ -219,7 +225,7 @@ class Runner:
         # Decoded only here: the frames of a step that passed are shown nowhere.
         frames = (
             Line(time - self._start, own, frame, words)
-            for (time, frame, own), words in self._step_runner.last_frames(FRAMES_SHOWN)
+            for (time, frame, own), words in self._tester.last_frames(FRAMES_SHOWN)
         )
         return status, reason._replace(frames=tuple(frames), cause=self._reported())
 
@@ -232,7 +238,7 @@ class Runner:
             if not own and frame in boots:
                 break
             if not own and frame.cob_id in emcys and len(frame.data) == EMCY_LENGTH:
-                return self._step_runner.words(frame) if any(frame.data[:2]) else ""
+                return self._tester.words(frame) if any(frame.data[:2]) else ""
         return ""
 
     def _tell(self, result: StepResult) -> None:

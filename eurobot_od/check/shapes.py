@@ -13,28 +13,27 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import yaml
-from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import suite
-from eurobot_od.check.values import FieldValues, ObjectValues, Operand, Scale, ValueProblem, Values, expectation
-from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand
+from eurobot_od.check.values import FieldValues, Operand, Scale, ValueProblem, Values, expectation
+from eurobot_od.device.nmt import STATE_NAMES
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame, RemoteFrame
-from eurobot_od.od import network, objects
+from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
-from eurobot_od.od.standard import COMMANDS, EMCY, ERRORS
-from eurobot_od.od.values import ALL_NODES, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, base_identifier, parse_number
+from eurobot_od.od.standard import EMCY
+from eurobot_od.od.values import ERROR_CONTROL_BASE, base_identifier, parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, KeyedForm, Kind, field_name, plain_name
 from eurobot_od.support import texts
 from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, read_all, refuse, refusing, taken
-from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, converted, pairs_of
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, Key, Shape, converted, pairs_of
 from eurobot_od.traffic.meaning import Decoder
 
 # Words
@@ -53,6 +52,11 @@ def _at_most_a_day(seconds: float) -> float:
 
 DURATION = converted(shapes.DURATION, _at_most_a_day)
 SOME_TIME = converted(DURATION, shapes.longer_than_0)
+MAX_COUNT = 100_000
+"""Most repetitions of a step, including those of the steps inside it; most periods measured."""
+
+COUNT = shapes.within(shapes.shape_of(int), Within(1, MAX_COUNT), "count")
+WITHIN = {"within": Key(DURATION)}
 NAME = shapes.matching(r"[A-Za-z_][A-Za-z0-9_]*", "a name of letters, digits and _")
 
 
@@ -68,7 +72,7 @@ class Networks(NamedTuple):
     catalogue: Catalogue = NOTHING
     load: Callable[[Path], tuple[Dictionary, ...]] = lambda path: network.load(network.read_network(path).nodes)
     refused: OnRefused = fatal
-    actions: Mapping[str, suite.SuiteAction] = MappingProxyType({})
+    actions: Mapping[str, MakeRow] = MappingProxyType({})
 
 
 class Vocabulary(NamedTuple):
@@ -91,12 +95,12 @@ class Vocabulary(NamedTuple):
 
 def texts_at(root: yaml.Node, key: str) -> dict[str, str]:
     """Return the names and plain values below a key of the whole document: `{name: value}`, a list, or one value."""
-    node = next((value for name, value in _pairs(root) if name == key), None)
+    node = next((value for name, value in pairs_at(root) if name == key), None)
     if isinstance(node, yaml.ScalarNode):
         return {node.value: node.value}
     if isinstance(node, yaml.SequenceNode):
         return {each.value: each.value for each in node.value if isinstance(each, yaml.ScalarNode)}
-    return {name: value.value for name, value in _pairs(node) if isinstance(value, yaml.ScalarNode)}
+    return {name: value.value for name, value in pairs_at(node) if isinstance(value, yaml.ScalarNode)}
 
 
 def saved_names(node: yaml.Node) -> Iterator[str]:
@@ -104,16 +108,17 @@ def saved_names(node: yaml.Node) -> Iterator[str]:
     if isinstance(node, yaml.SequenceNode):
         for each in node.value:
             yield from saved_names(each)
-    for name, value in _pairs(node):
+    for name, value in pairs_at(node):
         if name != "save":
             yield from saved_names(value)
         elif isinstance(value, yaml.ScalarNode):  # `sdo: {read: ..., save: t}`
             yield value.value
         else:  # `save: {t: Goto State Response.time}`, the action
-            yield from (each for each, _ in _pairs(value))
+            yield from (each for each, _ in pairs_at(value))
 
 
-def _pairs(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
+def pairs_at(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
+    """Return the keys and values of a mapping."""
     # What has the wrong shape is passed over in silence: the format, which reads all of it again, reports it.
     if not isinstance(node, yaml.MappingNode):
         return []
@@ -122,7 +127,6 @@ def _pairs(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
 
 # Services
 
-NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
 STATES = {name: state for state, name in STATE_NAMES.items()} | {suite.ANY: None}
 
 
@@ -142,34 +146,15 @@ class ServiceShapes:
 
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
-        self._node = shapes.named(words.dictionaries, "node")
+        self.node_key = Key(shapes.named(words.dictionaries, "node"))
+        self.nodes = len(words.nodes)
         number: Shape[Any] = shapes.within(NUMBER, Within(0, 0xFFFF), "error code")  # of 16 bits (CiA 301, 7.2.7)
         state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
-        command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
-        when = Key(shapes.named({"before": False, "equal": True}, "dump"), "before or equal", needed=True)
-        none = Key(shapes.named({"none": True}, "errors"), "none are there", needed=True)
-        awaited = Key(shapes.named({"awaited": True}, "boot-up"), "the boot-up is waited for", needed=True)
-        self.heartbeat: Shape[suite.Pattern] = self._service("state", state, self._heartbeat)
-        self.emcy: Shape[suite.Pattern] = self._service("code", code, self._emergency, {"save": Key(NAME)})
-        self.nmt: Shape[suite.Action] = self._service("command", command, self._nmt)
-        self.dump: Shape[suite.Action] = self._service("when", when, self._dump)
-        self.errors = self._service("wanted", none, lambda _, given: suite.SelfReported(self._services(given)))
-        self.boot_up = self._service("when", awaited, lambda _, given: suite.BootUp(self._services(given)))
-        transfer = {"data": Key(TEXT), "transfer": Key(shapes.named(TRANSFERS, "transfer"))}
-        transfer |= dict.fromkeys(("abort", "optional"), Key(ABORTS))
-        verbs = {
-            "read": {"expect": Key(SCALAR), "save": Key(NAME), **transfer},
-            "write": {"value": Key(SCALAR), **transfer},
-            "restore": {"saved": Key(NAME, "the variable that keeps its value", needed=True)},
-        }
-        self._sdo_parts: dict[str, Shape[dict[str, Any]]] = {
-            verb: shapes.record(dict, {verb: Key(SCALAR), **keys, "node": Key(self._node)})
-            for verb, keys in verbs.items()
-        }
-        self.sdo: Shape[suite.Action] = Shape(self._read_sdo)
+        self.heartbeat: Shape[suite.Pattern] = self.service("state", state, self._heartbeat)
+        self.emcy: Shape[suite.Pattern] = self.service("code", code, self._emergency, {"save": Key(NAME)})
 
-    def _dictionary(self, given: Dictionary | None) -> Dictionary:
+    def dictionary(self, given: Dictionary | None) -> Dictionary:
         """Return the EDS of the node that is meant; raises LocalError."""
         if given is not None:
             return given
@@ -177,14 +162,15 @@ class ServiceShapes:
             raise LocalError("which node? Write it next to this, `node: drive`, or give the suite one node")
         return self._words.dictionaries[self._words.nodes[0]]
 
-    def _services(self, given: Dictionary | None) -> suite.NodeServices:
-        return suite.NodeServices.of(self._dictionary(given))
+    def of(self, given: Dictionary | None) -> suite.NodeServices:
+        """Return where the services of a node are; raises LocalError."""
+        return suite.NodeServices.of(self.dictionary(given))
 
-    def _service(
+    def service(
         self, name: str, key: Key, make: Callable[..., T], more: Mapping[str, Key] = MappingProxyType({})
     ) -> Shape[T]:
         """Make the shape of a service: its one value, or a mapping that also says which node, and more."""
-        keys = {name: key, "node": Key(self._node), **more}
+        keys = {name: key, "node": self.node_key, **more}
         long: Shape[dict[str, Any]] = shapes.record(dict, keys)
 
         def read(node: yaml.Node, problems: Problems) -> T:
@@ -196,79 +182,15 @@ class ServiceShapes:
         return Shape(read)
 
     def _heartbeat(self, state: Any, given: Dictionary | None) -> suite.Pattern:
-        node = self._dictionary(given)
+        node = self.dictionary(given)
         return suite.ServicePattern(suite.HEARTBEAT, node.name, ERROR_CONTROL_BASE + node.node_id, state)
 
     def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> suite.Pattern:
-        node = self._dictionary(given)
+        node = self.dictionary(given)
         cob_id = base_identifier(node.default(EMCY))
         if cob_id is None:  # a step that waits for one could only be red
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
         return suite.ServicePattern(suite.EMCY, node.name, cob_id, code, save)
-
-    def _nmt(self, command: NmtCommand, given: Dictionary | None) -> suite.Action:
-        # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).
-        to_all = given is None and len(self._words.nodes) != 1
-        return suite.Nmt(command, ALL_NODES if to_all else self._dictionary(given).node_id)
-
-    def _dump(self, equal: bool, given: Dictionary | None) -> suite.Action:
-        node = self._dictionary(given)
-        # What keeps its value while nobody writes it: `ro` is measured, a DOMAIN a file of any size. Of the history it
-        # is the number: what is left there is to be cleared by who left it.
-        steady = (each for each in objects.all_objects(node.objects) if each.access_type in ("rw", "const"))
-        kept = (each for each in steady if each.index not in COMMANDS or objects.address_of(each) == ERRORS)
-        seen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
-        chosen = (each for each in seen if objects.data_type(each) is not DOMAIN)
-        return suite.Dump(suite.NodeServices.of(node), tuple(chosen), equal)
-
-    # SDO
-
-    def _read_sdo(self, node: yaml.Node, problems: Problems) -> suite.Action:
-        verbs = {key for key, _ in _pairs(node)} & self._sdo_parts.keys()
-        if len(verbs) != 1:
-            refuse(node, problems, "an SDO step has either 'read' or 'write' or 'restore'")
-        (verb,) = verbs
-        given = self._sdo_parts[verb].read(node, problems)
-        with refusing(node, problems):
-            _check_together(verb, given)
-            dictionary = self._dictionary(given.get("node"))
-            if verb == "restore" and given["saved"] not in self._words.saved:
-                raise UnknownName("variable", given["saved"], sorted(self._words.saved))
-        named = taken(given[verb], problems, lambda text: objects.find_one(text, dictionary.objects))
-        value = next((given[key] for key in ("data", "expect", "value") if key in given), None)
-        where = given[verb] if value is None else value
-        variable = taken(where, problems, lambda _: _looked_at(named, given, dictionary))
-        scale, service = self._words.scale(ObjectValues(variable)), suite.NodeServices.of(dictionary)
-        refusals = {"abort": given.get("abort"), "optional": given.get("optional")}
-        blocks: suite.Blocks = given.get("transfer", suite.Blocks.NONE)
-        if verb == "restore":
-            return suite.SdoRestore(service, objects.unlimited(named), str(given["saved"]))
-        if verb == "read":
-            expected = None if value is None else taken(value, problems, lambda text: expectation(text, scale))
-            return suite.SdoRead(service, variable, expected, **refusals, blocks=blocks, save=given.get("save"))
-        operand = taken(where, problems, scale.operand)
-        return suite.SdoWrite(service, variable, operand, **refusals, blocks=blocks)
-
-
-def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dictionary) -> ODVariable:
-    """Return an object as a step looks at it; raises LocalError for a value of one that no file describes."""
-    # Bytes are compared whatever the type; so are those of an object that the file lacks and the step only reads.
-    if "data" in given or not ({"expect", "value"} & given.keys() or objects.is_described(variable)):
-        return objects.changed(variable, data_type=DOMAIN.code)
-    if not objects.is_described(variable):
-        raise LocalError(f"{objects.label(variable)} is not in the EDS of {dictionary.name}; use 'data'")
-    # What is to be refused may be all that its type can carry.
-    return objects.unlimited(variable) if "abort" in given else variable
-
-
-def _check_together(verb: str, given: Mapping[str, Any]) -> None:
-    """Raise LocalError for keys of an SDO step that do not go together."""
-    if verb == "write" and ("value" in given) == ("data" in given):
-        raise LocalError("an SDO write has either 'value' or 'data'")
-    if verb == "read" and "data" in given and "expect" in given:
-        raise LocalError("an SDO read expects either a value or bytes: 'expect' or 'data'")
-    if verb == "read" and "abort" in given and any(key in given for key in ("expect", "data", "save")):
-        raise LocalError("an SDO read that is refused with 'abort' has nothing to expect or save")
 
 
 # Frames
@@ -447,3 +369,30 @@ def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
 
     words = shapes.named({word: word for word in form.words}, form.word)
     return shapes.mapping(words, converted(SCALAR, known))
+
+
+# Actions
+
+
+class ActionRow(NamedTuple):
+    """An action of a step: its shape, what makes it, and the keys next to it, which `make` gets by their names.
+
+    Without `make` the shape reads the action itself.
+    """
+
+    shape: Shape[Any]
+    make: Callable[..., suite.Action] = lambda action, **keys: action._replace(**keys) if keys else action
+    extra: Mapping[str, Key] = MappingProxyType({})
+
+
+class DocumentShapes:
+    """What the keys of actions are read by, with the words of one document."""
+
+    def __init__(self, words: Vocabulary, step: Shape[suite.Step]) -> None:
+        self.words, self.step = words, step
+        self.services = ServiceShapes(words)
+        self.frames = FrameShapes(words, self.services)
+
+
+MakeRow: TypeAlias = Callable[[DocumentShapes], ActionRow]
+"""An action as it is entered: how a suite of some document names it."""

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
-
-from canopen.objectdictionary import ODVariable
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.check.values import Expected, Operand, Variables
-from eurobot_od.device.nmt import STATE_NAMES, NmtCommand
+from eurobot_od.device.nmt import STATE_NAMES
 from eurobot_od.frame import Frame
-from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import flagged_fields
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.protocol import Protocol as Messages
 from eurobot_od.sdo.wire import code_and_reason
-from eurobot_od.support import texts
 from eurobot_od.support.texts import amount
 from eurobot_od.support.yaml_places import Place
 from eurobot_od.traffic.meaning import Decoder
@@ -54,7 +49,7 @@ class Mismatch(NamedTuple):
 class SentMessage(NamedTuple):
     """A message to be sent; fields may be variables."""
 
-    protocol: Protocol
+    protocol: Messages
     binding: Binding
     fields: Mapping[str, Operand]
 
@@ -89,7 +84,7 @@ Sent: TypeAlias = "SentMessage | SentFrame"
 class MessagePattern(NamedTuple):
     """A message whose `fields` are as expected; the others may be anything in their range."""
 
-    protocol: Protocol
+    protocol: Messages
     binding: Binding
     fields: Mapping[str, Expected]
 
@@ -207,15 +202,6 @@ TIMEOUT = 1.0
 """Seconds that an answer may take where the suite does not say."""
 
 
-class Send(NamedTuple):
-    """Send a message or frame."""
-
-    sent: Sent
-
-    def __str__(self) -> str:
-        return f"send {self.sent}"
-
-
 class Order(Enum):
     """How several expected frames belong together."""
 
@@ -232,61 +218,6 @@ class Patterns(NamedTuple):
 
     def __str__(self) -> str:
         return ", ".join(map(str, self.patterns))
-
-
-class Expect(NamedTuple):
-    """Wait for frames, `within` seconds at most (None: the suite's timeout)."""
-
-    expected: Patterns
-    within: float | None = None
-
-    def __str__(self) -> str:
-        return f"expect {self.expected}"
-
-
-class Await(NamedTuple):
-    """Take what comes from now on, until a frame is as wanted, `within` seconds at most."""
-
-    pattern: Pattern
-    within: float | None = None
-
-    def __str__(self) -> str:
-        return f"await {self.pattern}"
-
-
-class Never(NamedTuple):
-    """See that no such frame comes for `span` seconds."""
-
-    pattern: Pattern
-    span: float
-
-    def __str__(self) -> str:
-        return f"never {self.pattern}"
-
-
-class Poll(NamedTuple):
-    """Send again and again until a frame is as wanted, `within` seconds at most."""
-
-    sent: Sent
-    every: float
-    until: Pattern
-    within: float | None = None
-
-    def __str__(self) -> str:
-        return f"poll {self.sent}"
-
-
-@dataclass(frozen=True)  # not a named tuple: those have a method `count`
-class Period:
-    """See that `count` distances between frames are `every` seconds, give or take `tolerance`."""
-
-    message: Pattern
-    every: float
-    tolerance: float
-    count: int
-
-    def __str__(self) -> str:
-        return f"period of {self.message}"
 
 
 class NodeServices(NamedTuple):
@@ -336,177 +267,11 @@ class Blocks(Enum):
     WITHOUT_CRC = "block without CRC"
 
 
-class SdoRead(NamedTuple):
-    """Read an object: its value is `expected`, or the node aborts with `abort`; may be saved in a variable.
-
-    A node that refuses with one of the codes in `optional` lacks what is asked for: the step is skipped. `blocks` has
-    it transferred in blocks.
-    """
-
-    node: NodeServices
-    variable: ODVariable
-    expected: Expected | None = None
-    abort: AbortCodes | None = None
-    optional: AbortCodes | None = None
-    blocks: Blocks = Blocks.NONE
-    save: str | None = None
-    within: float | None = None
-
-    def __str__(self) -> str:
-        return f"SDO read {objects.label(self.variable)}"
-
-
-class SdoWrite(NamedTuple):
-    """Write an object; the node takes it, or aborts with `abort`. `optional` and `blocks` are as for SdoRead."""
-
-    node: NodeServices
-    variable: ODVariable
-    value: Operand
-    abort: AbortCodes | None = None
-    optional: AbortCodes | None = None
-    blocks: Blocks = Blocks.NONE
-    within: float | None = None
-
-    def content(self, variables: Variables) -> bytes:
-        """Return the bytes that are written; raises NotSaved, FieldError.
-
-        Of what a variable holds, the node says itself whether it is within the limits.
-        """
-        return objects.encode(objects.unlimited(self.variable), self.value.resolve(variables))
-
-    def __str__(self) -> str:
-        return f"SDO write {objects.label(self.variable)}"
-
-
-class SdoRestore(NamedTuple):
-    """Give an object the value that a variable has kept, unless it has it; of a PDO as CiA 301, 7.5.2.35, says."""
-
-    node: NodeServices
-    variable: ODVariable
-    saved: str
-    within: float | None = None
-
-    def content(self, variables: Variables) -> bytes:
-        """Return the bytes that were kept; raises FieldError."""
-        value = variables[self.saved]
-        return value if isinstance(value, bytes) else objects.encode(self.variable, value)
-
-    def __str__(self) -> str:
-        return f"SDO restore {objects.label(self.variable)}"
-
-
-class BootUp(NamedTuple):
-    """Wait for the boot-up that ends a reset; without one ask by SDO, as long again, whether the node is there."""
-
-    node: NodeServices
-    within: float | None = None
-
-    def __str__(self) -> str:
-        return f"boot-up of {self.node.name}"
-
-
-class Dump(NamedTuple):
-    """Read many objects, and keep what they have, or see that it is what was kept."""
-
-    node: NodeServices
-    variables: tuple[ODVariable, ...]
-    equal: bool
-
-    def __str__(self) -> str:
-        return f"dump of {amount(len(self.variables), 'object')}"
-
-
-class Unheard(NamedTuple):
-    """See that nobody but the tester has sent a frame with an identifier since the suite began."""
-
-    cob_id: int
-
-    def __str__(self) -> str:
-        return f"nothing on 0x{self.cob_id:03X}"
-
-
-class SelfReported(NamedTuple):
-    """See that a node reports no error itself: by its error register 0x1001, and its error history 0x1003."""
-
-    node: NodeServices
-
-    def __str__(self) -> str:
-        return "no error"
-
-
-class Nmt(NamedTuple):
-    """Send an NMT command to a node, 0 for all."""
-
-    command: NmtCommand
-    node_id: int
-
-    def __str__(self) -> str:
-        return f"NMT {self.command.name.lower().replace('_', ' ')}"
-
-
 class FieldOf(NamedTuple):
     """A field of the last message of a type."""
 
     binding: Binding
     field: str
-
-
-class Answer(NamedTuple):
-    """From now on answer each frame with one of these COB-IDs, as a node would; None: no longer."""
-
-    answers: Mapping[int, Sent | None]
-
-    def __str__(self) -> str:
-        return f"answer {', '.join(f'0x{cob_id:03X}' for cob_id in self.answers)}"
-
-
-class Save(NamedTuple):
-    """Give variables the values of fields of the messages received last."""
-
-    variables: Mapping[str, FieldOf]
-
-    def __str__(self) -> str:
-        return f"save {', '.join(self.variables)}"
-
-
-class Wait(NamedTuple):
-    """Let time pass."""
-
-    seconds: float
-
-    def __str__(self) -> str:
-        return f"wait {texts.text(self.seconds)}"
-
-
-class SuiteAction(NamedTuple):
-    """An action that a device package adds: a class of its keys, and what it does with them.
-
-    `keys` is a dataclass or named tuple; a suite's keys are its fields, of their types. `run` gets the tester (see
-    `steps.StepTools`) and the keys.
-    """
-
-    keys: type[Any]
-    run: Callable[[Any, Any], Awaitable[None]]
-
-
-class OwnAction(NamedTuple):
-    """Do what a device package has added."""
-
-    name: str
-    action: SuiteAction
-    keys: Any
-
-    def __str__(self) -> str:
-        return self.name
-
-
-class Skip(NamedTuple):
-    """Do nothing, for a reason that the report tells."""
-
-    reason: str
-
-    def __str__(self) -> str:
-        return f"skip: {self.reason}"
 
 
 class Group(NamedTuple):
@@ -521,11 +286,14 @@ class Group(NamedTuple):
         return amount(len(self.steps), "step")
 
 
-Action: TypeAlias = (
-    "Send | Answer | Expect | Await | Never | Poll | Period "
-    "| SdoRead | SdoWrite | SdoRestore | BootUp | Unheard | Dump | SelfReported | Nmt | Save | Wait | Skip "
-    "| OwnAction | Group"
-)
+class StepAction(Protocol):
+    """What a step does: a value that knows what was read, and does it. Its text names a step that has no name."""
+
+    async def run(self, tester: Any, /) -> None:
+        """Do it with the BenchTester; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError."""
+
+
+Action: TypeAlias = "StepAction | Group"
 
 
 class Step(NamedTuple):

@@ -7,19 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.check.suite import (
-    HEARTBEAT,
-    Expect,
-    FramePattern,
-    Group,
-    MessagePattern,
-    Nmt,
-    Order,
-    Poll,
-    SdoWrite,
-    Send,
-    ServicePattern,
-)
+from eurobot_od.check.actions.flow import Nmt
+from eurobot_od.check.actions.frames import Expect, Poll, Send
+from eurobot_od.check.actions.objects import SdoWrite
+from eurobot_od.check.suite import HEARTBEAT, FramePattern, Group, MessagePattern, Order, ServicePattern
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import YamlError
 from eurobot_od.frame import Frame, RemoteFrame

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
+from eurobot_od.check.bench import SeenFrame, Trace
 from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
-from eurobot_od.check.steps import SeenFrame, Trace
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame

@@ -1,0 +1,323 @@
+"""Actions with frames: send, answer, expect, wait for them, and keep what they carry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from eurobot_od.check import suite
+from eurobot_od.check.shapes import COUNT, DURATION, NAME, SOME_TIME, WITHIN, ActionRow, DocumentShapes
+from eurobot_od.check.suite import Mismatch, Order, Pattern, Patterns, Sent, ServicePattern, is_final
+from eurobot_od.check.tester import BenchTester, Failed, Skipped
+from eurobot_od.frame import HIGHEST_IDENTIFIER
+from eurobot_od.support import texts, yaml_shapes
+from eurobot_od.support.declared import Within
+from eurobot_od.support.texts import amount
+from eurobot_od.support.yaml_shapes import NUMBER, Key, Shape
+
+REGISTER = 2
+"""Where the error register stands in an EMCY (CiA 301, 7.2.7.4)."""
+
+EVERY = {"every": Key(SOME_TIME, "time from one to the next", needed=True)}
+
+
+class Send(NamedTuple):
+    """Send a message or frame."""
+
+    sent: Sent
+
+    def __str__(self) -> str:
+        return f"send {self.sent}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        if not tester.is_asking:  # several in a row are one question, or the second would lose the answer to the first
+            tester.ask()
+        await tester.put(self.sent.frame(tester.variables))
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        return ActionRow(shapes.frames.sent, Send)
+
+
+class Answer(NamedTuple):
+    """From now on answer each frame with one of these COB-IDs, as a node would; None: no longer."""
+
+    answers: Mapping[int, Sent | None]
+
+    def __str__(self) -> str:
+        return f"answer {', '.join(f'0x{cob_id:03X}' for cob_id in self.answers)}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        for cob_id, sent in self.answers.items():
+            tester.answers.pop(cob_id, None)
+            if sent is not None:
+                tester.answers[cob_id] = sent
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        return ActionRow(shapes.frames.answers, Answer)
+
+
+class Expect(NamedTuple):
+    """Wait for frames, `within` seconds at most (None: the suite's timeout)."""
+
+    expected: Patterns
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"expect {self.expected}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        order, left = self.expected.order, list(self.expected.patterns)
+        deadline, start, other = tester.deadline(self.within), tester.mark, None
+        while left:
+            found = await tester.next(left, start, deadline)
+            if found is None:
+                what = f"no {' or '.join(map(str, left))} within {texts.text(tester.longest(self.within))}"
+                if other is not None:
+                    raise tester.with_last(what, left[0], other)
+                raise Failed(what, "; ".join(each.text(tester.variables) for each in left), "nothing")
+            number, seen = found
+            start = number + 1
+            # In order, only the first one may come: a later one that comes now is reported as out of order.
+            tried = left[:1] if order is suite.Order.IN_ORDER else left
+            hit = next((each for each in tried if not tester.mismatches(each, seen)), None)
+            if hit is not None:
+                tester.use(number)
+                if isinstance(hit, ServicePattern) and hit.save is not None:
+                    tester.variables[hit.save] = seen.frame.data[REGISTER]
+                left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
+                start = tester.mark  # a frame passed over may be what the remaining patterns wait for
+            elif any(is_final(each, seen.frame) for each in left if each.cob_id == seen.frame.cob_id):
+                # Reported against the closest pattern: one of the same message, with the fewest differences.
+                ranks = [(each.cob_id != seen.frame.cob_id, len(tester.mismatches(each, seen))) for each in tried]
+                nearest = tried[ranks.index(min(ranks))]
+                raise tester.with_last(f"{nearest} is not as expected", nearest, seen)
+            else:
+                other = seen
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        return ActionRow(shapes.frames.patterns, Expect, WITHIN)
+
+    @staticmethod
+    def heartbeat(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names the expectation of a heartbeat."""
+        return _row_of_one(shapes.services.heartbeat)
+
+    @staticmethod
+    def emcy(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names the expectation of an EMCY."""
+        return _row_of_one(shapes.services.emcy)
+
+
+class Await(NamedTuple):
+    """Take what comes from now on, until a frame is as wanted, `within` seconds at most."""
+
+    pattern: Pattern
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"await {self.pattern}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        start, last, deadline = len(tester.trace), None, tester.deadline(self.within)
+        while (found := await tester.next([self.pattern], start, deadline)) is not None:
+            number, last = found
+            start = number + 1
+            if not tester.mismatches(self.pattern, last):
+                tester.use(number)
+                return
+        what = f"{self.pattern} not as wanted within {texts.text(tester.longest(self.within))}"
+        raise tester.with_last(what, self.pattern, last)
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        return ActionRow(shapes.frames.pattern, Await, WITHIN)
+
+
+class Never(NamedTuple):
+    """See that no such frame comes for `span` seconds."""
+
+    pattern: Pattern
+    span: float
+
+    def __str__(self) -> str:
+        return f"never {self.pattern}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        start, deadline = tester.edge, tester.deadline(self.span)
+        while (found := await tester.next([self.pattern], start, deadline)) is not None:
+            number, seen = found
+            if not tester.mismatches(self.pattern, seen):
+                what = f"{self.pattern} came, though it should not"
+                raise Failed(what, f"never {self.pattern.text(tester.variables)}", tester.meaning(seen))
+            start = number + 1
+        tester.edge = len(tester.trace)
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        span = Key(DURATION, "how long none may come", needed=True)
+        # `for` is a word of Python's, and no name of a parameter
+        return ActionRow(shapes.frames.pattern, lambda pattern, **keys: Never(pattern, keys["for"]), {"for": span})
+
+
+class Poll(NamedTuple):
+    """Send again and again until a frame is as wanted, `within` seconds at most."""
+
+    sent: Sent
+    every: float
+    until: Pattern
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"poll {self.sent}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        tester.ask()
+        started, start, last = tester.trace.now, tester.mark, None
+        deadline, count = tester.deadline(self.within), 0
+        while tester.trace.now < deadline:
+            await tester.put(self.sent.frame(tester.variables))
+            count += 1
+            # counted from the start, so that what sending takes does not add up over many polls
+            pause = min(started + count * self.every, deadline)
+            while (found := await tester.next([self.until], start, pause)) is not None:
+                number, last = found
+                start = number + 1
+                if not tester.mismatches(self.until, last):
+                    tester.use(number)
+                    return
+        raise tester.with_last(f"{self.until} not as wanted after {count} x {self.sent}", self.until, last)
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        question = {"send": Key(shapes.frames.sent, "what is sent", needed=True), **EVERY}
+        until = {"until": Key(shapes.frames.pattern, "which frame ends it", needed=True), **WITHIN}
+        polled = yaml_shapes.record(lambda send, every: (send, every), question)
+        return ActionRow(polled, lambda parts, **keys: Poll(*parts, **keys), until)
+
+
+@dataclass(frozen=True)  # not a named tuple: those have a method `count`
+class Period:
+    """See that `count` distances between frames are `every` seconds, give or take `tolerance`."""
+
+    message: Pattern
+    every: float
+    tolerance: float
+    count: int
+
+    def __str__(self) -> str:
+        return f"period of {self.message}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        latest = self.every + self.tolerance
+        start, last = tester.edge, None
+        off: list[Mismatch] = []
+        for number in range(self.count + 1):  # one frame more than there are periods between them
+            deadline = (tester.trace.now if last is None else last.time) + latest
+            found = await tester.next([self.message], start, deadline)
+            if found is None:
+                what = f"no {self.message} within {texts.text(latest)}, after {number} of them"
+                raise tester.with_last(what, self.message, None)
+            seen = found[1]
+            # Each distance by itself, not the mean: a mean hides a frame that is late after one that was early.
+            if last is not None and abs(seen.time - last.time - self.every) > self.tolerance:
+                wanted = f"{texts.text(self.every)} +- {texts.text(self.tolerance)}"
+                off = [Mismatch(f"period {number}", wanted, texts.text(seen.time - last.time))]
+            if off or tester.mismatches(self.message, seen):
+                raise tester.with_last(f"{self.message} is not as expected", self.message, seen, off)
+            tester.use(found[0])
+            start, last = tester.edge, seen
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        measured = {
+            "message": Key(shapes.frames.pattern, "which frame", needed=True),
+            **EVERY,
+            "tolerance": Key(DURATION, "by how much it may be off", needed=True),
+            "count": Key(COUNT, "how many periods are measured", needed=True),
+        }
+        return ActionRow(yaml_shapes.record(Period, measured))
+
+
+class Unheard(NamedTuple):
+    """See that nobody but the tester has sent a frame with an identifier since the suite began."""
+
+    cob_id: int
+
+    def __str__(self) -> str:
+        return f"nothing on 0x{self.cob_id:03X}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        seen = [each for each in tester.trace.frames if each.frame.cob_id == self.cob_id and not each.own]
+        if seen and (suite.Reported.HEARD, self.cob_id) in tester.reported:
+            raise Skipped("it came again, and was red before")
+        if seen:
+            tester.reported.add((suite.Reported.HEARD, self.cob_id))
+            what = f"{amount(len(seen), 'frame')} came with the identifier 0x{self.cob_id:03X}"
+            raise Failed(what, "none", str(seen[0].frame))
+
+    @staticmethod
+    def row(_: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        return ActionRow(yaml_shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier"), Unheard)
+
+
+class Save(NamedTuple):
+    """Give variables the values of fields of the messages received last."""
+
+    variables: Mapping[str, suite.FieldOf]
+
+    def __str__(self) -> str:
+        return f"save {', '.join(self.variables)}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Do it; raises as `suite.StepAction.run`."""
+        for name, (binding, field) in self.variables.items():
+            frames = (each.frame for each in reversed(tester.trace.frames) if not each.own)
+            last = next((frame for frame in frames if frame.cob_id == binding.cob_id), None)
+            if last is None:
+                raise Failed(f"no {binding.name} has come yet")
+            tester.variables[name] = getattr(tester.decoder.protocol.decode(*last), field)
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return how a suite names it."""
+        return ActionRow(yaml_shapes.mapping(shapes.frames.field, NAME), Save)
+
+
+def _row_of_one(pattern: Shape[Pattern]) -> ActionRow:
+    return ActionRow(pattern, lambda one, **keys: Expect(Patterns(Order.IN_ORDER, (one,)), **keys), WITHIN)
+
+
+ACTIONS = {
+    "send": Send.row,
+    "answer": Answer.row,
+    "expect": Expect.row,
+    "await": Await.row,
+    "never": Never.row,
+    "poll": Poll.row,
+    "period": Period.row,
+    "unheard": Unheard.row,
+    "heartbeat": Expect.heartbeat,
+    "emcy": Expect.emcy,
+    "save": Save.row,
+}
+"""The actions of this module by their keys."""
