@@ -16,7 +16,7 @@ from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option
-from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, look_up
+from eurobot_od.errors import DictionaryError, FileError, LocalError, MappingError, RemoteError, look_up
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
@@ -105,7 +105,7 @@ class Devices:
     def describer(self, known: Iterable[Dictionary]) -> LibraryDevices:
         """Return what describes nodes by what they show of themselves; the `known` ones that nobody named give way."""
         implied = () if self.files() else [each.node_id for each in known]
-        return LibraryDevices(self.known_library, complain, implied)
+        return LibraryDevices(self.known_library, complain, implied, self._without_file)
 
     @property
     def master(self) -> str:
@@ -116,12 +116,24 @@ class Devices:
         """Return the files that are named, none for a dialect; raises LocalError, FileError."""
         if self.dialect and (self.eds or self.network):
             raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
-        named = [*map(network.node_file, self.eds), *self._described.nodes]
-        return with_patches(with_modules(named, self.module), self.patch)
+        typed, without = map(network.node_file, self.eds), self._without_file
+        named = [without[each.node_id]._replace(file=each.file) if each.node_id in without else each for each in typed]
+        written = [each for each in self._described.nodes if each.file]
+        return with_patches(with_modules([*named, *written], self.module), self.patch)
+
+    @property
+    def _without_file(self) -> dict[int, NodeFile]:
+        """The nodes of the network file that the library describes, by node-ID; raises FileError."""
+        return {each.node_id: each for each in self._described.nodes if each.node_id and not each.file}
 
     def load(self) -> tuple[Dictionary, ...]:
         """Load the files that are named, or else the dialect's; raises LocalError, FileError, UnknownName."""
         files = self.files()
+        if self.network and os.path.isdir(self.network) and any(is_without_node_id(each) for each in files):  # noqa: PTH112
+            raise LocalError(
+                f"{self.network}: files without a node-ID are no network; as makers' files for the devices of a bus or "
+                f"log they are a library: --library {self.network}"
+            )
         return self.with_words(network.load(files)) if files else self.robot.dialects.load_all(self.dialect)
 
     # Device packages
@@ -196,12 +208,17 @@ class Devices:
 
     def _error_words(self, emcy: Iterable[str]) -> dict[int, dict[int, str]]:
         """Return makers' words for error codes by node-ID, 0 for all: the network file's, and over them `emcy`'s."""
-        said = [f"{each.node_id}={file}" if each.node_id else file for each in self.files() for file in each.emcy]
+        nodes = (*self._described.nodes, *self.files())
+        said = dict.fromkeys(f"{each.node_id}={file}" if each.node_id else file for each in nodes for file in each.emcy)
         return error_words((*self._described.emcy, *said, *emcy))
 
-    def errors(self, emcy: Iterable[str] = ()) -> ErrorWords:
-        """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
-        known = self.load() if self.are_known else ()
+    def errors(self, emcy: Iterable[str] = (), found: Dictionary | None = None) -> ErrorWords:
+        """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`.
+
+        A device that was `found` on the bus counts more than the one that is named for its node.
+        """
+        devices = {each.node_id: each for each in (self.load() if self.are_known else ())}
+        known = (devices | ({found.node_id: found} if found else {})).values()
         return ErrorWords.of_devices(known, self.robot.catalogue(), self._error_words(emcy))
 
     def asking_decoder(self, bus: BusOptions, emcy: Iterable[str] = (), dbc: Iterable[str] = ()) -> Decoder:
@@ -216,7 +233,9 @@ class Devices:
 
         asked, learned = list[Dictionary](), list[Dictionary]()
         with Master(bus.open()) as master:
-            for found in () if self.are_known else scan(master):
+            for found in scan(master) if self._are_sought else ():
+                if self.are_known and found.node_id not in self._without_file:
+                    continue
                 try:
                     if described := self.found_description(found):
                         asked.append(described)
@@ -224,7 +243,7 @@ class Devices:
                         learned += made(found.node_id, all_pdo_parameters(master.node(found.node_id)))
                 except RemoteError as error:
                     complain(f"node {found.node_id}: {error}")
-            known = self.load_and_complain() if self.are_known else asked
+            known = (*(self.load_and_complain() if self.are_known else ()), *asked)
             present = [self._as_on_the_bus(master, each) for each in known]
         return self._decoder_of(present, emcy, dbc, learned, self.describer(known))
 
@@ -239,16 +258,27 @@ class Devices:
             complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
             return dictionary
 
+    @property
+    def _are_sought(self) -> bool:
+        """Whether there are nodes of which a file is not named."""
+        return not self.are_known or bool(self._without_file)
+
     def found_on(self, bus: BusOptions) -> Devices:
-        """Return the devices that are on the bus and in the library, if none are named; raises LocalError, BusError."""
-        if self.are_known or not self.known_library.entries:
+        """Return the devices with those that are on the bus and in the library, where no file is named for them.
+
+        Raises LocalError, BusError.
+        """
+        if not self._are_sought or not self.known_library.entries:
             return self
         from eurobot_od.client.description import scan
         from eurobot_od.client.master import Master
 
         with Master(bus.open()) as master:
             found = {each.node_id: self.found_description(each) for each in scan(master)}
-        return replace(self, eds=[f"{node_id}={each.file}" for node_id, each in found.items() if each])
+        wanted = self._without_file if self.are_known else found
+        eds = [f"{node_id}={each.file}" for node_id, each in found.items() if each and node_id in wanted]
+        written = self._file if self._described.nodes else None
+        return replace(self, eds=[*self.eds, *eds], network=self.network or written)
 
     def found_description(self, found: Found) -> Dictionary | None:
         """Return the library's description of a node that was found, None without one; complains as `describer`."""
@@ -266,6 +296,15 @@ class Devices:
             return network_set(decoder.dictionaries, names, rows, file)
         except (FileError, LocalError):  # a bus can be watched without knowing how often a message is to come
             return NOTHING
+
+
+def is_without_node_id(node: NodeFile) -> bool:
+    """Return whether a file can be read, but only for a node-ID that is given."""
+    try:
+        node.load()
+    except DictionaryError as error:
+        return "names no node-ID" in error.what
+    return False
 
 
 def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
@@ -462,6 +501,11 @@ class Target(Access):
             complain_of_repairs([found] if found.left_out else ())  # what was repaired, `devices` and `lint` say
             node.master.follow(found)
         return found
+
+    def known_description(self, node: RemoteNode) -> Dictionary | None:
+        """Return the EDS that the user has named for the node, or else the library's; None if there is neither."""
+        found = self.named_description(node) or self._library_description(node)
+        return self.devices.worded(found) if found else None
 
     def named_description(self, node: RemoteNode) -> Dictionary | None:
         """Return the EDS that the user has named for the node; None if there is none.

@@ -213,11 +213,11 @@ def emcy(target: Target, *, clear: bool = False, as_json: Json = False, emcy: Em
     $ emcy 5 --clear -i socketcan -c can0
     """
     with target.opened() as node:
-        target.named_description(node)  # its file may say another SDO server
+        described = target.known_description(node)
         if clear:
             clear_history(node)
         found = read_history(node)
-    words = target.devices.errors(emcy).of(node.node_id)
+    words = target.devices.errors(emcy, described).of(node.node_id)
     history = ({**each._asdict(), "text": words(each.code)} for each in found.entries)
     data = {"register": found.register, "history": history}
     give(as_json, data, _errors_as_text(found, node.node_id, words))
@@ -325,7 +325,7 @@ def store(target: Target) -> None:
     $ store 2 -i socketcan -c can0
     """
     with target.opened() as node:
-        target.named_description(node)  # its file may say another SDO server
+        target.known_description(node)  # its file may say another SDO server
         configuring.store(node)
     print(f"node {node.node_id} has stored all parameters")
 
@@ -339,7 +339,7 @@ def restore(target: Target, *, reset: bool = False) -> None:
     $ restore 2 --reset -i socketcan -c can0
     """
     with target.opened() as node:
-        described = target.named_description(node)
+        described = target.known_description(node)
         restored = described.restored_node_id if described else None
         if restored is not None:
             complain(f"the node-ID of node {node.node_id} is a setting, too: from its next reset on it is {restored}")
@@ -397,7 +397,7 @@ def program(
     if not content:
         raise LocalError(f"{file}: the file is empty")
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:
-        described = target.named_description(node)
+        described = target.known_description(node)
         identity = described.identity if described else read_identity(node)
         procedure = target.devices.package_of(identity).program
         loaded = load(node, content, number, not no_crc, progress, described, procedure() if procedure else STANDARD)
@@ -505,7 +505,7 @@ def drive(
         raise LocalError(f"drive {action} needs {MOVING[action]}" if action in MOVING else f"{action} takes no value")
     motion.check(action)
     with target.opened() as node:
-        described = target.named_description(node)
+        described = target.known_description(node)
         found = Drive402(node, described, axis)
         with _watched(found, node, axis, own_id) if action in WATCHED else nullcontext():
             ACTIONS[action](found, value or 0, motion)

@@ -7,6 +7,7 @@ when a program looks. In simulated time (`simulated`) there is no thread, and ti
 
 from __future__ import annotations
 
+import os
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -23,7 +24,7 @@ from eurobot_od.bus.live import open_bus
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
-from eurobot_od.client.description import LISTEN, Found, scan, uploaded
+from eurobot_od.client.description import LISTEN, Found, read_numbers, scan, uploaded
 from eurobot_od.client.lss import LssSteps, Result
 from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, PeriodicTask, blocking, syncs
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, ThreadedMaster, feed_of
@@ -35,11 +36,12 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
 from eurobot_od.errors import DriveError, NoAnswer, NodeRefused, RemoteError, UnknownName, look_up
 from eurobot_od.frame import Frame
+from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, folders
 from eurobot_od.od import DEFAULT, cia402
 from eurobot_od.od.cia402 import MODE_WORDS, Mode, State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
-from eurobot_od.od.network import load, read_network
+from eurobot_od.od.network import NodeFile, load, read_network
 from eurobot_od.od.standard import LssState
 from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
 
@@ -90,12 +92,16 @@ class NodeWatcher(EndlessIterator[NodeEvent]):
 
 
 class NetworkOfDevices(Generic[AnyDevice]):
-    """The common part of both kinds of networks; nothing in here waits."""
+    """The common part of both kinds of networks; nothing in here waits.
+
+    `library` describes nodes that are added without a file; it is that of the environment, if it names one.
+    """
 
     master: Master = UNCONNECTED
     _kind: type[AnyDevice]
 
     def __init__(self) -> None:
+        self.library = Library(folders()) if os.environ.get(VARIABLE) else None
         self._devices: dict[int, AnyDevice] = {}
         self._sync = NetworkSync(self)
 
@@ -129,8 +135,13 @@ class NetworkOfDevices(Generic[AnyDevice]):
         """
         described = read_network(file)
         network = cls.open(bus, channel, described.bit_rate and described.bit_rate * 1000, **options)
-        for each in load(described.nodes):
+        if described.library:
+            network.library = Library(folders(written=described.library))
+        for each in load(node for node in described.nodes if node.file):
             network.add(each.node_id, each)
+        for node in described.nodes:
+            if node.node_id and not node.file:
+                network.add(node.node_id, name=node.name)
         return network
 
     def _begin(self, master: Master) -> None:
@@ -402,6 +413,21 @@ class Network(NetworkOfDevices[RemoteDevice]):
     @classmethod
     def _on(cls, open_feed: Callable[[], Feed], answer_wait: float) -> Self:
         return cls(ThreadedMaster(open_feed(), answer_wait))
+
+    def add(self, node_id: int, file: DeviceFile = None, name: str = "") -> RemoteDevice:
+        """Add a device by its node-ID (1..127) and its EDS or DCF, and return it.
+
+        Without a file, and with a `library`, the node is asked what it is (0x1018, 0x1000), and the file that fits is
+        taken; without one that fits, objects are numbers and bytes. Raises as `NetworkOfDevices.add`, and RemoteError,
+        BusError if the node that is asked does not answer.
+        """
+        return super().add(node_id, file or self._in_library(node_id, name), name)
+
+    def _in_library(self, node_id: int, name: str) -> Dictionary | None:
+        if self.library is None or self.master is UNCONNECTED:
+            return None
+        describe = LibraryDevices(self.library, NMT_LOG.warning, nodes={node_id: NodeFile("", node_id, name)})
+        return describe(node_id, read_numbers(self.master.node(node_id)))
 
     def close(self) -> None:
         """Stop what is sent periodically, the threads, and the bus unless it is somebody else's."""

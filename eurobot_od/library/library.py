@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError, LocalError
@@ -13,6 +14,7 @@ from eurobot_od.library.index import DATA, LibraryEntry, entries, user_folder
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
+from eurobot_od.od.network import NodeFile
 from eurobot_od.od.values import Address
 
 VARIABLE = "EUROBOT_OD_LIBRARY"
@@ -130,11 +132,18 @@ def identity_of(numbers: Numbers) -> Identity:
 class LibraryDevices:
     """Describes nodes that show what they are, by the files of a library; what is odd is told once for each node.
 
-    `implied` are nodes whose files nobody has named: a file of the library that fits wins over theirs.
+    `implied` are nodes whose files nobody has named: a file of the library that fits wins over theirs. `nodes` say all
+    but the file of a node.
     """
 
-    def __init__(self, library: Library, tell: Callable[[str], None], implied: Container[int] = ()) -> None:
-        self._library, self._tell, self._implied = library, tell, implied
+    def __init__(
+        self,
+        library: Library,
+        tell: Callable[[str], None],
+        implied: Container[int] = (),
+        nodes: Mapping[int, NodeFile] = MappingProxyType({}),
+    ) -> None:
+        self._library, self._tell, self._implied, self._nodes = library, tell, implied, nodes
         self._told: set[int] = set()
         self._made: dict[tuple[int, Path], Dictionary | None] = {}
 
@@ -169,9 +178,9 @@ class LibraryDevices:
         return self._made[key]
 
     def _loaded(self, node_id: int, fit: Fit) -> Dictionary | None:
-        file = fit.entry.path
+        file, said = fit.entry.path, self._nodes.get(node_id, NodeFile())
         try:
-            return Dictionary.load(file, node_id, f"{file.stem}_{node_id}")
+            return said._replace(file=str(file), name=said.name or f"{file.stem}_{node_id}").load(node_id)
         except DictionaryError as error:
             self._tell_once(node_id, f"node {node_id}: {error}")
             return None

@@ -101,21 +101,28 @@ def parse_maker(text: str, file: str) -> MakersWords:
     """Read the text of what a maker says; raises YamlError."""
     from eurobot_od.support import yaml_shapes as shapes
 
+    plain = plain_shapes()
+    keys = {
+        "emcy": shapes.Key(_error_words()),
+        "units": shapes.Key(shapes.mapping(plain[MakersUnit], shapes.SCALAR)),
+        "words": shapes.Key(shapes.mapping(plain[ObjectWords], shapes.SCALAR)),
+    }
+    said: dict[str, Any] = shapes.read_yaml(text, shapes.record(dict, keys), file)
+    return MakersWords(file, **said)
+
+
+def plain_shapes() -> dict[Any, Shape[Any]]:
+    """Return how a unit and the words of an object are written, for any file that has them."""
+    from eurobot_od.support import yaml_shapes as shapes
+
     unit = shapes.shape_of(MakersUnit, {**shapes.PLAIN, str: shapes.SCALAR})
 
     def read_unit(node: Any, problems: Any) -> MakersUnit:
         is_long = isinstance(node.value, list)
         return unit.read(node, problems) if is_long else MakersUnit(str(shapes.SCALAR.read(node, problems)))
 
-    objects = shapes.SCALAR
-    words = shapes.converted(shapes.mapping(shapes.TEXT, shapes.converted(shapes.SCALAR, _value_key)), _object_words)
-    keys = {
-        "emcy": shapes.Key(_error_words()),
-        "units": shapes.Key(shapes.mapping(shapes.Shape(read_unit), objects)),
-        "words": shapes.Key(shapes.mapping(words, objects)),
-    }
-    said: dict[str, Any] = shapes.read_yaml(text, shapes.record(dict, keys), file)
-    return MakersWords(file, **said)
+    by_value = shapes.mapping(shapes.TEXT, shapes.converted(shapes.SCALAR, _value_key))
+    return {MakersUnit: shapes.Shape(read_unit), ObjectWords: shapes.converted(by_value, _object_words)}
 
 
 def _value_key(text: str) -> tuple[str, int]:

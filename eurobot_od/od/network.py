@@ -19,6 +19,7 @@ from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.formats import files_in
+from eurobot_od.od.maker import MakersUnit, MakersWords, ObjectWords, plain_shapes
 from eurobot_od.od.patches import BUS_FILES, NODE_OF_BUS
 from eurobot_od.od.standard import UNCONFIGURED
 from eurobot_od.od.values import NODE_IDS, Number, parse_number
@@ -43,7 +44,7 @@ def node_file(text: str) -> NodeFile:
 def read_network(path: str | Path) -> NetworkFile:
     """Read a network: a folder of EDS and DCF files, `nodelist.cpj`, or a YAML file; raises FileError."""
     if Path(path).is_dir():
-        # by their stems, so that a DCF, which comes later, takes the place of its EDS
+        # By their stems, so that a DCF, which comes later, takes the place of its EDS
         return NetworkFile([NodeFile(str(each)) for each in {each.stem: each for each in files_in(path)}.values()])
     read = READERS.get(Path(path).suffix.lower())
     if read is None:
@@ -61,7 +62,11 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
 
     Raises DictionaryError as `Dictionary.load`, and if two have one node-ID.
     """
-    loaded = sorted((each.load() for each in nodes), key=lambda each: each.node_id)
+    files = list(nodes)
+    for each in files:
+        if not each.file:
+            raise DictionaryError(each.name or f"node {each.node_id}", None, "no file is named for this node")
+    loaded = sorted((each.load() for each in files), key=lambda each: each.node_id)
     # sorted, so two of one node-ID are neighbours
     for one, other in pairwise(loaded):
         if one.node_id == other.node_id:
@@ -74,19 +79,29 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
 class NodeFile(NamedTuple):
     """A node: its EDS or DCF, its node-ID if that is said, its name if it is not the file's, its modules if said.
 
-    `patch` are the files that are laid over its own, `emcy` those with the maker's words for its error codes.
+    `patch` are the files that are laid over its own, `emcy` those with the maker's words for its error codes. `units`
+    and `words` say what its objects mean, as in a device.yaml (see `maker`). In a network file a node with a node-ID
+    may lack the `file`: then the library describes it, by the identity that it shows.
     """
 
-    file: str
+    file: str = ""
     node_id: Annotated[int, Within(NODE_IDS[0], NODE_IDS[-1])] | None = None
     name: str = ""
     modules: Sequence[str] | None = None
     patch: Annotated[Sequence[str], OneOrMore()] = ()
     emcy: Annotated[Sequence[str], OneOrMore()] = ()
+    units: Mapping[str, MakersUnit] = {}
+    words: Mapping[str, ObjectWords] = {}
 
     def load(self, node_id: int | None = None) -> Dictionary:
         """Load its dictionary, for another node-ID if one is given; raises as `Dictionary.load`."""
-        return Dictionary.load(self.file, node_id or self.node_id, self.name, self.modules, self.patch)
+        return self.described(Dictionary.load(self.file, node_id or self.node_id, self.name, self.modules, self.patch))
+
+    def described(self, dictionary: Dictionary) -> Dictionary:
+        """Return its dictionary with the units and words that are said here."""
+        if not (self.units or self.words):
+            return dictionary
+        return dictionary.described_by(MakersWords("network file", {}, self.units, self.words))
 
 
 class TrafficEntry(NamedTuple):
@@ -130,7 +145,9 @@ class NetworkFile(NamedTuple):
             return tuple(str(folder / each) for each in paths)
 
         nodes = [
-            each._replace(file=str(folder / each.file), patch=there(each.patch), emcy=there(each.emcy))
+            each._replace(
+                file=str(folder / each.file) if each.file else "", patch=there(each.patch), emcy=there(each.emcy)
+            )
             for each in self.nodes
         ]
         library, emcy, dbc = map(there, (self.library, self.emcy, self.dbc))
@@ -193,9 +210,14 @@ def read_network_file(text: str, file: str) -> NetworkFile:
         nodes = [NodeFile(str(each.file), each.node_id, each.name, patch=(patch,)) for each, patch in named]
         return NetworkFile(nodes, bit_rate=bus.bit_rate, master=bus_file.MASTER)
     number = replace(converted(SCALAR, _as_in_an_eds), whole=True)
-    network: NetworkFile = read_yaml(text, shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: number}), file)
+    network: NetworkFile = read_yaml(
+        text, shape_of(NetworkFile, {**PLAIN, **plain_shapes(), str: SCALAR, int: number}), file
+    )
     if not (network.nodes or network.robot or network.library):
         raise FileError(file, "it names no nodes")
+    unclear = [each.name for each in network.nodes if not each.file and each.node_id is None]
+    if unclear:
+        raise FileError(file, f"node {unclear[0]} has neither `file` nor `node_id`")
     return network.beside(file)
 
 

@@ -17,6 +17,7 @@ from tests.cli.console import Said, run
 from tests.client.lss_slave import LssStation
 from tests.client.peers import new_channel, open_bus
 from tests.client.wired import WiredBus
+from tests.kit.devices import DOCS
 from tests.kit.library import LISTS, OTHER_PRODUCT, device_text, library_of
 from tests.rows import rows
 
@@ -329,3 +330,40 @@ def test_a_concise_dcf_is_made_for_another_node(
     said = run(capsys, "export", "cdcf", "6=five.dcf", *words)
     assert said.status == status
     assert cob_id in said.out
+
+
+# Nodes of a network file without a file
+
+NAMED = (
+    "library: makers\nnodes: {lift: {node_id: 5, units: {Speed: rpm}}, door: {file: makers/other.eds, node_id: 7}}\n"
+)
+
+
+def test_a_node_without_a_file_is_described_by_the_library_under_its_own_name(
+    capsys: pytest.CaptureFixture[str], bus: tuple[str, ...]
+) -> None:
+    Path("net.yaml").write_text(NAMED)
+    said = run(capsys, "dump", "5", "--network", "net.yaml", *ALONE, *bus)
+    assert "0x2000:0  Speed                  7 rpm" in said.out
+    Path("run.log").write_text(SCAN + "(4.0) can0 185#0500\n(4.1) can0 187#0500\n")
+    said = run(capsys, "decode", "run.log", "--network", "net.yaml", *ALONE)
+    assert "lift.TPDO1" in said.out
+    assert "speed=5 rpm" in said.out
+    assert "door.TPDO1" in said.out
+
+
+def test_a_folder_of_makers_files_is_said_to_be_a_library(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "decode", "run.log", "--network", "makers", *ALONE)
+    assert said.status == 2
+    assert said.complaint.endswith("they are a library: --library makers")
+
+
+def test_emcy_knows_the_words_of_a_device_of_the_library(capsys: pytest.CaptureFixture[str], library: Path) -> None:
+    servo = (DOCS / "servo.eds").read_bytes()
+    (library / "servo.eds").write_bytes(servo)
+    (library / "servo.device.yaml").write_text("emcy: {0xFF01: gearbox jammed}\n")
+    device, channel = SimulatedDevice(Dictionary.read(servo, Path("servo.eds"), 9)), new_channel()
+    device.raise_error(0xFF01, "gearbox")
+    with Live.node(open_bus(channel), device):
+        said = run(capsys, "emcy", "9", "--library", "makers", *ALONE, "-i", "virtual", "-c", channel)
+    assert "0xFF01  gearbox jammed" in said.out

@@ -82,3 +82,37 @@ def test_a_file_of_words_that_is_not_there_is_told_with_its_place(capsys: pytest
     Path("words/net.yaml").write_text("library: .\nemcy: nowhere.yaml\n")
     said = run(capsys, "decode", "run.log", "--network", "words/net.yaml", *ALONE)
     assert (said.status, said.err) == (2, f"eurobot-od: {Path('words/nowhere.yaml')}: No such file or directory\n")
+
+
+UNITS = """
+nodes:
+  lift:
+    file: motor.eds
+    node_id: 5
+    units: {Speed: {unit: mm/s, factor: 0.5}, Speed limit: mm/s}
+    words: {Speed: {0: at rest}}
+"""
+
+
+@rows("data, said", [("C800", "speed=100 mm/s"), ("0000", "at rest")])
+def test_units_and_words_of_a_node_stand_in_the_network_file(
+    capsys: pytest.CaptureFixture[str], data: str, said: str
+) -> None:
+    Path("words/net.yaml").write_text(UNITS)
+    Path("speed.log").write_text(f"(1.0) can0 185#{data}\n")
+    assert said in run(capsys, "decode", "speed.log", "--network", "words/net.yaml", *ALONE).out
+
+
+def test_words_of_an_object_that_the_device_lacks_are_one_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("words/net.yaml").write_text(UNITS.replace("words: {Speed:", "words: {Sped:"))
+    said = run(capsys, "decode", "run.log", "--network", "words/net.yaml", *ALONE)
+    assert said.status == 0
+    assert said.err.count("Sped") == 1
+    assert "network file:7: " in said.err
+
+
+def test_a_node_has_a_file_or_a_node_id(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("words/net.yaml").write_text("nodes: {lift: {units: {Speed: rpm}}}\n")
+    said = run(capsys, "decode", "run.log", "--network", "words/net.yaml", *ALONE)
+    assert said.status == 2
+    assert said.complaint == "eurobot-od: words/net.yaml: node lift has neither `file` nor `node_id`"

@@ -35,6 +35,7 @@ from eurobot_od.errors import (
     RemoteError,
     UnknownName,
 )
+from eurobot_od.library.library import Library
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import Range
@@ -613,3 +614,17 @@ def test_an_attribute_that_an_object_a_pdo_or_its_commands_do_not_have_is_refuse
         pdo.event_timer = 100
         assert pdo.settings == {5: 100}
         assert repr(pdo["Motor.Speed"]) == "<PdoSignal Motor.Speed in TPDO1 of node 5, last: None>"
+
+
+# By a library
+
+
+def test_a_node_is_added_by_what_it_is_if_a_library_is_named(tmp_path: Path) -> None:
+    (tmp_path / "servo.eds").write_bytes(EDS.read_bytes())
+    with live_servos(5) as channel, Network.open("virtual", channel) as network:
+        assert network.add(5).dictionary is None, "nobody has named a library"
+        network.library = Library([tmp_path])
+        assert network.add(5, name="lift")["Profile velocity"].value == 1000
+        assert network["lift"].node_id == 5
+        with pytest.raises(NoAnswer):
+            network.add(6)
