@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from eurobot_od.check.actions.flow import Nmt
+from eurobot_od.check.actions.objects import SdoRead, SdoWrite
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.check.conformance.sdo import NO_NUMBER
@@ -17,7 +19,7 @@ from eurobot_od.check.conformance.step import Data
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.suite import Nmt, SdoRead, SdoWrite, Step, Suite
+from eurobot_od.check.suite import Step, Suite
 from eurobot_od.device.faults import Leaving
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
