@@ -108,6 +108,14 @@ class StateError(LocalError):
     """A call that does not fit the node's state, such as a goto after an emergency shutdown."""
 
 
+class NodeClassError(LocalError):
+    """A class of a node that cannot work: the `place` of the mistake, `file:line`, and what is wrong."""
+
+    def __init__(self, place: str, what: str) -> None:
+        self.place, self.what = place, what
+        super().__init__(f"{place}: {what}")
+
+
 class ProgramFailed(EurobotError):
     """A program that was run for somebody has hung, or has tried to end everything; the text says where."""
 

@@ -276,6 +276,8 @@ def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus
         return ExitStatus(status)
     while (failure := live.failure or live.controller.report_failure) is None and live.clock() < end:
         time.sleep(0.1)  # the node runs in threads of its own; this is only how soon its end is noticed
+    if failure is None and live.station is not None:
+        failure = live.station.last_failure  # it was restarted, and yet not all is well
     if failure is not None:
         raise failure
     return None

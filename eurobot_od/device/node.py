@@ -14,6 +14,7 @@ from math import inf
 from typing import Any, ClassVar
 
 from eurobot_od.controller import Controller, Reporter
+from eurobot_od.device import node_class
 from eurobot_od.device.bound import Application, BoundObject, names_of
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.lss import LssSlave
@@ -34,7 +35,8 @@ class Node:
     With `lss` a master finds it by LSS, and may give it its node-ID.
 
     `CATALOGUE` has its message types. `HANDLERS` has a handler for each message type: it returns the message to answer
-    with, or None, and raises Refused if the node does not act on the message. `OBJECTS` says, by ParameterName, which
+    with, or None, and raises Refused if the node does not act on the message. What is wrong with these tables is raised
+    as NodeClassError when the class, or a node of it, is made. `OBJECTS` says, by ParameterName, which
     objects are read from the node, and which stand for a message when they are written by SDO: once the last sub-index
     is written, the node acts as if the frame had come. `MEASURED` gives the values of single objects that are in no
     message, by ParameterNames like those of a setting; settings are attributes (see `settings`). The class itself does
@@ -52,7 +54,12 @@ class Node:
     OBJECTS: ClassVar[Mapping[str, BoundObject]] = {}
     MEASURED: ClassVar[Mapping[str, Callable[[Any], Value]]] = {}
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        node_class.check(cls, Node)
+
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None, lss: LssSlave | None = None) -> None:
+        node_class.check_file(type(self), dictionary)
         self._addresses = {name: dictionary.address(name) for name in names_of(type(self))}
         self.device = Device(dictionary, store, self.CATALOGUE, self._application(dictionary), lss)
         self.name = dictionary.name
@@ -98,6 +105,7 @@ class Node:
             self.alarm(what)
         self._out += self.device.start(now)
         self.reset()
+        node_class.check_attributes(self, Node)
         self._operational = self.device.operational
         return self._flush()
 
@@ -255,6 +263,7 @@ class Node:
         try:
             self._send(message)
         except StateError:
+            node_class.check_answer(self, message)
             self.withheld += 1
 
     def at(self, time: float, action: TimerAction) -> Timer:

@@ -22,6 +22,7 @@ from eurobot_od.errors import NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.support.connections import Backoff
+from eurobot_od.support.texts import amount
 
 NODE_LOG = logging.getLogger("eurobot_od.node")
 
@@ -39,7 +40,8 @@ class Station:
     Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was last asked for. An
     exception of the node is reported like a listener's, and `on_error` says what happens to the node then. Without
     `on_error`, as in a simulation whose user wants to see it, the exception is raised unless a frame has caused it.
-    `failure` tells why the node has ended, None while it goes on.
+    `failure` tells why the node has ended, None while it goes on; `last_failure` is there after a restart as well, with
+    the number of failures so far.
     """
 
     def __init__(
@@ -53,6 +55,8 @@ class Station:
         self.node, self.plan = node, node.device.plan
         self.controller = node.controller(report, clock)
         self.failure: NodeFailed | None = None
+        self.last_failure: NodeFailed | None = None
+        self._logged: set[str] = set()
         self._on_error, self._backoff = on_error, Backoff()
         self._restarts_at: float | None = None
         """When a failed node is restarted; None while it runs."""
@@ -115,8 +119,10 @@ class Station:
     def _fail(self, error: BaseException, now: float) -> list[Frame]:
         """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
         frames = self.node.failed(error, now)  # stops come first, whatever happens to the node
-        NODE_LOG.error("%s has failed", self.node.name, exc_info=error)
         text = f"{type(error).__name__}: {error}"
+        if text not in self._logged:  # a node that is restarted may fail in the same way for hours
+            self._logged.add(text)
+            NODE_LOG.error("%s has failed", self.node.name, exc_info=error)
         if self._on_error is OnError.END:
             self.failure = NodeFailed(f"{self.node.name} has failed and ended: {text}")
             self.node.switched_off()
@@ -126,6 +132,8 @@ class Station:
             what = f"it is restarted in {pause:g} s"
         self._restarts_at = now + pause
         self._listener.failed += 1
+        often = amount(self._listener.failed, "time")
+        self.last_failure = NodeFailed(f"{self.node.name} has failed {often}, last with {text}")
         self.controller.report(Report(Event.NODE_FAILED, self.node.name, f"{text}; {what}", now, error))
         return frames
 

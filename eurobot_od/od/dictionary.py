@@ -298,6 +298,11 @@ class Dictionary:
         names = {self.objects.indices[index].name: (index, 0) for index in self.members}
         return names | {each.qualname: od.address_of(each) for subs in self.members.values() for each in subs.values()}
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names that `address` knows."""
+        return tuple(self._by_name)
+
     def address(self, name: str) -> Address:
         """Return index and sub-index of `record.member` or `object` by ParameterName, as a program names it.
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import FrameType, ModuleType
 from typing import NamedTuple
 
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, NodeClassError
 
 OF_AN_EXTRA = re.compile(r"(?P<package>[^;]+?)\s*;.*\bextra\s*==\s*['\"](?P<extra>[^'\"]+)['\"].*")
 """A requirement that an extra brings, as metadata have it: `polars>=1.20; extra == 'season'`."""
@@ -141,6 +141,8 @@ def complaint(error: BaseException, otherwise: str, is_theirs: Callable[[FrameTy
     """Say on one line what somebody's code raised, and in which line of theirs; `otherwise` stands for none."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno or 1}: {type(error).__name__}: {error.msg}"
+    if isinstance(error, NodeClassError):  # it has its place
+        return str(error)
     raised = [(frame.f_code.co_filename, n) for frame, n in traceback.walk_tb(error.__traceback__) if is_theirs(frame)]
     # The last place of theirs: further in, the traceback goes through libraries that are not to blame.
     where = "{}:{}".format(*raised[-1]) if raised else otherwise

@@ -12,7 +12,7 @@ from canopen import SdoAbortedError
 from eurobot_od.device.bound import Application, period, scaled, seconds, setting, together
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node
-from eurobot_od.errors import Cause, DictionaryError, Refused
+from eurobot_od.errors import Cause, NodeClassError, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NOT_VALID
@@ -249,5 +249,6 @@ def test_names_are_looked_up_when_the_node_is_made_and_not_again(monkeypatch: py
 
 
 def test_a_file_without_a_setting_is_refused_when_the_node_is_made() -> None:
-    with pytest.raises(DictionaryError, match=r"axis\.eds: no object is named 'Axis\.Entry 1'"):
+    text = r"test_bound\.py:\d+: Axis names 'Axis\.Entry 1', which is not a value in axis\.eds; did you mean"
+    with pytest.raises(NodeClassError, match=text):
         Axis(dictionary(EDS.replace("Entry 1", "Entry 9")))

@@ -165,6 +165,7 @@ def test_a_flood_of_sdo_blocks_leaves_one_transfer_and_a_cabin_that_answers(stat
 def test_what_a_handler_raises_is_logged_with_its_traceback(caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Cabin):
         def tick(self, now: float) -> list[Frame]:
+            super().tick(now)
             raise ZeroDivisionError("of a handler")
 
     node = Broken(lift.dictionary("cabin"))
@@ -173,3 +174,12 @@ def test_what_a_handler_raises_is_logged_with_its_traceback(caplog: pytest.LogCa
     assert record.levelname == "ERROR"
     assert record.exc_info is not None
     assert "of a handler" in str(record.exc_info[1])
+
+
+def test_a_failure_that_comes_again_is_logged_once_and_counted(caplog: pytest.LogCaptureFixture) -> None:
+    station, _ = failing(OnError.RESTART)
+    for now in (1.0, 2.0, 3.0):
+        check(station, now)
+        station.tick(now + 0.5)
+    assert sum(each.name == "eurobot_od.node" for each in caplog.records) == 1
+    assert str(station.last_failure) == "cabin has failed 3 times, last with ZeroDivisionError: division by zero"

@@ -189,7 +189,8 @@ class Live:
         """Let the node say goodbye, end the threads and shut the bus down.
 
         Frames still waiting are sent first if the bus takes them. Waits for a function that does not return no longer
-        than `PATIENCE`. Raises what the node could not bring to its end, else BusError if the bus fails only now.
+        than `PATIENCE`. Raises what the node could not bring to its end; BusError if the bus fails only now; NodeFailed
+        if the node has failed meanwhile and no `report` of its owner's was told, even if it was restarted.
         """
         if self._forked:
             return  # the bus is the other process's
@@ -203,6 +204,9 @@ class Live:
                 self._end()
             raise
         self._end()
+        untold = any(each.event is Event.NODE_FAILED for each in self.controller.reports)
+        if untold and self.station is not None and self.station.last_failure is not None:
+            raise self.station.last_failure
 
     def _end(self) -> None:
         """End the threads and shut the bus down, whatever became of the leave."""
@@ -235,7 +239,7 @@ class Live:
     def __exit__(self, cause: object, *_: object) -> None:
         try:
             self.stop()
-        except BusError as error:
+        except (BusError, NodeFailed) as error:
             if cause is None:
                 raise
             # The error that has ended the block is the one to be seen. A robot that does not stand is worse than that.

@@ -103,6 +103,7 @@ class TiredCabin(Cabin):
     next_wakeup = 0.0
 
     def tick(self, now: float) -> list[Frame]:
+        super().tick(now)
         raise ValueError("never again")
 
 
@@ -112,3 +113,21 @@ def test_a_node_that_fails_whenever_it_is_called_is_restarted_after_growing_paus
         times = [reports.wait_for(Event.NODE_FAILED).timestamp for _ in range(3)]
     pauses = [later - earlier for earlier, later in pairwise(times)]
     assert all(pause >= planned for pause, planned in zip(pauses, (FIRST_PAUSE, 2 * FIRST_PAUSE)))
+
+
+def test_a_program_whose_node_has_failed_does_not_end_as_if_all_were_well(
+    channel: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The node is restarted, and nobody is told by a `report`: the block ends with what has failed."""
+    controller = Controller(PROTOCOL)
+    answers = controller.add_queue(CheckCabinResponse)
+    cabin = Live.node(VirtualBus(channel), ExplodingCabin(lift.dictionary("cabin")))
+    with Live(VirtualBus(channel), controller) as tester, VirtualBus(channel) as other:
+        cabin.start()
+        for _ in range(2):  # it is restarted, and answers
+            wait_for(other, 0x702, BOOT_UP)
+            tester.send(CheckCabinRequest())
+        assert answers.get(LONG) is not None
+        with pytest.raises(NodeFailed, match=r"^cabin has failed 1 time, last with SystemExit: lamp is gone$"):
+            cabin.stop()
+    assert [each.levelname for each in caplog.records if each.name == "eurobot_od.node"] == ["ERROR"]

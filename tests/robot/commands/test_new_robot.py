@@ -188,14 +188,14 @@ MISTAKES = [
         "LiftStop: stop",
         "LiftConfirm: stop",
         ["match"],
-        "lift.py:18: Lift handles LiftConfirm without an RPDO for it in mine/eds/canopen/lift.eds",
+        "lift.py:56: Lift handles LiftConfirm without an RPDO for it in mine/eds/canopen/lift.eds; it sends it",
     ),
     (
         "lift.py",
         '"Lift state":',
         '"Lift stat":',
         ["match"],
-        "lift.py:18: Lift binds 'Lift stat', which is not an object in mine/eds/canopen/lift.eds",
+        "lift.py:53: Lift binds 'Lift stat', which is not an object in mine/eds/canopen/lift.eds; did you mean Lift",
     ),
     ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:18: NameError"),
     (

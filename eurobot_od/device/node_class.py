@@ -1,0 +1,271 @@
+"""Checks of a node's class: its tables, its handlers, and what of ours it hides.
+
+What needs no file is checked when the class is made; what an EDS has to have, when a node is made of it. Python itself
+would notice none of it before the message comes, and some of it never. Each mistake is one line with the class's place.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import CodeType, FunctionType
+from typing import Any
+
+from eurobot_od.device.bound import BoundObject, Setting
+from eurobot_od.errors import NodeClassError, meant
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import MANUFACTURER, PdoDirection
+from eurobot_od.support import extras
+
+TABLES = ("CATALOGUE", "HANDLERS", "OBJECTS", "MEASURED")
+
+LIFE = frozenset({"start", "receive", "requested", "tick", "restart", "failed", "bus_lost", "handle", "reset"})
+"""Methods by which a node lives: one in a subclass has to call that of its base class."""
+
+OURS = "eurobot_od."
+"""Begin of the names of our modules. A class of ours may know more messages than an EDS has."""
+
+HANDLER, READER = ("self", "message"), ("self",)
+"""The arguments with which a handler is called, and a function that reads an object."""
+
+
+# A class by itself
+
+
+def check(kind: type, node: type) -> None:
+    """Raise NodeClassError for the first mistake in a class of a `node`; ours are checked by tests."""
+    if kind.__module__.startswith(OURS):
+        return
+    for problems in (misspelled_tables, wrong_handlers, wrong_objects, wrong_measured, hidden_members):
+        for word, what in problems(kind, node):
+            raise NodeClassError(place_of(kind, word), f"{kind.__name__} {what}")
+
+
+def misspelled_tables(kind: type, _: type) -> Iterator[tuple[str, str]]:
+    """Yield attributes that are named nearly as a table is: nobody would read them."""
+    for name in vars(kind):
+        hint = "" if name in TABLES or name.startswith("_") else meant(name, TABLES)
+        if hint and isinstance(vars(kind)[name], Mapping):
+            yield name, f"has a table {name}, which no node reads{hint}"
+
+
+def own(kind: type, table: str) -> Mapping[Any, Any]:
+    """Return a table that a class itself has; raises NodeClassError if it is no mapping."""
+    found = vars(kind).get(table, {})
+    if not isinstance(found, Mapping):
+        what = f"has {table} of type {type(found).__name__}; a table is meant: {table} = {{...}}"
+        raise NodeClassError(place_of(kind, table), f"{kind.__name__} {what}")
+    return found
+
+
+def wrong_handlers(kind: Any, node: type) -> Iterator[tuple[str, str]]:
+    """Yield keys that are no message of the class's catalogue, and handlers that cannot be called with one."""
+    for key, handler in own(kind, "HANDLERS").items():
+        word = key if isinstance(key, str) else getattr(key, "__name__", type(key).__name__)
+        if what := not_a_message(kind, key):
+            yield word, f"has a handler for {what}"
+        if what := not_called_with(handler, HANDLER):
+            yield word, f"has a handler for {word} {what}"
+        if (name := getattr(handler, "__name__", "")) in vars(node) and vars(kind).get(name) is handler:
+            yield name, f"has a handler named {name}, which hides {node.__name__}.{name}; give it another name"
+
+
+def not_a_message(kind: Any, key: Any) -> str:
+    """Return what is wrong with what should be a message's class, an empty text if nothing is."""
+    types = {each.__name__: each for each in kind.CATALOGUE.types}
+    if isinstance(key, str):
+        hint = meant(key.replace(" ", ""), tuple(types)) or "; the class is meant, without quotes"
+        return f"{key!r}, which is a text and no message{hint}"
+    if not is_message(key):
+        return f"{key!r}, which is no message{f'; did you mean {type(key).__name__}?' if is_message(type(key)) else ''}"
+    if not types or key in types.values():  # without a catalogue: perhaps a subclass has one; see `check_file`
+        return ""
+    name = key.__name__
+    if name in types:
+        return f"{name} of {key.__module__}, where its CATALOGUE has that of {types[name].__module__}"
+    return f"{name}, which is not in its CATALOGUE{meant(name, tuple(types)) or '; is CATALOGUE the right one?'}"
+
+
+def is_message(key: object) -> bool:
+    """Return whether something is a message's class."""
+    return isinstance(key, type) and issubclass(key, tuple) and hasattr(key, "_fields")
+
+
+def not_called_with(function: object, arguments: tuple[str, ...]) -> str:
+    """Return why a function of a node's class cannot be called with these arguments, an empty text if it can."""
+    meant_ = f"; `def name({', '.join(arguments)})` is meant"
+    if not callable(function):
+        return f"that cannot be called, {function!r}{meant_}"
+    if inspect.iscoroutinefunction(function) or inspect.isgeneratorfunction(function):
+        return f"that is asynchronous or a generator, {shown(function)}; nobody would run it{meant_}"
+    parameters = signature(function)
+    if parameters is None or fits(parameters, len(arguments)):
+        return ""
+    return f"with the arguments {parameters}; it is called with ({', '.join(arguments)}){meant_}"
+
+
+def signature(function: Callable[..., object]) -> inspect.Signature | None:
+    """Return a function's parameters, None for one of which Python does not know them."""
+    try:
+        return inspect.signature(function)
+    except ValueError:
+        return None
+
+
+def fits(parameters: inspect.Signature, count: int, names: Iterable[str] = ()) -> bool:
+    """Return whether a function can be called with so many values, and others by their names."""
+    try:
+        parameters.bind(*range(count), **dict.fromkeys(names))
+    except TypeError:
+        return False
+    return True
+
+
+def wrong_objects(kind: type, _: type) -> Iterator[tuple[str, str]]:
+    """Yield objects that are not bound, or to what is no function and no message."""
+    for name, bound in own(kind, "OBJECTS").items():
+        if not isinstance(bound, BoundObject):
+            what = f"BoundObject(write={shown(bound)})" if is_message(bound) else "BoundObject(read=...)"
+            yield name, f"binds {name!r} to {shown(bound)}; {what} is meant"
+        elif bound.write is not None and (what := not_a_message(kind, bound.write)):
+            yield name, f"binds writing of {name!r} to {what}"
+        elif bound.read is not None and (what := not_called_with(bound.read, READER)):
+            yield name, f"reads {name!r} by a function {what}"
+
+
+def shown(value: object) -> str:
+    """Return the name of a class or a function, any other value as Python writes it."""
+    return getattr(value, "__name__", repr(value))
+
+
+def wrong_measured(kind: type, _: type) -> Iterator[tuple[str, str]]:
+    """Yield values that cannot be asked for."""
+    for name, read in own(kind, "MEASURED").items():
+        if what := not_called_with(read, READER):
+            yield name, f"measures {name!r} by a function {what}"
+
+
+def hidden_members(kind: type, node: type) -> Iterator[tuple[str, str]]:
+    """Yield attributes that take the place of a method of ours and cannot be called as it is."""
+    bases = [base for base in kind.__mro__[1:] if issubclass(base, node)]
+    for name, member in vars(kind).items():
+        owner = next((base for base in bases if name in vars(base)), None)
+        if owner is not None and not name.startswith("__") and isinstance(vars(owner)[name], FunctionType):
+            yield from ((name, what) for what in hides(owner, name, member))
+
+
+def hides(owner: type, name: str, member: object) -> Iterator[str]:
+    """Yield how a member hides a method of a base class."""
+    method = f"{owner.__name__}.{name}"
+    if not isinstance(member, FunctionType):
+        kind = "setting" if isinstance(member, Setting) else type(member).__name__
+        yield f"has a {kind} named {name}, which hides the method {method}; give it another name"
+        return
+    theirs = inspect.signature(member)
+    if not takes_calls_of(theirs, inspect.signature(vars(owner)[name])):
+        called = inspect.signature(vars(owner)[name]).replace(return_annotation=inspect.Signature.empty)
+        yield f"has a method {name}{theirs}, which hides {method}{called}; give it another name or these arguments"
+    elif name in LIFE and not {"super", name} & {*names_in(member.__code__)}:  # or by `Node.tick(self, now)`
+        yield f"has a method {name} that does not call super().{name}(...), without which the node does nothing"
+
+
+def names_in(code: CodeType) -> Iterator[str]:
+    """Yield the names that a function uses, and those of what it has inside."""
+    yield from code.co_names
+    for each in code.co_consts:
+        if isinstance(each, CodeType):
+            yield from names_in(each)
+
+
+def takes_calls_of(theirs: inspect.Signature, ours: inspect.Signature) -> bool:
+    """Return whether whoever calls our method may call theirs."""
+    kinds = [each.kind for each in ours.parameters.values()]
+    by_name = [name for name, each in ours.parameters.items() if each.kind is each.KEYWORD_ONLY]
+    return fits(theirs, sum(each is not inspect.Parameter.KEYWORD_ONLY for each in kinds), by_name)
+
+
+# A class and a file
+
+
+def check_file(kind: Any, dictionary: Dictionary) -> None:
+    """Raise NodeClassError for the first message or object of a class, not of ours, that the EDS does not have."""
+    for problems in (unmapped_messages, unknown_objects, unknown_values):
+        for word, what in problems(kind, dictionary):
+            raise NodeClassError(place_of(kind, word), f"{kind.__name__} {what}")
+
+
+def theirs(kind: type, table: str) -> list[Any]:
+    """Return the keys of a table that no class of ours has brought."""
+    ours = (base for base in kind.__mro__ if base.__module__.startswith(OURS))
+    known = {key for base in ours for key in vars(base).get(table, ())}
+    return [key for key in getattr(kind, table) if key not in known]
+
+
+def unmapped_messages(kind: Any, dictionary: Dictionary) -> Iterator[tuple[str, str]]:
+    """Yield messages with a handler that the node would never receive."""
+    wanted = theirs(kind, "HANDLERS")
+    pdos = list(dictionary.read_pdos(dictionary.default, lambda _: None)) if wanted else []
+    found = [(entry.type, pdo.direction) for pdo in pdos if (entry := kind.CATALOGUE.find(pdo.name))]
+    heard = {each.__name__: each for each, direction in found if direction is PdoDirection.RPDO}
+    for message in wanted:
+        if message not in heard.values():
+            sent = "; it sends it" if (message, PdoDirection.TPDO) in found else meant(message.__name__, tuple(heard))
+            yield message.__name__, f"handles {message.__name__} without an RPDO for it in {dictionary.file}{sent}"
+
+
+def unknown_objects(kind: Any, dictionary: Dictionary) -> Iterator[tuple[str, str]]:
+    """Yield names of objects that the file does not have."""
+    for name in theirs(kind, "OBJECTS"):
+        if dictionary.data_index(name) is None:
+            names = [dictionary.objects.indices[index].name for index in dictionary.members if index in MANUFACTURER]
+            hint = meant(name, names)
+            yield name, f"binds {name!r}, which is not an object in {dictionary.file}{hint}"
+
+
+def unknown_values(kind: Any, dictionary: Dictionary) -> Iterator[tuple[str, str]]:
+    """Yield names of settings and measured values that the file does not have."""
+    for name in (*theirs(kind, "MEASURED"), *their_settings(kind)):
+        if name not in dictionary.names:
+            yield name, f"names {name!r}, which is not a value in {dictionary.file}{meant(name, dictionary.names)}"
+
+
+def their_settings(kind: type) -> Iterator[str]:
+    """Yield the names of the settings that no class of ours has brought."""
+    for base in kind.__mro__:
+        if not base.__module__.startswith(OURS):
+            yield from (name for each in vars(base).values() if isinstance(each, Setting) for name in each.names)
+
+
+# A node
+
+
+def check_attributes(node: object, base: type) -> None:
+    """Raise NodeClassError if the node has a value of its own under the name of a method of `base`."""
+    for name in vars(node).keys() & vars(base).keys():
+        if isinstance(vars(base)[name], FunctionType) and not callable(vars(node)[name]):
+            kind = type(node)
+            what = f"sets self.{name}, which hides the method {base.__name__}.{name}; give it another name"
+            raise NodeClassError(place_of(kind, f"self.{name}"), f"{kind.__name__} {what}")
+
+
+def check_answer(node: object, answer: object) -> None:
+    """Raise NodeClassError for what a handler has returned if it is no message."""
+    if not is_message(type(answer)):
+        kind, hint = type(node), f"; did you mean {shown(answer)}()?" if is_message(answer) else ""
+        what = f"sends {shown(answer)}, which is no message{hint}"
+        raise NodeClassError(place_of(kind, shown(answer)), f"{kind.__name__} {what}")
+
+
+def place_of(kind: type, word: str) -> str:
+    """Return `file:line` of a word in a class, of the class itself if the word is not in it."""
+    place = extras.place_of(kind)
+    file, _, line = place.rpartition(":")
+    if not line.isdigit():
+        return place
+    lines = inspect.getsourcelines(kind)[0]
+    for end in (r"[\"']?:", r"(?!\w)"):  # as the key of a table, or else anywhere
+        for number, text in enumerate(lines[1:], start=int(line) + 1):
+            if re.search(rf"(?<!\w){re.escape(word)}{end}", text):
+                return f"{file}:{number}"
+    return place
