@@ -18,14 +18,14 @@ from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, LibraryFolde
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
-from eurobot_od.client.description import Found
+from eurobot_od.client.description import Found, read_identity
 from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.client.master import Master, produce, syncs, times
 from eurobot_od.client.watch import NodeChange, NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, NoAnswer, RemoteError, UnknownName
 from eurobot_od.library.library import Library
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
@@ -447,14 +447,33 @@ def lss(
     return ExitStatus.FINE if lines else ExitStatus.FOUND
 
 
+ADDRESSED_ATTEMPTS = 5
+"""How often a device that its maker's procedure has given a node-ID is asked whether it is there."""
+
+
 def _addressed(address: Addressing, identity: Identity, settings: Settings, bus: BusOptions) -> ExitStatus:
     """Have the maker's own procedure give a device its node-ID; raises LocalError, RemoteError, BusError."""
     if settings.node_id is None or settings != Settings(node_id=settings.node_id):
         raise LocalError(f"the device package for {identity} sets the node-ID: give --node-id, and nothing else")
     with Master(bus.open()) as master:
         address(master, identity, settings.node_id)
+        _check_addressed(master, identity, settings.node_id)
     print(f"{identity}  {node_id_words(settings.node_id)}, by its maker's procedure")
     return ExitStatus.FINE
+
+
+def _check_addressed(master: Master, identity: Identity, node_id: int) -> None:
+    """Raise RemoteError, NoAnswer unless the device with an identity answers at its new node-ID."""
+    for attempt in range(ADDRESSED_ATTEMPTS):
+        try:
+            found = read_identity(master.node(node_id))
+        except NoAnswer:  # it may still be booting
+            if attempt + 1 == ADDRESSED_ATTEMPTS:
+                raise
+        else:
+            if difference := found.difference(identity):
+                raise RemoteError(f"another device answers as node {node_id}: it has {difference}")
+            return
 
 
 def _find(identity: Identity | None, alone: bool, library: Library) -> LssSteps[list[str]]:

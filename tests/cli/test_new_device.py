@@ -5,14 +5,34 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from math import inf
 from pathlib import Path
 
 import pytest
 
 from eurobot_od import plugin
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
 from tests.cli.console import run
+from tests.client.flash import IDENTITY, KeyedFlashDevice, eds
+from tests.client.wired import WiredBus
 
 SERVO = Path(__file__).parents[2] / "docs" / "servo.eds"
+DOWNLOAD = """
+from zlib import crc32
+
+from eurobot_od.client.program import DownloadProcedure
+from eurobot_od.plugin import Plugin
+
+
+def program():
+    ready, key = (0x1F57, 1), ((0x1F51, 1), b"\\x80")
+    return DownloadProcedure([key], 1024, ready, crc=lambda content: crc32(content) ^ 0xFFFF_FFFF)
+
+
+DEVICE = Plugin(name="flash", identity=(7,), program=program)
+"""
 LOG = """(0.0) can0 705#00
 (0.5) can0 085#01FF010000000000
 (1.0) can0 6E5#0C00000001
@@ -86,6 +106,58 @@ def test_its_command_and_its_step_are_there(
     assert (done.status, "too warm" in done.out) == (1, True)
     cold.write_text(suite_text.replace("below: 100000", "above: 1"))
     assert "cold.check.yaml:4:" in run(capsys, "check", str(cold), "--simulate", *named).err
+
+
+class OwnAddressing:
+    """A device without LSS: it boots once its serial number and a node-ID come under 0x7F0."""
+
+    def __init__(self) -> None:
+        self.device: SimulatedDevice | None = None
+
+    @property
+    def next_wakeup(self) -> float:
+        return self.device.next_wakeup if self.device else inf
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id == 0x7F0 and frame.data[:4] == (1).to_bytes(4, "little"):
+            self.device = SimulatedDevice(Dictionary.load(SERVO, frame.data[4]))
+            return self.device.start(now)
+        return self.device.receive(frame, now) if self.device else []
+
+    def tick(self, now: float) -> list[Frame]:
+        return self.device.tick(now) if self.device else []
+
+
+@pytest.mark.usefixtures("named")
+@pytest.mark.parametrize(
+    ("serial", "status", "said"),
+    [
+        (1, 0, "0x00000000:0x0005E401:0x00010002:0x00000001  node-ID 7, by its maker's procedure"),
+        (2, 1, "no answer from node 7"),
+    ],
+)
+def test_addressing_by_a_package_ends_with_a_device_that_answers(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, serial: int, status: int, said: str
+) -> None:
+    monkeypatch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: WiredBus(OwnAddressing()))
+    done = run(capsys, "lss", "set", "--identity", f"0:0x5E401:0x10002:{serial}", "--node-id", "7")
+    assert said in done.out + done.err
+    assert done.status == status
+
+
+def test_a_program_goes_by_the_package_of_the_device(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "device.py").write_text(DOWNLOAD)
+    (tmp_path / "flash.eds").write_text(eds() + IDENTITY.decode())
+    (tmp_path / "firmware.bin").write_bytes(bytes(2500))
+    device = KeyedFlashDevice()
+    monkeypatch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: WiredBus(device))
+    words = "program", "9", str(tmp_path / "firmware.bin"), "--eds", f"9={tmp_path / 'flash.eds'}"
+    assert "refused" in run(capsys, *words).err
+    done = run(capsys, *words, "--package", str(tmp_path))
+    assert done.out == "node 9: program 1: 2500 bytes written, verified by the maker's CRC, started\n"
+    assert (device.parts, device.program) == ([1024, 1024, 452], bytes(2500))
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,23 @@ ACCESS = {0x1F50: "rw", 0x1F51: "rw", 0x1F56: "ro", 0x1F57: "ro"}
 
 LISTS = "[MandatoryObjects]\nSupportedObjects=0\n[OptionalObjects]\nSupportedObjects=4\n"
 
+IDENTITY = b"""\
+[1018]
+ParameterName=Identity object
+ObjectType=9
+SubNumber=2
+[1018sub0]
+ParameterName=Highest sub-index
+DataType=0x0005
+AccessType=const
+DefaultValue=1
+[1018sub1]
+ParameterName=Vendor-ID
+DataType=0x0007
+AccessType=ro
+DefaultValue=7
+"""
+
 
 def _array(index: int) -> str:
     return f"""\
@@ -73,14 +90,14 @@ NO_TROUBLE = Trouble()
 class FlashDevice:
     """A station with a loader; `program` is what is in its flash memory, `commands` what control was told."""
 
-    next_wakeup = inf
+    next_wakeup, more = inf, ""
 
     def __init__(self, trouble: Trouble = NO_TROUBLE) -> None:
         self.trouble, self.program, self.running = trouble, b"old", True
         self.commands: list[int] = []
         self._now = self._busy_until = self._silent_until = 0.0
         self._status = 0
-        dictionary = Dictionary.read(eds(*trouble.without).encode(), Path("flash.eds"), NODE_ID)
+        dictionary = Dictionary.read((eds(*trouble.without) + self.more).encode(), Path("flash.eds"), NODE_ID)
         readers = {0x1F51: self._state, 0x1F56: self._identification, 0x1F57: self._flash}
         writers = {0x1F50: self._write, 0x1F51: self._control}
         self._server = SdoServer(Objects(dictionary, readers, writers))
@@ -133,3 +150,32 @@ class FlashDevice:
     def _at_work(self, what: int) -> None:
         self._busy_until = self._now + self.trouble.busy_for
         self._status = self.trouble.error << 1 if what == self.trouble.error_after else 2 * (what == 3)
+
+
+class KeyedFlashDevice(FlashDevice):
+    """Takes a program after a key alone, in parts of at most 1 KiB, none of them while it still writes the last one."""
+
+    KEY, MOST, more = 0x80, 1024, IDENTITY.decode()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_open, self.parts = False, list[int]()
+
+    def _identification(self, subindex: int) -> Value:
+        return crc32(self.program) ^ 0xFFFF_FFFF if subindex else 1
+
+    def _control(self, address: Address, command: Value) -> None:
+        self.is_open = self.is_open or command == self.KEY
+        if not self.is_open:
+            raise Abort(Reason.REFUSED_NOW)
+        if command != self.KEY:
+            super()._control(address, command)
+
+    def _write(self, address: Address, value: Value) -> None:
+        assert isinstance(value, bytes)
+        if len(value) > self.MOST or self._now < self._busy_until:
+            raise Abort(Reason.NOT_STORED)
+        before = self.program
+        super()._write(address, value)
+        self.program = before + value
+        self.parts.append(len(value))

@@ -5,33 +5,18 @@ from __future__ import annotations
 from binascii import crc_hqx
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import pytest
 
-from eurobot_od.client.program import Loaded, load
+from eurobot_od.client.program import DownloadProcedure, Loaded, load
 from eurobot_od.errors import BusError, ProgramError
 from eurobot_od.od.dictionary import Dictionary
-from tests.client.flash import NODE_ID, FlashDevice, Trouble, eds
+from tests.client.flash import IDENTITY, NODE_ID, FlashDevice, KeyedFlashDevice, Trouble, eds
 from tests.client.wired import wired
 from tests.rows import rows
 
 PROGRAM = bytes(range(256)) * 20
-IDENTITY = b"""\
-[1018]
-ParameterName=Identity object
-ObjectType=9
-SubNumber=2
-[1018sub0]
-ParameterName=Highest sub-index
-DataType=0x0005
-AccessType=const
-DefaultValue=1
-[1018sub1]
-ParameterName=Vendor-ID
-DataType=0x0007
-AccessType=ro
-DefaultValue=7
-"""
 
 
 GOOD = [
@@ -157,3 +142,33 @@ def test_a_bus_that_fails_or_a_user_who_interrupts_is_told_the_state(
 
         with pytest.raises(kind, match="; node 9: it is stopped without a whole program: download it again"):
             load(master.node(NODE_ID), PROGRAM, progress=lambda *_: setattr(master.bus, "send", fail))
+
+
+# By the maker's own procedure
+
+KEYED = DownloadProcedure(
+    unlock=[((0x1F51, 1), b"\x80")], part=1024, ready_at=(0x1F57, 1), crc=lambda content: crc32(content) ^ 0xFFFF_FFFF
+)
+
+
+def test_a_program_is_downloaded_by_the_procedure_of_its_maker() -> None:
+    device = KeyedFlashDevice()
+    with wired(device) as master:
+        loaded = load(master.node(NODE_ID), PROGRAM[:2500], procedure=KEYED)
+    assert loaded == Loaded(2500, "the maker's CRC")
+    assert device.parts == [1024, 1024, 452]
+    assert (device.program, device.running, device.commands) == (PROGRAM[:2500], True, [0, 3, 1])
+
+
+@rows(
+    "procedure, said",
+    [
+        (KEYED._replace(unlock=[]), "refused to write 0x1F51:1 Program control"),
+        (KEYED._replace(part=2048), "it is stopped without a whole program"),
+        (KEYED._replace(ready_at=None), "it is stopped without a whole program"),
+        (KEYED._replace(crc=None), "which is not a CRC of the file"),
+    ],
+)
+def test_no_part_of_the_procedure_can_be_left_out(procedure: DownloadProcedure, said: str) -> None:
+    with wired(KeyedFlashDevice()) as master, pytest.raises(ProgramError, match=said):
+        load(master.node(NODE_ID), PROGRAM, procedure=procedure)
