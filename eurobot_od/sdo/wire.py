@@ -11,7 +11,7 @@ from enum import Enum, IntEnum
 from typing import NamedTuple
 
 from eurobot_od.errors import LocalError
-from eurobot_od.od.values import Address, pdo_of
+from eurobot_od.od.values import MANUFACTURER, Address, pdo_of
 
 LENGTH = 8
 """Bytes of every SDO request and answer; frames of another length are not SDO (CiA 301, 7.2.4.3.1)."""
@@ -343,7 +343,9 @@ def when_sent(code: int, index: int) -> str:
     Reasons that are about this very object, or about the records of PDOs, come in place of those for any object.
     """
     of_any, of_this = [], []
-    for each in (reason for reason in Reason if reason.code == code):
+    # Only objects of communication have a COB-ID.
+    excluded = {Reason.COB_ID_TAKEN} if index >= MANUFACTURER[0] else set[Reason]()
+    for each in (reason for reason in Reason if reason.code == code and reason not in excluded):
         named = re.findall("0x([0-9A-F]{4})", each.when)
         if not named and not _OF_PDOS.search(each.clause):
             of_any.append(each.when)

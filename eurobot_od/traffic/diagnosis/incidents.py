@@ -204,8 +204,8 @@ brief = partial(texts.text, digits=4)
 class ObservedNode:
     """A node: its last NMT state, when that was `heard` first and changed last (`since`), and when it was reset.
 
-    `shown` are settings that transfers have shown; it `is_configured` if a master has written any object. `in_force`
-    returns what it has shown to have in place of its file's values.
+    It has booted, or was reset, `boots` times. `shown` are settings that transfers have shown; it `is_configured` if a
+    master has written any object. `in_force` returns what it has shown to have in place of its file's values.
     """
 
     node_id: int
@@ -215,6 +215,7 @@ class ObservedNode:
     state: NmtState | None = None
     heard: bool = False
     booted: bool = False
+    boots: int = 0
     since: float = 0.0
     reset: float | None = None
     shown: dict[Address, bytes] = field(default_factory=dict)

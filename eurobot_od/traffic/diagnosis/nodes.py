@@ -166,6 +166,7 @@ class NodesWatcher(Watcher):
             self._beats_of(node).flips = 0
             if command in RESETS:
                 node.reset, node.state = time, None
+                node.boots += 1
                 self._forget_orders(node)
                 self._beats_of(node).restart(None)
             elif command in TARGET:
@@ -197,6 +198,7 @@ class NodesWatcher(Watcher):
         elif rule:
             self.bus.found(rule, node.name, text)
         node.booted, node.state, node.since = True, None, time
+        node.boots += 1
         self._forget_orders(node)
         self._toggles[node.node_id] = None
         beats.restart(time)

@@ -257,6 +257,14 @@ class BusRule(IncidentRule):
         clause="CiA 301, 7.2.4.3.17",
     )
 
+    SDO_SCAN = RuleRow(
+        Severity.INFO,
+        "A tool looks who is there",
+        cause="it asks all node-IDs, and most of them are not used",
+        remedy="nothing: who is missing is an incident of its own if it has a file",
+        clause="CiA 301, 7.2.4.3",
+    )
+
     # Configuration
     NOT_CONFIGURED = RuleRow(
         Severity.WARNING,

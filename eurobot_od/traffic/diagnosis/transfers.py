@@ -5,13 +5,16 @@ CiA 301, 7.2.4; the values of a device's DCF by CiA 302-2 and 306.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from eurobot_od.device.nmt import COMMAND_NAMES, SERVICES, STATE_NAMES, NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects, values
+from eurobot_od.od.cia402 import MODE, on_first_axis
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate, ServerCommand, code_and_reason, when_sent
 from eurobot_od.support.texts import amount
@@ -25,6 +28,18 @@ from eurobot_od.traffic.transfers import ONE_WAY, SKIPPED, How
 IMPATIENT = 0.02
 """Seconds that no client waits less for an answer: who asks again before that is another one."""
 
+RESTLESS = 0.2
+"""Time in which no client gives up a transfer that is going on, or asks for another object, in s."""
+
+TWICE = 0.1
+"""Longest time between two answers to one request, from two nodes, in s."""
+
+SCAN = 5
+"""So many nodes that do not answer the same question are looked for by a scan."""
+
+MOST_QUESTIONS = 32
+"""Most objects for which the nodes are kept that do not answer."""
+
 PATIENT = 0.5
 """Seconds after which a request that has no answer at the end of a log has none at all."""
 
@@ -37,12 +52,23 @@ LISTED = 5
 
 @dataclass
 class SdoLine:
-    """An SDO channel: the object of the last request, when that came, and where; None after its answer."""
+    """An SDO channel: the object of the last request, when that came, and where; None after its answer.
+
+    `before` is the question that another one has followed before its answer, with its time in s. `owed` counts the
+    requests whose answers may come late. `answered` is the last object answered, when, and what came; `last` is when
+    the last frame came.
+    """
 
     asked: float | None = None
     object: str = ""
+    address: Address | None = None
     seen: Occurrences | None = None
     is_used: bool = False
+    before: tuple[float, Address, str, Occurrences] | None = None
+    owed: int = 0
+    answered: tuple[float, Address, bytes] | None = None
+    last: float = 0.0
+    was_answer: bool = False
 
 
 class HeldFinding(NamedTuple):
@@ -67,6 +93,8 @@ class SdoWatcher(Watcher):
         self._lines: dict[int, SdoLine] = {}
         self._ways = set[bool]()
         self._held: dict[tuple[BusRule, int], HeldFinding] = {}
+        self._silent: dict[str, dict[int, tuple[str, str, Occurrences]]] = {}
+        self._identities: dict[tuple[int, Address], tuple[int, bytes]] = {}
         self._own = {n: _own_values(node.dictionary) for n, node in bus.nodes.items() if node.dictionary}
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -87,11 +115,13 @@ class SdoWatcher(Watcher):
             self._answer(time, line, node, frame.data)
         else:
             self._request(time, line, node, end, frame.data)
+        if frame.data[0] == ABORT and meaning.transfer is None:
+            self._lone_abort(node, end, frame.data)
         if meaning.transfer:
             self._ended(meaning.transfer, node, is_refused=end.is_answer, asked=asked)
             if not end.is_answer and meaning.transfer.is_whole:
                 line.asked = None  # the client's last word
-        line.is_used = True
+        line.is_used, line.last, line.was_answer = True, time, end.is_answer
 
     def _heard(self, is_answer: bool) -> None:
         """Take in a direction; with both, what was held back counts."""
@@ -115,15 +145,26 @@ class SdoWatcher(Watcher):
     def _request(self, time: float, line: SdoLine, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
         command = end.command(data)
         named = command is not None and command.names_object
-        if named and line.asked is not None and self._is_hasty(line.asked):
-            text = f"is asked again {duration(time - line.asked, 6)} after a request, before its answer"
-            self._found(BusRule.TWO_CLIENTS, node, text)
         if data[0] == ABORT:
-            line.asked = None
+            line.asked = line.before = None
             return
+        address = Initiate.of(data).address if named else None
+        words = object_words(end.dictionary, address) if address else line.object
+        line.before = None
+        if address and line.asked is not None and line.seen:
+            if self._is_hasty(line.asked):
+                self._two_clients(node, line.object, words, time - line.asked, line.seen)
+            elif line.address and line.address != address and time - line.asked < RESTLESS:
+                line.before = line.asked, line.address, line.object, line.seen
+            line.owed += 1
         line.asked, line.seen = time, Occurrences.once(self.bus.at())
-        if named:
-            line.object = object_words(end.dictionary, Initiate.of(data).address)
+        if address:
+            line.object, line.address = words, address
+
+    def _two_clients(self, node: ObservedNode, one: str, two: str, after: float, seen: Occurrences) -> None:
+        text = f"two clients ask on one channel: {one}, and {duration(after, 6)} later {two}, before the answer"
+        both = Occurrences(1, self.bus.at(), [*seen.places[:1], self.bus.at()])
+        self._found(BusRule.TWO_CLIENTS, node, text, seen=both)
 
     def _is_hasty(self, asked: float) -> bool:
         """Whether no client would have given up waiting for an answer by now; a log without times does not tell."""
@@ -131,10 +172,28 @@ class SdoWatcher(Watcher):
 
     def _answer(self, time: float, line: SdoLine, node: ObservedNode, data: bytes) -> None:
         needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
+        address = Initiate.of(data).address
         if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
-            text = f"answers without a request: {label(Initiate.of(data).address)}"
-            self._found(BusRule.SDO_UNASKED, node, text)
-        line.asked = None
+            self._unasked(time, line, node, address, data)
+        if line.before and line.before[1] == address:  # the first question was not given up
+            since, _, object_, seen = line.before
+            self._two_clients(node, object_, line.object, (line.asked or time) - since, seen)
+            line.before, line.owed = None, max(line.owed - 1, 0)
+            return
+        if line.asked is not None:
+            line.asked, line.answered = None, (time, address, data)
+
+    def _unasked(self, time: float, line: SdoLine, node: ObservedNode, address: Address, data: bytes) -> None:
+        if line.owed:
+            line.owed -= 1
+            text, cause = f"answers late: {label(address)}", "the node answered after its client had given up"
+            self._found(BusRule.SDO_UNASKED, node, text, cause)
+        elif line.answered and line.answered[1] == address and time - line.answered[0] < TWICE:
+            one, two = line.answered[2][4:].hex(" "), data[4:].hex(" ")
+            text = f"node-ID {node.node_id} is used twice: two answers to one request for {label(address)}"
+            self.bus.found(BusRule.TWO_NODES, node.name, f"{text}, {one} and {two}", "answers")
+        else:
+            self._found(BusRule.SDO_UNASKED, node, f"answers without a request: {label(address)}")
 
     def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:
         way = "read" if ended.is_upload else "write"
@@ -147,18 +206,49 @@ class SdoWatcher(Watcher):
             if ended.how == How.EXPEDITED.value and asked and not self._is_hasty(asked.places[0].time):
                 self._unanswered(node, f"the {way} of {ended.object}", asked)
         elif ended.address is not None and ended.content is not None:
+            if ended.address[0] == IDENTITY and ended.address[1] and ended.is_upload:
+                self._identity(node, ended.address, ended.content)
             if ended.address in self._own.get(node.node_id, ()):
                 node.shown[ended.address] = ended.content
             if not ended.is_upload:
                 self._written(node, ended.address, ended.content)
 
+    def _identity(self, node: ObservedNode, address: Address, content: bytes) -> None:
+        """Compare an answer about an identity with the one before, if the node has not started between."""
+        boots, before = self._identities.get((node.node_id, address), (node.boots, content))
+        if boots == node.boots and before != content:
+            texts = (f"0x{int.from_bytes(each, 'little'):08X}" for each in (before, content))
+            text = f"node-ID {node.node_id} is used twice: {label(address)} is {' and '.join(texts)} by turns"
+            self.bus.found(BusRule.TWO_NODES, node.name, text, "identity")
+        self._identities[node.node_id, address] = node.boots, content
+
+    def _lone_abort(self, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
+        """Report an abort whose transfer is not in the log."""
+        initiate = Initiate.of(data)
+        words = object_words(end.dictionary, initiate.address)
+        by = "aborts" if end.is_answer else "has its client abort"
+        text = f"{by} a transfer of {words} that is not in the log: {code_and_reason(initiate.number)}"
+        is_probe = initiate.number in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
+        rule = BusRule.SDO_PROBED if is_probe else BusRule.SDO_ABORT
+        cause = when_sent(initiate.number, initiate.address[0])
+        self.bus.found(rule, node.name, text, (words, initiate.number), cause=cause)
+
     def _unanswered(self, node: ObservedNode, what: str, seen: Occurrences | None = None) -> None:
-        cause = "the node was not heard by then: it boots later, has no power, another bit rate or node-ID"
+        cause = self._why_silent(node)
+        object_ = what.partition(" of ")[2] or what.partition(" for ")[2]
+        if node.heard or len(self._silent.setdefault(object_, {})) > 127 or len(self._silent) > MOST_QUESTIONS:
+            self._found(BusRule.SDO_UNANSWERED, node, f"does not answer {what}", cause, seen)
+            return
+        here = self._silent[object_].setdefault(node.node_id, (f"does not answer {what}", cause, Occurrences()))
+        here[2].join(seen or Occurrences.once(self.bus.at()))
+
+    @staticmethod
+    def _why_silent(node: ObservedNode) -> str:
         if node.state is not None and not SERVICES[node.state].sdo:
-            cause = f"the node is {STATE_NAMES[node.state]}, where it has no SDO (CiA 301, 7.3.2.2.4)"
-        elif node.heard:
-            cause = "the node is there, but its SDO server hangs, refuses without a word, or is elsewhere (0x1200)"
-        self._found(BusRule.SDO_UNANSWERED, node, f"does not answer {what}", cause, seen)
+            return f"the node is {STATE_NAMES[node.state]}, where it has no SDO (CiA 301, 7.3.2.2.4)"
+        if node.heard:
+            return "the node is there, but its SDO server hangs, refuses without a word, or is elsewhere (0x1200)"
+        return "the node was not heard by then: it boots later, has no power, another bit rate or node-ID"
 
     def _aborted(self, ended: SdoTransfer, node: ObservedNode, what: str, is_refused: bool) -> None:
         assert ended.aborted is not None
@@ -170,6 +260,8 @@ class SdoWatcher(Watcher):
         cause = when_sent(ended.aborted, index)
         if ended.address and ended.end and ended.end.dictionary:
             cause = "; ".join(filter(None, (cause, _by_file(ended.end.dictionary, ended.address, ended.aborted))))
+        if on_first_axis(index) == MODE and ended.aborted == AbortCode.VALUE:
+            cause = "the drive does not have this mode of operation: compare 0x6502"
         by = "aborts" if is_refused else "has its client abort"
         text = f"{by} the {what}: {code_and_reason(ended.aborted)}"
         self.bus.found(rule, node.name, text, (ended.object, ended.is_upload, ended.aborted), cause=cause)
@@ -179,9 +271,30 @@ class SdoWatcher(Watcher):
         ended = meaning.transfer
         if ended and ended.is_whole and ended.address is None:
             return  # the log begins in the middle
+        if ended and self._is_interrupted(meaning):
+            return
         (text,) = (each.text for each in meaning.defects[:1])
         rule = BusRule.SDO_TOGGLE if text.endswith(SKIPPED) else BusRule.SDO_BROKEN
         self.bus.found(rule, meaning.nodes[0], text.partition(": ")[2])
+
+    def _is_interrupted(self, meaning: Meaning) -> bool:
+        """Return whether a second client has begun a transfer in the middle of one, and report it."""
+        end = meaning.service.end if isinstance(meaning.service, CanopenService) else None
+        if end is None or end.is_answer or not isinstance(meaning.raw, Frame) or meaning.transfer is None:
+            return False
+        line, command = self._lines.get(end.channel), end.command(meaning.raw.data)
+        is_new = command is not None and command.names_object and line is not None
+        if (
+            not is_new
+            or line is None
+            or not 0 < self.bus.now - line.last < (RESTLESS if line.was_answer else IMPATIENT)
+        ):
+            return False
+        words = object_words(end.dictionary, Initiate.of(meaning.raw.data).address)
+        one = f"the {'read' if meaning.transfer.is_upload else 'write'} of {meaning.transfer.object}"
+        text = f"two clients use one channel: {one} goes on, and another one begins with {words}"
+        self.bus.found(BusRule.TWO_CLIENTS, self.bus.node(end.server).name, text)
+        return True
 
     # Configuration
 
@@ -209,22 +322,44 @@ class SdoWatcher(Watcher):
             node.booted = False  # said once for each boot-up
 
     def end(self, time: float) -> None:
-        for channel, line in self._lines.items():
-            if line.asked is not None and time - line.asked > PATIENT:
-                service = self.bus.decoder.services.get(channel)
-                if service and service.end:
-                    self._unanswered(self.bus.node(service.end.server), f"the request for {line.object}", line.seen)
-        if len(self._ways) == 1:
-            self._one_way()
-
-    def _one_way(self) -> None:
-        """Report that a log has only one direction; or what was held back, as requests to nobody are waited for."""
-        shows = [each for each in self._held.values() if each.rule is not BusRule.SDO_UNANSWERED]
-        if shows:
-            self.bus.found(BusRule.ONE_DIRECTION, "", ONE_WAY[True in self._ways], seen=shows[0].seen)
+        if self._is_one_way():
             return
-        for each in self._held.values():
+        held = () if len(self._ways) > 1 else self._held.values()
+        for each in held:
             each.report(self.bus)
+        silent = {object_: dict(nodes) for object_, nodes in self._silent.items()}
+        for channel, line in self._lines.items():
+            service = self.bus.decoder.services.get(channel)
+            if line.asked is None or time - line.asked <= PATIENT or not (service and service.end):
+                continue
+            node = self.bus.node(service.end.server)
+            said = f"does not answer the request for {line.object}", self._why_silent(node)
+            if node.heard:
+                self.bus.found(BusRule.SDO_UNANSWERED, node.name, said[0], cause=said[1], seen=line.seen)
+            else:
+                silent.setdefault(line.object, {}).setdefault(node.node_id, (*said, line.seen or Occurrences()))
+        for object_, nodes in silent.items():
+            self._questions(object_, nodes)
+
+    def _is_one_way(self) -> bool:
+        """Report that a log has only one direction, if it shows that; requests to nobody alone do not."""
+        shows = [each for each in self._held.values() if each.rule is not BusRule.SDO_UNANSWERED]
+        if len(self._ways) == 1 and shows:
+            self.bus.found(BusRule.ONE_DIRECTION, "", ONE_WAY[True in self._ways], seen=shows[0].seen)
+            return True
+        return False
+
+    def _questions(self, object_: str, nodes: Mapping[int, tuple[str, str, Occurrences]]) -> None:
+        """Report who did not answer: a scan, or nodes one by one."""
+        if len(nodes) < SCAN:
+            for node_id, (text, cause, seen) in nodes.items():
+                self.bus.found(BusRule.SDO_UNANSWERED, self.bus.node(node_id).name, text, cause=cause, seen=seen)
+            return
+        whole = Occurrences()
+        for _, _, seen in nodes.values():
+            whole.join(seen)
+        text = f"a scan: {amount(len(nodes), 'node-ID')} without a node are asked for {object_}"
+        self.bus.found(BusRule.SDO_SCAN, "", text, object_, seen=whole)
 
 
 def _own_values(dictionary: Dictionary) -> dict[Address, bytes]:

@@ -139,6 +139,7 @@ def kept(frames: Iterable[tuple[float, str]]) -> Log:
 
 READ, VALUE, ABSENT = "605#4018100100000000", "585#4318100101000000", "585#8018100100000206"
 DENIED = "585#8001200022000008"
+VALUE_B = "585#4318100102000000"
 READ_2 = "605#4018100200000000"
 VALUE_2 = "585#4318100202000000"
 SET_7, SET_8, DONE = "605#2F01200007000000", "605#2F01200008000000", "585#6001200000000000"
@@ -302,17 +303,17 @@ DEFECTS = [
     RuleDefect(BusRule.EMCY_REGISTER, at("085#1081000000000000"), 0.0, at(EMERGENCY)),
     RuleDefect(BusRule.EMCY_CLEARED, at(EMERGENCY, CLEARED), 0.0, at(EMERGENCY, "085#0000110000000000")),
     # SDO
-    RuleDefect(BusRule.TWO_CLIENTS, at(READ, READ_2, VALUE, VALUE_2), 0.001, log(at(READ), at(READ, VALUE, start=0.5))),
+    RuleDefect(BusRule.TWO_CLIENTS, at(READ, READ_2, VALUE, VALUE_2), 0.0, log(at(READ), at(READ, VALUE, start=0.5))),
     RuleDefect(
         BusRule.SDO_UNANSWERED, log(at(READ), beats(node=6)), 0.0, log(at(READ), at(VALUE, start=0.3), beats(node=6))
     ),
     RuleDefect(BusRule.SDO_UNANSWERED, at(READ, READ, gap=0.5), 0.0, at(READ, VALUE, gap=0.5)),
-    RuleDefect(BusRule.ONE_DIRECTION, at(READ, READ_2, READ), 0.001, at(READ, VALUE, READ_2, VALUE_2)),
+    RuleDefect(BusRule.ONE_DIRECTION, at(READ, READ_2, READ), 0.0, at(READ, VALUE, READ_2, VALUE_2)),
     RuleDefect(BusRule.ONE_DIRECTION, at("705#05", VALUE, VALUE_2), 0.002, at("705#05", READ, VALUE, READ_2, VALUE_2)),
     RuleDefect(
         BusRule.SDO_BROKEN,
-        at(*SEGMENTED, READ, VALUE),
-        0.004,
+        log(at(*SEGMENTED), at(READ, VALUE, start=0.5)),
+        0.5,
         at(*SEGMENTED, "605#7000000000000000", "585#1161626364656667"),
     ),
     RuleDefect(
@@ -324,7 +325,25 @@ DEFECTS = [
     RuleDefect(
         BusRule.SDO_TOGGLE, at(*SEGMENTED, "585#8008100000000305"), 0.004, at(*SEGMENTED, "585#8008100000000006")
     ),
-    RuleDefect(BusRule.SDO_UNASKED, at(READ, VALUE, VALUE), 0.002, at(VALUE, READ, VALUE)),
+    RuleDefect(BusRule.SDO_UNASKED, log(at(READ, VALUE), at(VALUE, start=0.5)), 0.5, at(VALUE, READ, VALUE)),
+    RuleDefect(BusRule.TWO_NODES, at(READ, VALUE, VALUE_B), 0.002, log(at(READ, VALUE), at(VALUE_B, start=0.5))),
+    RuleDefect(BusRule.TWO_NODES, at(READ, VALUE, READ, VALUE_B), 0.003, at(READ, VALUE, "705#00", READ, VALUE_B)),
+    RuleDefect(
+        BusRule.TWO_CLIENTS,
+        log(at(READ), at(READ_2, start=0.1), at(VALUE, VALUE_2, start=0.15)),
+        0.0,
+        log(at(READ), at(READ_2, start=0.3), at(VALUE, VALUE_2, start=0.35)),
+    ),
+    RuleDefect(
+        BusRule.TWO_CLIENTS,
+        at(*SEGMENTED, READ, VALUE, "605#7000000000000000"),
+        0.004,
+        log(at(*SEGMENTED), at(READ, VALUE, start=0.5)),
+    ),
+    RuleDefect(BusRule.SDO_ABORT, at("585#8000200003000405"), 0.0, at("585#8000200000000206")),
+    RuleDefect(
+        BusRule.SDO_SCAN, at(*(f"{0x600 + n:03X}#4000100000000000" for n in range(1, 9)), gap=0.2), 0.0, at(READ, READ)
+    ),
     RuleDefect(BusRule.SDO_ABORT, at(SET_7, DENIED), 0.001, at(READ, ABSENT)),
     RuleDefect(BusRule.SDO_PROBED, at(READ, ABSENT), 0.001, at(SET_7, DENIED)),
     # Configuration

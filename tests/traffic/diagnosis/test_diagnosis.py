@@ -100,11 +100,11 @@ def test_bus_off_is_told_in_words() -> None:
 def test_many_incidents_of_one_rule_are_one_more() -> None:
     diagnosis = Diagnosis(Decoder([]))
     for n in range(3 * MOST):
-        diagnosis.take(n / 10, "", Frame(0x600 + n + 1, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0])))
+        diagnosis.take(n / 10, "", Frame(0x080 + n + 1, bytes([0x10, 0x81, 0x11, 0, 0, 0, 0, 0])))
     diagnosis.end()
-    found = [each for each in diagnosis.incidents.sorted() if each.rule is BusRule.SDO_UNANSWERED]
+    found = [each for each in diagnosis.incidents.sorted() if each.rule is BusRule.EMCY_RAISED]
     assert len(found) == MOST + 1
-    assert found[0].title == "An SDO request gets no answer (others than those above)"
+    assert found[0].title == "A node reports an error and does not take it back (others than those above)"
 
 
 @pytest.mark.long
