@@ -18,7 +18,7 @@ from itertools import chain
 from typing import Any
 
 from eurobot_od.bus import frame_bits
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.lint.findings import LEVELS, Severity
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount, one_line
@@ -27,7 +27,7 @@ from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.diagnosis.drives import DriveWatcher
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Watcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
-from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, SyncWatcher, TimeWatcher
+from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, StreamWatcher, SyncWatcher, TimeWatcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.transfers import SdoWatcher
 from eurobot_od.traffic.entries import Damage, Raw
@@ -44,6 +44,9 @@ SILENCE = 1.0
 
 LOADS = ((1.0, 0.8, BusRule.LOAD_HIGH), (0.05, 0.99, BusRule.LOAD_BURST))
 """Spans in s, the share of the bus that is too much in each, and its rule."""
+
+MAIN = 0.3
+"""Share of the load from which one identifier is named as the one that fills the bus."""
 
 BUS_OFF = 0x40
 """Class bit of Linux's error frames: the controller is bus-off (linux/can/error.h)."""
@@ -74,16 +77,23 @@ class WatchedBus:
             NMT: (self.sdo, self.nodes, self.drives),
             HEARTBEAT: (self.nodes, self.drives),
             GUARDING: (self.nodes,),
-            EMCY_NAME: (EmergencyWatcher(bus), self.drives),
+            EMCY_NAME: (EmergencyWatcher(bus, self.nodes), self.drives),
             SDO: (self.sdo, self.drives),
             SYNC_NAME: (SyncWatcher(bus),),
             TIME_NAME: (TimeWatcher(bus),),
             LSS: (LssWatcher(bus),),
         }
-        self._messages: list[Watcher] = [self.pdos, self.drives, *answers, *(each(bus) for each in more)]
+        self._messages: list[Watcher] = [
+            self.pdos,
+            self.drives,
+            StreamWatcher(bus),
+            *answers,
+            *(each(bus) for each in more),
+        ]
         self._watchers = list(dict.fromkeys([*chain(*self._services.values()), *self._messages]))
         self._promised = promised
         self._loads: list[list[Any]] = []
+        self._share: dict[int, tuple[int, Meaning]] = {}
         self._first: SeenAt | None = None
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -101,10 +111,11 @@ class WatchedBus:
         bus.now = time
         if time >= self._tick_at:
             self.tick(time)
+        bus.frame = raw
         if meaning.defects:
             self._damaged(meaning)
         if isinstance(raw, Frame):
-            self._load(time, raw)
+            self._load(time, raw, meaning)
             self._pass_on(time, meaning, raw)
 
     def _pass_on(self, time: float, meaning: Meaning, frame: Frame) -> None:
@@ -155,12 +166,13 @@ class WatchedBus:
 
     def tick(self, time: float) -> None:
         """Notice what did not come until now, s."""
-        self._tick_at = time + TICK
+        self._tick_at, self.bus.frame = time + TICK, None
         for each in self._watchers:
             each.tick(time)
 
     def end(self, time: float) -> None:
         """Report what is open at the end of the log, or of the watch."""
+        self.bus.frame = None
         for each in self._watchers:
             each.end(max(time, self.bus.now))
         for row in load_report(self._promised, self.bit_rate).rows:
@@ -171,8 +183,10 @@ class WatchedBus:
 
     # Load
 
-    def _load(self, time: float, frame: Frame) -> None:
+    def _load(self, time: float, frame: Frame, meaning: Meaning) -> None:
         bits = frame_bits(frame)
+        known = self._share.get(frame.cob_id)
+        self._share[frame.cob_id] = (known[0] if known else 0) + bits, meaning
         for load, (span, most, rule) in zip(self._loads, LOADS):
             began, so_far, seen = load
             if time - began < span:
@@ -181,9 +195,20 @@ class WatchedBus:
             share = so_far / self.bit_rate / span
             if most < share:
                 wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
-                text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}"
+                text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}{self._culprit()}"
                 self.bus.found(rule, "", text, seen=seen)
             load[:] = time, bits, Occurrences.once(self.bus.at())
+            if rule is BusRule.LOAD_HIGH:
+                self._share.clear()
+
+    def _culprit(self) -> str:
+        """Return who fills the bus; empty if it is no single identifier."""
+        whole = sum(bits for bits, _ in self._share.values())
+        cob_id, (bits, meaning) = max(self._share.items(), key=lambda each: each[1][0])
+        if bits < MAIN * whole:
+            return ""
+        name = ", ".join(filter(None, (meaning.name, meaning.sender or " ".join(meaning.nodes[:1]))))
+        return f"; {bits / whole:.0%} of it is 0x{identifier_text(cob_id)}{f' ({name})' if name else ''}"
 
 
 def _is_bus_off(text: str) -> bool:

@@ -325,8 +325,9 @@ class DriveWatcher(Watcher):
             self._quick_stop(axis)
         if state is State.ENABLED or state in FAULTS:
             axis.wanted = None
-        elif before is State.ENABLED and axis.command is DriveCommand.ENABLE and state is not None:
-            text = f"{axis.name} leaves Operation enabled for {state.words}, though its command is Enable operation"
+        elif before is State.ENABLED and axis.command is DriveCommand.ENABLE and state not in (None, State.QUICK_STOP):
+            now = state.words if state else ""
+            text = f"{axis.name} leaves Operation enabled for {now}, though its command is Enable operation"
             self._report(axis, BusRule.DRIVE_DISABLED, text)
             axis.wanted = None
         axis.tried.clear()

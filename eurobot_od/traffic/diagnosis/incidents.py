@@ -9,33 +9,50 @@ What the watchers of a bus share is at the end: its nodes as the frames so far h
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import partial
+from math import inf
 from typing import Any, NamedTuple
 
 from eurobot_od.device.nmt import NmtState
+from eurobot_od.frame import Frame
 from eurobot_od.lint.findings import LEVELS, Severity
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 from eurobot_od.support import texts
 from eurobot_od.support.texts import one_line
+from eurobot_od.traffic.entries import Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 MOST = 20
 """Most incidents of one rule on one bus; all others together are one more."""
+
+BEFORE = 5.0
+"""Time by which what follows from an incident may be seen before it, in s: a lost heartbeat is noticed late."""
 
 PLACES = 3
 """How many places of an incident are named."""
 
 
 class SeenAt(NamedTuple):
-    """Where something was seen: the time in s, and the log and its line, if there is one."""
+    """Where something was seen: the time in s, the log and its line, if there is one, and the frame that came then."""
 
     time: float
     log: str = ""
     line: int = 0
+    frame: Raw | None = None
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        frame = {} if self.frame is None else {"frame": self.shown}
+        return {"time": self.time, "log": self.log, "line": self.line, **frame}
+
+    @property
+    def shown(self) -> str:
+        """The frame as candump writes it; empty for what is not a frame."""
+        return str(self.frame) if isinstance(self.frame, Frame) else ""
 
     def after(self, first: SeenAt | None = None) -> str:
         """Write it; behind another place in the same log, its line alone says where."""
@@ -104,18 +121,26 @@ class IncidentRule(Enum):
         return 0
 
     @property
+    def explained(self) -> Collection[str]:
+        """Ids of the rules whose incidents have the same cause, if they are of the same node."""
+        return ()
+
+    @property
     def rank(self) -> tuple[int, int, int]:
         """The place among all rules, worst first."""
         return list(Severity).index(self.severity), self.stage, list(type(self)).index(self)
 
 
-FACTS = "Seen", "Also at", "Likely", "To do", "Source"
+FACTS = "Seen", "Also at", "Frames", "Likely", "To do", "With it", "Source"
 """What is said of an incident besides its title."""
 
 
 @dataclass(frozen=True)
 class Incident:
-    """A rule that does not hold: on which bus (empty if there is only one), at `who`, and what exactly."""
+    """A rule that does not hold: on which bus (empty if there is only one), at `who`, and what exactly.
+
+    What has the same cause `follows` from it.
+    """
 
     rule: IncidentRule
     channel: str
@@ -123,6 +148,14 @@ class Incident:
     text: str
     cause: str
     seen: Occurrences = field(default_factory=Occurrences)
+    follows: tuple[Incident, ...] = ()
+
+    def explains(self, other: Incident) -> bool:
+        """Return whether another incident, which is not worse, follows from this one by the table of its rules."""
+        if self.channel != other.channel or other.rule.id not in self.rule.explained:
+            return False
+        is_of_it = not self.who or other.who == self.who or f"missed: {self.who}," in other.text
+        return is_of_it and other.seen.last.time >= self.seen.places[0].time - BEFORE
 
     @property
     def title(self) -> str:
@@ -139,7 +172,10 @@ class Incident:
         if self.seen.number > 1:
             when = f"{often}, first at {first.after()}, last at {self.seen.last.after(first)}"
         also = ", ".join(each.after(first) for each in others if each != self.seen.last)
-        found = when, also, self.cause, self.rule.remedy, f"{self.rule.clause} [{self.rule.id}]"
+        places = dict.fromkeys([*self.seen.places, self.seen.last])
+        frames = ", ".join(f"{each.shown} at {each.time:.6f} s" for each in places if each.shown)
+        with_it = "; ".join(each.title for each in self.follows)
+        found = when, also, frames, self.cause, self.rule.remedy, with_it, f"{self.rule.clause} [{self.rule.id}]"
         return [(what, one_line(text)) for what, text in zip(FACTS, found) if text]
 
     def as_data(self) -> dict[str, Any]:
@@ -151,11 +187,12 @@ class Incident:
             "who": self.who or None,
             "text": self.text,
             "number": self.seen.number,
-            "places": [each._asdict() for each in self.seen.places],
-            "last": self.seen.last._asdict(),
+            "places": [each.as_data() for each in self.seen.places],
+            "last": self.seen.last.as_data(),
             "cause": self.cause,
             "remedy": self.rule.remedy,
             "clause": self.rule.clause,
+            "follows": [each.as_data() for each in self.follows],
         }
 
 
@@ -178,11 +215,24 @@ class Incidents:
         return self._found[key].seen
 
     def sorted(self, *others: Incidents) -> list[Incident]:
-        """Return them and others, worst first; of equal ones what is more often. A single bus has no name."""
+        """Return them and others, worst first, each with what follows from it; of equal ones what is more often.
+
+        A single bus has no name.
+        """
         found = [incident for each in (self, *others) for incident in each._found.values() if incident.seen.number]
         if len({each.channel for each in found}) < 2:
             found = [replace(each, channel="") for each in found]
-        return sorted(found, key=lambda each: (each.rule.rank, -each.seen.number))
+        return list(_grouped(sorted(found, key=lambda each: (each.rule.rank, -each.seen.number))))
+
+
+def _grouped(found: Sequence[Incident]) -> Iterator[Incident]:
+    """Yield incidents, each with those below it that it explains."""
+    left = list(found)
+    while left:
+        first, *left = left
+        follows = [each for each in left if first.explains(each)]
+        left = [each for each in left if each not in follows]
+        yield replace(first, follows=tuple(follows)) if follows else first
 
 
 def lines(incidents: Sequence[Incident]) -> Iterator[str]:
@@ -214,6 +264,7 @@ class ObservedNode:
     dictionary: Dictionary | None = None
     state: NmtState | None = None
     heard: bool = False
+    is_lost: bool = False
     booted: bool = False
     boots: int = 0
     since: float = 0.0
@@ -235,8 +286,10 @@ class ObservedNode:
 class ObservedBus:
     """One bus: its `decoder` by the mapping in force, its nodes by node-ID, and when it was heard first and last, s.
 
-    `shown` returns what a node has shown to have, `at` gives the place of the present frame, `report` where an incident
-    is counted.
+    The last NMT command was `commanded` at a time in s.
+
+    `shown` returns what a node has shown to have, `report` where an incident is counted. `frame` is what came now, None
+    for what is noticed without one.
     """
 
     def __init__(
@@ -247,8 +300,11 @@ class ObservedBus:
         at: Callable[[], SeenAt],
         report: Callable[..., Occurrences],
     ) -> None:
-        self.channel, self.files, self.decoder, self.at, self.report = channel, decoder, decoder, at, report
+        self.channel, self.files, self.decoder, self.report = channel, decoder, decoder, report
+        self._place = at
+        self.frame: Raw | None = None
         self.began = self.now = 0.0
+        self.commanded = -inf
         self.numbers = {each.name: each.node_id for each in decoder.dictionaries}
         self._shown = shown
         self.nodes = {
@@ -259,6 +315,11 @@ class ObservedBus:
         """How many frames of each service came."""
         self.stated: list[Callable[[ObservedNode], None]] = []
         """Called with a node that has said its NMT state."""
+
+    def at(self) -> SeenAt:
+        """Return the place of the present frame."""
+        time, log, line, _ = self._place()
+        return SeenAt(time, log, line, self.frame)
 
     def node(self, node_id: int) -> ObservedNode:
         """Return a node, new if it was not known."""

@@ -161,6 +161,7 @@ class NodesWatcher(Watcher):
     # NMT
 
     def _command(self, time: float, command: int, node_id: int) -> None:
+        self.bus.commanded = time
         heard = [each for each in self.bus.nodes.values() if each.heard]
         for node in heard if node_id == ALL_NODES else [self.bus.node(node_id)] if node_id in NODE_IDS else []:
             self._beats_of(node).flips = 0
@@ -273,6 +274,7 @@ class NodesWatcher(Watcher):
                 every = " and ".join(brief(each) for each in periods)
                 self._two(node, f"two series of heartbeats, every {every} (observed)", "heartbeats")
         beats.last, beats.lost = time, False
+        node.is_lost = False
 
     def _judge(self, node: ObservedNode, beats: Beats) -> None:
         """Look at a node's last intervals."""
@@ -305,8 +307,8 @@ class NodesWatcher(Watcher):
     def tick(self, time: float) -> None:
         for node_id, beats in self._beats.items():
             if not beats.lost and beats.is_lost(time):
-                beats.lost = True
                 node = self.bus.node(node_id)
+                beats.lost = node.is_lost = True
                 silence = f"no heartbeat for {LOST_AFTER:g} periods of {brief(beats.usual)}"
                 state = f"; it was {STATE_NAMES[node.state]}" if node.state else ""
                 self.bus.found(BusRule.HEARTBEAT_LOST, node.name, f"{NodeChange.LOST.value}: {silence}{state}")
@@ -326,6 +328,19 @@ class NodesWatcher(Watcher):
         self._unclear.clear()
         for node in self.bus.nodes.values():
             node.state = None
+
+    def silent(self, time: float, consumer: ObservedNode) -> list[str]:
+        """Return whose heartbeat a consumer misses at a time in s: of those in its 0x1016, or else of all."""
+        entries = [
+            number for (index, sub), number in consumer.in_force().items() if index == CONSUMED_HEARTBEATS and sub
+        ]
+        wanted = {entry >> 16 & 0x7F for entry in entries} - {0}
+        found = []
+        for node_id, beats in self._beats.items():
+            is_due = beats.last is not None and beats.usual and time - beats.last > LATE_AFTER * beats.usual
+            if is_due and node_id != consumer.node_id and (not wanted or node_id in wanted):
+                found.append(f"{self.bus.node(node_id).name}, silent since {beats.last:.3f} s")
+        return found
 
     # Guarding
 
@@ -384,8 +399,9 @@ class NodesWatcher(Watcher):
                     continue
                 text = f"waits for the heartbeat of {producer.name} (0x1016), which sends none"
                 self.bus.found(BusRule.CONSUMER_UNFED, node.name, text, node_id)
-            elif (period := producer.number(HEARTBEAT_TIME) / 1000) >= wait:
-                sent = f"which sends a heartbeat every {brief(period)}"
+            elif (period := beats.period or beats.observed) >= wait:
+                observed = "" if beats.period else " (observed)"
+                sent = f"which sends a heartbeat every {brief(period)}{observed}"
                 text = f"waits {brief(wait)} for {producer.name} (0x1016), {sent}"
                 self.bus.found(BusRule.CONSUMER_SHORT, node.name, text, node_id)
 
@@ -398,6 +414,9 @@ STORM = 10
 OPEN = 16
 """Most different errors of a node that are kept open; more are counted as the last of them."""
 
+MISSING = (0x8100, 0x8130)
+"""Error codes of a node that misses another one: communication, life guarding or heartbeat (CiA 301, Table 26)."""
+
 GENERIC = 1
 """Bit of the error register that is set while there is any error (CiA 301, 7.5.2.2)."""
 
@@ -405,8 +424,9 @@ GENERIC = 1
 class EmergencyWatcher(Watcher):
     """Watches which errors nodes report, and which of them they take back."""
 
-    def __init__(self, bus: ObservedBus) -> None:
+    def __init__(self, bus: ObservedBus, nodes: NodesWatcher) -> None:
         super().__init__(bus)
+        self._nodes = nodes
         self._open: dict[int, dict[int, tuple[str, Occurrences]]] = defaultdict(dict)
         self._times: dict[int, deque[float]] = defaultdict(partial(deque, maxlen=STORM + 1))
 
@@ -430,7 +450,10 @@ class EmergencyWatcher(Watcher):
             self.bus.found(BusRule.EMCY_REGISTER, node.name, f"{words} with register 0x{register:02X}", code)
         if code not in present and len(present) >= OPEN:
             code = next(reversed(present))
-        present.setdefault(code, (f"{words}, register 0x{register:02X}", Occurrences()))[1].add(self.bus.at())
+        silent = self._nodes.silent(time, node) if code in MISSING and code not in present else []
+        missed = f"; missed: {' and '.join(silent)}" if silent else ""
+        text = f"{words}, register 0x{register:02X}{missed}"
+        present.setdefault(code, (text, Occurrences()))[1].add(self.bus.at())
 
     def _report(self, node: ObservedNode, rule: BusRule) -> None:
         for code, (text, seen) in self._open[node.node_id].items():

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 from eurobot_od.client.watch import LATE_AFTER
-from eurobot_od.device.nmt import STATE_NAMES
+from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import SYNC, SYNC_PERIOD, SYNC_PRODUCER
-from eurobot_od.od.values import DAY, PdoDirection
+from eurobot_od.od.values import DAY, NODE_IDS, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher, brief
@@ -171,6 +171,68 @@ class PdoWatcher(Watcher):
                 self.bus.found(BusRule.PDO_NOT_SENT, sender.name, text, binding.cob_id)
 
 
+STEADY, EVEN = 12, 0.5
+"""So many intervals in a row that differ by no more than this share are a period."""
+
+STOPPED_AFTER = 10
+"""Periods of silence after which a message has stopped."""
+
+LEAST_SILENCE = 1.0
+"""Shortest time without a message after which it has stopped, in s."""
+
+
+@dataclass
+class Stream:
+    """The frames of one identifier: their name, the last one and the interval before it in s, how many were even."""
+
+    name: str
+    last: float
+    period: float = 0.0
+    even: int = 0
+
+
+class StreamWatcher(Watcher):
+    """Watches messages that come with a period, which the log shows, and then stay away."""
+
+    def __init__(self, bus: ObservedBus) -> None:
+        super().__init__(bus)
+        self._streams: dict[int, Stream] = {}
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        cob_id = meaning.raw[0]
+        stream = self._streams.get(cob_id)  # type: ignore[arg-type]
+        if stream is None:
+            self._streams[cob_id] = Stream(meaning.name, time)  # type: ignore[index]
+            return
+        interval, stream.last = time - stream.last, time
+        if abs(interval - stream.period) <= EVEN * stream.period:
+            stream.even += 1
+        else:
+            stream.even = 0
+        stream.period = interval if not stream.even else stream.period + (interval - stream.period) / STEADY
+
+    def tick(self, time: float) -> None:
+        for cob_id, stream in self._streams.items():
+            silence = time - stream.last
+            if stream.even >= STEADY and silence > max(STOPPED_AFTER * stream.period, LEAST_SILENCE):
+                stream.even = 0
+                self._stopped(cob_id, stream)
+
+    def _stopped(self, cob_id: int, stream: Stream) -> None:
+        node = self.bus.nodes.get(cob_id & NODE_IDS[-1])  # as nearly all PDOs have it in their COB-ID
+        is_told = self.bus.commanded > stream.last - LEAST_SILENCE
+        if not is_told and node and node.state is NmtState.OPERATIONAL and not node.is_lost:
+            text = f"{stream.name or '0x' + identifier_text(cob_id)} stops: {_came(stream.period, stream.last)}"
+            self.bus.found(BusRule.PDO_STOPS, node.name, text, cob_id)
+
+    def gap(self, time: float) -> None:
+        self._streams.clear()
+
+
+def _came(period: float, last: float) -> str:
+    return f"it came every {brief(period)} (observed), and last at {last:.3f} s"
+
+
 NO_SOONER = 0.5
 """Seconds that an answer has at least, however short its deadline is."""
 
@@ -293,6 +355,16 @@ class SyncWatcher(Watcher):
             if not _follows(before, present):
                 text = f"the counter of SYNC goes from {before[0]} to {present[0]}"
                 self._skipped = text, Occurrences.once(self.bus.at())
+
+    def tick(self, time: float) -> None:
+        usual = self._observed
+        if self._last is None or not usual or time - self._last[0] < max(STOPPED_AFTER * usual, LEAST_SILENCE):
+            return
+        since, self._last = self._last[0], None
+        self._times.clear()
+        is_told = self.bus.commanded > since - LEAST_SILENCE
+        if not is_told and any(each.state is NmtState.OPERATIONAL for each in self.bus.nodes.values()):
+            self.bus.found(BusRule.SYNC_STOPS, "", f"SYNC stops: {_came(usual, since)}")
 
     def _say_skipped(self) -> None:
         if self._skipped:

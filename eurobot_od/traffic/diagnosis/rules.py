@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+
 from eurobot_od.lint.findings import Severity
 from eurobot_od.traffic.diagnosis.incidents import IncidentRule, RuleRow
 
 
 class BusRule(IncidentRule):
     """The rules for any bus."""
+
+    # What everything else hangs on
+    OTHER_DEVICE = RuleRow(
+        Severity.ERROR,
+        "A device is another one than its file is for",
+        cause="another device has the node-ID, or the file is of another version: what is said of its PDOs is not sure",
+        remedy="give `--eds` the file of this device; `devices` lists known ones, `read NODE 0x1018:2` asks who it is",
+        clause="CiA 301, 7.5.2.1, 7.5.2.21",
+    )
 
     # The wire and the log
     BUS_OFF = RuleRow(
@@ -91,7 +102,7 @@ class BusRule(IncidentRule):
         Severity.ERROR,
         "Two nodes have the same node-ID",
         cause="two devices are set to it by switches, LSS or a copied configuration",
-        remedy="unplug one: the node-ID still answers? Give one of them another node-ID",
+        remedy="ask for 0x1018 (`read NODE 0x1018:4`), unplug one, ask again: who answers? Give one another node-ID",
         clause="CiA 301, 7.3.3",
     )
     NEVER_HEARD = RuleRow(
@@ -338,6 +349,13 @@ class BusRule(IncidentRule):
         remedy="`pdo NODE` shows the timer in force",
         clause="CiA 301, 7.5.2.37",
     )
+    PDO_STOPS = RuleRow(
+        Severity.INFO,
+        "A PDO came with a period, and stays away while its node is OPERATIONAL",
+        cause="its sender has nothing to say any more, or has ended",
+        remedy="nothing, if its sender is done; an event timer of the receiver (0x1400 and up) notices it",
+        clause="CiA 301, 7.5.2.35, 7.5.2.37",
+    )
     PDO_NO_SYNC = RuleRow(
         Severity.ERROR,
         "A synchronous PDO waits for a SYNC that nobody sends",
@@ -517,6 +535,13 @@ class BusRule(IncidentRule):
         remedy="let a device produce SYNC, or the driver send it cyclically",
         clause="CiA 301, 7.2.5.3",
     )
+    SYNC_STOPS = RuleRow(
+        Severity.WARNING,
+        "SYNC came with a period, and stays away while nodes are OPERATIONAL",
+        cause="its producer was ended, hangs, or has lost the bus",
+        remedy="look at its producer; what came last is in the log at that time",
+        clause="CiA 301, 7.2.5.3",
+    )
     TIME_JUMPS = RuleRow(
         Severity.WARNING,
         "TIME does not go on as fast as the clock of the log",
@@ -556,5 +581,27 @@ class BusRule(IncidentRule):
     )
 
     @property
+    def explained(self) -> Collection[str]:
+        return EXPLAINED.get(self.name, ())
+
+    @property
     def stage(self) -> int:
         return 2 if self.name.startswith("EMCY") else 0
+
+
+EXPLAINED: Mapping[str, Collection[str]] = {
+    "BUS_OFF": {"error-frame"},
+    "TWO_NODES": {
+        *("two-nodes", "heartbeat-changed", "heartbeat-late", "state-untold", "not-followed", "boots-again"),
+        *("boots-operational", "sdo-unasked", "sdo-toggle", "sdo-broken", "pdo-state", "pdo-inhibit", "guard-toggle"),
+    },
+    "HEARTBEAT_LOST": {
+        *("heartbeat-late", "sdo-unanswered", "sdo-broken", "pdo-timer", "pdo-stops", "pdo-not-sent"),
+        *("answer-missing", "not-followed", "emcy-raised", "emcy-cleared", "boots-again"),
+    },
+    "TWO_CLIENTS": {"two-clients", "sdo-broken", "sdo-toggle", "sdo-unasked", "sdo-abort"},
+    "SYNC_TWO": {"sync-two", "sync-jitter", "sync-counter"},
+    "DRIVE_FAULT": {"emcy-raised", "emcy-cleared", "drive-disabled", "drive-not-enabled", "drive-warning"},
+    "GUARD_UNANSWERED": {"guard-toggle"},
+}
+"""The rules whose incidents follow from one of another rule, by its name: they are shown below it."""

@@ -14,7 +14,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od import objects, values
 from eurobot_od.od.cia402 import MODE, on_first_axis
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import IDENTITY
+from eurobot_od.od.standard import DEVICE_TYPE, IDENTITY
 from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate, ServerCommand, code_and_reason, when_sent
 from eurobot_od.support.texts import amount
@@ -36,6 +36,9 @@ TWICE = 0.1
 
 SCAN = 5
 """So many nodes that do not answer the same question are looked for by a scan."""
+
+IDENTIFIES = (DEVICE_TYPE, (IDENTITY, 1), (IDENTITY, 2))
+"""Objects by which a device is known: its type, vendor and product."""
 
 MOST_QUESTIONS = 32
 """Most objects for which the nodes are kept that do not answer."""
@@ -206,12 +209,22 @@ class SdoWatcher(Watcher):
             if ended.how == How.EXPEDITED.value and asked and not self._is_hasty(asked.places[0].time):
                 self._unanswered(node, f"the {way} of {ended.object}", asked)
         elif ended.address is not None and ended.content is not None:
+            if ended.address in IDENTIFIES and ended.is_upload and node.dictionary:
+                self._differs(node, node.dictionary, ended.address, ended.content)
             if ended.address[0] == IDENTITY and ended.address[1] and ended.is_upload:
                 self._identity(node, ended.address, ended.content)
             if ended.address in self._own.get(node.node_id, ()):
                 node.shown[ended.address] = ended.content
             if not ended.is_upload:
                 self._written(node, ended.address, ended.content)
+
+    def _differs(self, node: ObservedNode, file: Dictionary, address: Address, content: bytes) -> None:
+        """Compare what a device says that it is with its file."""
+        said, wanted = int.from_bytes(content, "little"), file.number(address)
+        if wanted and said != wanted:
+            text = f"is another device than its file is for: {object_words(file, address)}"
+            text = f"{text} is 0x{said:08X}, {file.file.name} has 0x{wanted:08X}"
+            self.bus.found(BusRule.OTHER_DEVICE, node.name, text, address)
 
     def _identity(self, node: ObservedNode, address: Address, content: bytes) -> None:
         """Compare an answer about an identity with the one before, if the node has not started between."""

@@ -139,6 +139,8 @@ def kept(frames: Iterable[tuple[float, str]]) -> Log:
 
 READ, VALUE, ABSENT = "605#4018100100000000", "585#4318100101000000", "585#8018100100000206"
 DENIED = "585#8001200022000008"
+ASK_TYPE, OTHER_TYPE = "605#4000100000000000", "585#4300100091019901"
+ITS_TYPE = "585#4300100092010200"
 VALUE_B = "585#4318100102000000"
 READ_2 = "605#4018100200000000"
 VALUE_2 = "585#4318100202000000"
@@ -164,6 +166,8 @@ def status(word: int, start: float, until: float, mode: int = 1) -> Log:
 
 RUNS = status(0x0637, 0.0, 2.0)
 MOVES = [(4.0, "285#09000000")]
+WAITS_50 = at("609#2316100132000500", "589#6016100100000000", start=0.05)
+WAITS_200 = at("609#23161001C8000500", "589#6016100100000000", start=0.05)
 FULL = every(0.0002, "123#FFFFFFFFFFFFFFFF", 1.2)
 STARVING = MessageSet((PeriodicMessage(0x185, 135, 1000, 1000, node="timed", name="A"),) * 5)
 ANSWERS = MessageSet(
@@ -174,6 +178,7 @@ ANSWERS = MessageSet(
 )
 
 DEFECTS = [
+    RuleDefect(BusRule.OTHER_DEVICE, at(ASK_TYPE, OTHER_TYPE), 0.001, at(ASK_TYPE, ITS_TYPE), ("drive",)),
     # The wire and the log
     RuleDefect(BusRule.BUS_OFF, at("20000040#0000000000000000"), 0.0, at("20000080#0000000000000000")),
     RuleDefect(BusRule.ERROR_FRAME, at("705#05", "20000080#0000000000000000"), 0.001, at("705#05", "080#00")),
@@ -271,6 +276,7 @@ DEFECTS = [
     RuleDefect(BusRule.HEARTBEAT_CHANGED, every(0.1, "185#0000"), 2.0, every(0.1, "185#0000", until=0.9), ("event",)),
     RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), 0.36, at(*["705#05"] * 8, gap=0), ("arm",)),  # no times
     RuleDefect(BusRule.CONSUMER_UNFED, beats(node=6), 2.0, log(beats(), beats(node=6)), ("watcher",)),
+    RuleDefect(BusRule.CONSUMER_SHORT, log(beats(), WAITS_50), 2.0, log(beats(), WAITS_200)),
     RuleDefect(BusRule.CONSUMER_SHORT, log(beats(), beats(node=6)), 2.0, log(beats(), beats(node=7)), ("arm", "short")),
     RuleDefect(
         BusRule.GUARD_TOGGLE,
@@ -377,6 +383,12 @@ DEFECTS = [
         BusRule.PDO_TIMER, at("185#0000", "185#0000", gap=0.2), 0.2, at("185#0000", "185#0000", gap=0.12), ("timed",)
     ),
     RuleDefect(BusRule.PDO_TIMER, beats(), 2.0, log(beats(), every(0.1, "185#0000")), ("timed",)),
+    RuleDefect(
+        BusRule.PDO_STOPS,
+        log(beats(until=4), every(0.05, "205#0000", 1.0)),
+        2.1,
+        log(beats(until=4), every(0.05, "205#0000", 1.0), at("000#8005", start=1.05)),
+    ),
     RuleDefect(
         BusRule.PDO_NO_SYNC,
         beats(until=3),
@@ -489,6 +501,13 @@ DEFECTS = [
         DRIVE,
     ),
     # SYNC and TIME
+    RuleDefect(BusRule.SYNC_STOPS, log(beats(until=4), every(0.1, "080#")), 3.0, beats(until=4)),
+    RuleDefect(
+        BusRule.SYNC_STOPS,
+        log(beats(until=4), every(0.1, "080#")),
+        3.0,
+        log(beats(until=4), every(0.1, "080#"), at("000#0205", start=1.95)),
+    ),
     RuleDefect(
         BusRule.SYNC_TWO,
         log(every(0.1, "080#"), every(0.1, "080#", start=0.03)),

@@ -28,9 +28,18 @@ def diagnosed(log: Log, devices: Iterable[str], promised: MessageSet | None = No
     return diagnosis.incidents.sorted()
 
 
+def with_followers(found: list[Incident]) -> list[Incident]:
+    """Return incidents and what follows from them."""
+    return [each for incident in found for each in (incident, *incident.follows)]
+
+
 @rows("defect", DEFECTS)
 def test_a_defect_is_found_at_its_place(defect: RuleDefect) -> None:
-    (found,) = (each for each in diagnosed(defect.broken, defect.devices, defect.promised) if each.rule is defect.rule)
+    (found,) = (
+        each
+        for each in with_followers(diagnosed(defect.broken, defect.devices, defect.promised))
+        if each.rule is defect.rule
+    )
     first = found.seen.places[0]
     lines = [number for number, (time, _) in enumerate(defect.broken, 1) if time >= defect.at]
     assert (round(first.time, 6), first.log) == (defect.at, "x.log")
@@ -41,7 +50,7 @@ def test_a_defect_is_found_at_its_place(defect: RuleDefect) -> None:
 def test_a_near_miss_is_not(defect: RuleDefect) -> None:
     devices = defect.devices if defect.near_devices is None else defect.near_devices
     found = diagnosed(defect.near, devices, defect.near_promised)
-    assert [each.title for each in found if each.rule is defect.rule] == []
+    assert [each.title for each in with_followers(found) if each.rule is defect.rule] == []
 
 
 def test_each_rule_has_a_defect() -> None:
@@ -60,3 +69,21 @@ def test_a_node_without_a_file_waits_for_whom_it_was_told_to_until_it_starts_ane
     anew = at(start, "709#00", start=1.0) if start else []
     found = diagnosed(log(beats(node=9), WAITS, anew), ())
     assert [each.rule for each in found if each.rule is BusRule.CONSUMER_UNFED] == expected
+
+
+LOST = log(beats(until=1), beats(node=6, until=4), at("605#4018100100000000", start=2.0))
+"""A node is lost, does not answer, and is missed by node 6."""
+
+MISSES = at("086#3081110000000000", start=1.2)
+
+
+def test_what_follows_from_a_lost_node_is_below_it() -> None:
+    (lost,) = diagnosed(log(LOST, MISSES), ())
+    assert lost.rule is BusRule.HEARTBEAT_LOST
+    assert {each.rule for each in lost.follows} == {BusRule.SDO_UNANSWERED, BusRule.EMCY_RAISED}
+    assert "missed: node 5, silent since 1.000 s" in lost.follows[-1].text
+
+
+def test_another_node_is_not_below_it() -> None:
+    found = diagnosed(log(LOST, at("607#4018100100000000", start=2.0)), ())
+    assert [each.who for each in found if each.rule is BusRule.SDO_UNANSWERED] == ["node 7"]

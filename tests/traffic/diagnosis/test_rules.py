@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from eurobot_od.cli import COMMANDS
-from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.diagnosis.rules import EXPLAINED, BusRule
+from tests.traffic.diagnosis.defects import DEFECTS
+
+PAGE = Path(__file__).parents[3] / "docs" / "diagnose.md"
 
 
 def test_rules_have_names_of_their_own() -> None:
@@ -22,3 +26,16 @@ def test_what_to_do_names_commands_that_there_are_and_their_node_first() -> None
     commands = [words for words in named if not words[0].startswith("-")]
     assert ["nmt", "NODE", "start"] in commands
     assert [words for words in commands if words[0] not in COMMANDS or "NODE" in words[2:]] == []
+
+
+def test_what_the_page_says_that_it_can_tell_has_a_rule_and_a_defect() -> None:
+    table = PAGE.read_text().partition("## What it can tell")[2].partition("\n## ")[0]
+    named = {each for row in table.splitlines() for each in re.findall(r"`([a-z-]+)`", row.split(" | ")[0])}
+    assert len(named) > 9
+    assert named <= {each.rule.id for each in DEFECTS}
+
+
+def test_the_rules_that_follow_from_others_exist() -> None:
+    known = {each.id for each in BusRule}
+    assert set(EXPLAINED) <= set(BusRule.__members__)
+    assert {each for ids in EXPLAINED.values() for each in ids} <= known
