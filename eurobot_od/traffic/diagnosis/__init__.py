@@ -203,6 +203,8 @@ class WatchedBus:
 
     def _culprit(self) -> str:
         """Return who fills the bus; empty if it is no single identifier."""
+        if not self._share:
+            return ""
         whole = sum(bits for bits, _ in self._share.values())
         cob_id, (bits, meaning) = max(self._share.items(), key=lambda each: each[1][0])
         if bits < MAIN * whole:

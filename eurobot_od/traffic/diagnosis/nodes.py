@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from functools import partial
 from itertools import pairwise
+from statistics import median
 from typing import NamedTuple
 
 from eurobot_od.client.watch import LATE_AFTER, LOST_AFTER, NodeChange
@@ -37,7 +38,7 @@ PATIENCE = 1.0
 CHANGED, UNEVEN = 0.25, 0.2
 """Shares of a heartbeat's period: it comes at another one, is one of two series."""
 
-IN_PHASE = 0.1
+IN_PHASE = 0.15
 """Share of its period by which a heartbeat may deviate from the series before it."""
 
 ANSWERS_WITHIN = 0.1
@@ -62,7 +63,7 @@ class UnclearBootUp(NamedTuple):
         """Return whether a heartbeat at a time in s continues the series from before the boot-up, and its state."""
         periods, own = (time - self.last) / self.period, (time - self.at) / self.period
         is_next = round(periods) >= 1 and abs(periods - round(periods)) < IN_PHASE
-        return is_next and abs(own - 1) > IN_PHASE and state is self.state
+        return is_next and own > IN_PHASE and abs(own - 1) > IN_PHASE and state is self.state
 
 
 class Beats:
@@ -95,6 +96,16 @@ class Beats:
         """Whether the next one should have come by now."""
         least = 0.0 if len(self.intervals) >= SURE else PATIENCE  # a device may have another period than its file
         return self.last is not None and self.usual > 0 and now - self.last > max(LOST_AFTER * self.usual, least)
+
+    @property
+    def middle(self) -> float:
+        """The median of the intervals that came last, s; of too few the usual one."""
+        return median(self.intervals) if len(self.intervals) >= SURE else self.usual
+
+    @property
+    def shortest(self) -> float:
+        """The shortest interval of those that came last, s; 0 for too few."""
+        return min(self.intervals) if len(self.intervals) >= SURE else 0.0
 
     @property
     def came(self) -> bool:
@@ -194,7 +205,7 @@ class NodesWatcher(Watcher):
             rule = BusRule.BOOTS_AGAIN
         if rule and node.state and beats.last is not None and beats.usual and not beats.lost:
             seen = Occurrences.once(self.bus.at())
-            unclear = UnclearBootUp(rule, text, time, seen, beats.last, beats.usual, node.state)
+            unclear = UnclearBootUp(rule, text, time, seen, beats.last, beats.middle, node.state)
             self._unclear[node.node_id] = unclear
         elif rule:
             self.bus.found(rule, node.name, text)
@@ -399,7 +410,7 @@ class NodesWatcher(Watcher):
                     continue
                 text = f"waits for the heartbeat of {producer.name} (0x1016), which sends none"
                 self.bus.found(BusRule.CONSUMER_UNFED, node.name, text, node_id)
-            elif (period := beats.period or beats.observed) >= wait:
+            elif (period := beats.period or beats.observed or beats.shortest) >= wait:
                 observed = "" if beats.period else " (observed)"
                 sent = f"which sends a heartbeat every {brief(period)}{observed}"
                 text = f"waits {brief(wait)} for {producer.name} (0x1016), {sent}"

@@ -5,12 +5,16 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
+from statistics import median
 
 WINDOW = 16
 """Frames that are looked at together."""
 
 LEAST = 4
 """Fewest frames of a series."""
+
+SAME = 0.1
+"""Share by which two periods may differ, and be the same."""
 
 OFF, STAMP = 0.04, 0.001
 """Share of a period, and time in s, by which a frame of a series may be early or late."""
@@ -35,9 +39,18 @@ def two_series(times: Sequence[float], ratio: float) -> tuple[float, float] | No
         if len(rest) < LEAST or len(_series(rest, rest[1] - rest[0])) < len(rest):
             continue
         period = _period(rest)
-        if rest[0] - times[0] < 1.5 * period and times[-1] - rest[-1] < 1.5 * period:  # else there is a new period
-            return _period(sorted(one)), period
+        is_whole = rest[0] - times[0] < 1.5 * period and times[-1] - rest[-1] < 1.5 * period  # else a new period
+        first = _period(sorted(one))
+        if is_whole and (abs(first / period - 1) > SAME or _alternates(times, ratio)):
+            return first, period
     return None
+
+
+def _alternates(times: Sequence[float], ratio: float) -> bool:
+    """Return whether every second interval is longer, and not just a single one."""
+    intervals = [two - one for one, two in pairwise(times)]
+    short, long = sorted((median(intervals[::2]), median(intervals[1::2])))
+    return long > ratio * short
 
 
 def _series(times: Sequence[float], period: float) -> set[float]:

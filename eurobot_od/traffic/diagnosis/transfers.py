@@ -43,6 +43,9 @@ IDENTIFIES = (DEVICE_TYPE, (IDENTITY, 1), (IDENTITY, 2))
 MOST_QUESTIONS = 32
 """Most objects for which the nodes are kept that do not answer."""
 
+NAMING = (ServerCommand.DOWNLOAD, ServerCommand.UPLOAD)
+"""Answers that name their object."""
+
 PATIENT = 0.5
 """Seconds after which a request that has no answer at the end of a log has none at all."""
 
@@ -58,8 +61,8 @@ class SdoLine:
     """An SDO channel: the object of the last request, when that came, and where; None after its answer.
 
     `before` is the question that another one has followed before its answer, with its time in s. `owed` counts the
-    requests whose answers may come late. `answered` is the last object answered, when, and what came; `last` is when
-    the last frame came.
+    requests whose answers may come late; it `is_shared` by two clients. `answered` is the last object answered,
+    when, and what came; `last` is when the last frame came.
     """
 
     asked: float | None = None
@@ -67,6 +70,7 @@ class SdoLine:
     address: Address | None = None
     seen: Occurrences | None = None
     is_used: bool = False
+    is_shared: bool = False
     before: tuple[float, Address, str, Occurrences] | None = None
     owed: int = 0
     answered: tuple[float, Address, bytes] | None = None
@@ -156,6 +160,7 @@ class SdoWatcher(Watcher):
         line.before = None
         if address and line.asked is not None and line.seen:
             if self._is_hasty(line.asked):
+                line.is_shared = True
                 self._two_clients(node, line.object, words, time - line.asked, line.seen)
             elif line.address and line.address != address and time - line.asked < RESTLESS:
                 line.before = line.asked, line.address, line.object, line.seen
@@ -175,28 +180,39 @@ class SdoWatcher(Watcher):
 
     def _answer(self, time: float, line: SdoLine, node: ObservedNode, data: bytes) -> None:
         needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
-        address = Initiate.of(data).address
+        address, named = Initiate.of(data).address, data[0] >> 5 in NAMING
         if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
-            self._unasked(time, line, node, address, data)
+            self._unasked(time, line, node, address if named else None, data)
         if line.before and line.before[1] == address:  # the first question was not given up
             since, _, object_, seen = line.before
+            line.is_shared = True
             self._two_clients(node, object_, line.object, (line.asked or time) - since, seen)
             line.before, line.owed = None, max(line.owed - 1, 0)
             return
         if line.asked is not None:
             line.asked, line.answered = None, (time, address, data)
 
-    def _unasked(self, time: float, line: SdoLine, node: ObservedNode, address: Address, data: bytes) -> None:
+    def _unasked(self, time: float, line: SdoLine, node: ObservedNode, address: Address | None, data: bytes) -> None:
+        words = label(address) if address else "a segment"
         if line.owed:
             line.owed -= 1
-            text, cause = f"answers late: {label(address)}", "the node answered after its client had given up"
+            text, cause = f"answers late: {words}", "the node answered after its client had given up"
             self._found(BusRule.SDO_UNASKED, node, text, cause)
-        elif line.answered and line.answered[1] == address and time - line.answered[0] < TWICE:
+        elif line.answered and self._is_second(line, line.answered, time, address, data):
             one, two = line.answered[2][4:].hex(" "), data[4:].hex(" ")
             text = f"node-ID {node.node_id} is used twice: two answers to one request for {label(address)}"
             self.bus.found(BusRule.TWO_NODES, node.name, f"{text}, {one} and {two}", "answers")
         else:
-            self._found(BusRule.SDO_UNASKED, node, f"answers without a request: {label(address)}")
+            self._found(BusRule.SDO_UNASKED, node, f"answers without a request: {words}")
+
+    @staticmethod
+    def _is_second(
+        line: SdoLine, first: tuple[float, Address, bytes], time: float, address: Address | None, data: bytes
+    ) -> bool:
+        """Return whether an answer is another node's to the request that is answered; two clients explain it, too."""
+        since, answered, before = first
+        is_same = answered == address and before[0] >> 5 == data[0] >> 5
+        return is_same and time - since < TWICE and not line.is_shared
 
     def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:
         way = "read" if ended.is_upload else "write"
@@ -304,6 +320,7 @@ class SdoWatcher(Watcher):
         ):
             return False
         words = object_words(end.dictionary, Initiate.of(meaning.raw.data).address)
+        line.is_shared = True
         one = f"the {'read' if meaning.transfer.is_upload else 'write'} of {meaning.transfer.object}"
         text = f"two clients use one channel: {one} goes on, and another one begins with {words}"
         self.bus.found(BusRule.TWO_CLIENTS, self.bus.node(end.server).name, text)

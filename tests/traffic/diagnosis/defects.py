@@ -169,6 +169,7 @@ MOVES = [(4.0, "285#09000000")]
 WAITS_50 = at("609#2316100132000500", "589#6016100100000000", start=0.05)
 WAITS_200 = at("609#23161001C8000500", "589#6016100100000000", start=0.05)
 FULL = every(0.0002, "123#FFFFFFFFFFFFFFFF", 1.2)
+FULL_FOR_LONG = every(0.0002, "123#FFFFFFFFFFFFFFFF", 2.5)
 STARVING = MessageSet((PeriodicMessage(0x185, 135, 1000, 1000, node="timed", name="A"),) * 5)
 ANSWERS = MessageSet(
     (
@@ -190,6 +191,7 @@ DEFECTS = [
     ),
     RuleDefect(BusRule.LOG_BACKWARDS, kept([(5.0, "705#05"), (1.0, "705#05")]), 1.0, kept([(1.0, "705#05")] * 2)),
     RuleDefect(BusRule.LOG_UNREADABLE, at("705#05", "what is this"), 0.0, at("705#05", "705#05")),
+    RuleDefect(BusRule.LOAD_BURST, FULL_FOR_LONG, 0.0, every(0.0004, "123#FFFFFFFFFFFFFFFF", 1.2)),
     RuleDefect(BusRule.LOAD_HIGH, FULL, 0.0, every(0.0004, "123#FFFFFFFFFFFFFFFF", 1.2)),
     RuleDefect(
         BusRule.LOAD_BURST,

@@ -25,6 +25,9 @@ ONE = {
     "a timer of 20 ms on a clock of 8 ms": ([0.02 * n + 0.004 * (n % 2) for n in range(16)], 1.55),
     "a frame that is missing": ([each for n, each in enumerate(series(0.1, number=16)) if n != 7], 1.25),
     "a new period": (series(0.1) + series(0.2, 0.8), 1.25),
+    "one that is late": ([each + 0.016 * (n == 12) for n, each in enumerate(series(0.1, number=16))], 1.25),
+    "the last one late": ([each + 0.016 * (n == 15) for n, each in enumerate(series(0.1, number=16))], 1.25),
+    "the first one late": ([each + 0.016 * (n == 0) for n, each in enumerate(series(0.1, number=16))], 1.25),
     "too few": (series(0.5, number=3) + series(0.5, 0.17, 3), 1.25),
 }
 
