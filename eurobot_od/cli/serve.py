@@ -24,6 +24,9 @@ from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.errors import EurobotError, LocalError
+from eurobot_od.library.library import Numbers
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.in_force import Describe
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
@@ -99,8 +102,27 @@ def serve(
         else:
             from eurobot_od.web.session import Session
 
+            decoder.describe = announced(decoder.describe)
             session = Session(bus.open, decoder, bitrate, panels, diagnosis=diagnosis())
             asyncio.run(_show_bus(session, panels, bus_name(bus.interface, bus.channel), control, listen, own_id))
+
+
+def announced(describe: Describe) -> Describe:
+    """Return what describes nodes, and says once for each why the page, which is made already, does not list it."""
+    told = set[int]()
+
+    def described(node_id: int, numbers: Numbers, known: Dictionary | None = None) -> Dictionary | None:
+        found = describe(node_id, numbers, known)
+        if found is not None and node_id not in told:
+            told.add(node_id)
+            file = found.file
+            complain(
+                f"node {node_id} is known by {file} from now on; the page lists only the nodes that were known when it "
+                f"began: start it with --eds {node_id}={file}, or with --control, which asks them"
+            )
+        return found
+
+    return described
 
 
 async def _serve(text: str, listen: Address, requests: Requests | None = None) -> None:
