@@ -47,6 +47,26 @@ SERVICES = {
 }
 
 
+class NmtStates:
+    """The NMT state machine of a device: its `state`, and which services it has in it (CiA 301, 7.3.2.2.4).
+
+    It `listens` to frames at all, `reports` by SYNC, TIME and EMCY, `serves` SDO, and is `operational`: has PDOs.
+    """
+
+    def __init__(self) -> None:
+        self.state = NmtState.INITIALISING
+
+    @property
+    def state(self) -> NmtState:
+        """The NMT state."""
+        return self._state
+
+    @state.setter
+    def state(self, state: NmtState) -> None:
+        self._state = state
+        self.listens, self.reports, self.serves, self.operational = SERVICES[state]
+
+
 class NmtCommand(IntEnum):
     """NMT commands; the value is the command specifier (CiA 301, 7.2.8.2.1)."""
 

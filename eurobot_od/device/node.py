@@ -16,9 +16,10 @@ from typing import Any, ClassVar
 from eurobot_od.controller import Controller, Reporter
 from eurobot_od.device import node_class
 from eurobot_od.device.bound import Application, BoundObject, names_of
-from eurobot_od.device.device import Device, Reaction
+from eurobot_od.device.device import Device
 from eurobot_od.device.lss import LssSlave
 from eurobot_od.device.objects import Store
+from eurobot_od.device.reaction import Reaction
 from eurobot_od.device.timers import LATE, Call, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame

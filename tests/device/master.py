@@ -13,10 +13,11 @@ import pytest
 from canopen import SdoAbortedError
 
 from eurobot_od.device.bound import NO_APPLICATION, Application
-from eurobot_od.device.device import Device, Reaction
+from eurobot_od.device.device import Device
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import Store
+from eurobot_od.device.reaction import Reaction
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID, SYNC_COB_ID, Address, Value

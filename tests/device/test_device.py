@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from eurobot_od.device.device import Device, Reaction
+from eurobot_od.device.device import Device
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
+from eurobot_od.device.reaction import Reaction
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID, Address, Value

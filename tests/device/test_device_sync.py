@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from eurobot_od.device.device import Device, Reaction
+from eurobot_od.device.device import Device
 from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.device.reaction import Reaction
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import SYNC_PRODUCER
 from eurobot_od.od.values import SYNC_COB_ID

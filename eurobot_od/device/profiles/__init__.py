@@ -13,12 +13,12 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
-from eurobot_od.device.device import Reaction
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.objects import OnTold
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.modes import MODES
 from eurobot_od.device.profiles.motion import STEP, AxisValues, Plant
+from eurobot_od.device.reaction import Reaction
 from eurobot_od.device.simulated import SimulatedDevice, fitted
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame

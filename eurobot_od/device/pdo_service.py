@@ -1,0 +1,176 @@
+"""The PDO service of a running device: what it does with PDOs, SYNC and remote frames (CiA 301, 7.2.2 and 7.2.5).
+
+`device.pdo` says which PDOs there are and when they may be sent; here they are sent and received.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+
+from eurobot_od.device import broadcasts
+from eurobot_od.device.broadcasts import Emergencies
+from eurobot_od.device.nmt import NmtStates
+from eurobot_od.device.objects import Objects
+from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
+from eurobot_od.device.reaction import Reaction
+from eurobot_od.device.timers import Deadlines
+from eurobot_od.errors import FrameLengthError, StateError
+from eurobot_od.frame import Frame
+from eurobot_od.od.standard import ErrorCode
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.kinds import Catalogue, Message
+
+
+class PdoService:
+    """The PDOs of a device from one reset to the next; all times are in s.
+
+    `pdos` are its PDOs as they are configured now, `nmt` says whether they may be sent and received.
+    """
+
+    def __init__(self, objects: Objects, catalogue: Catalogue, nmt: NmtStates, emergencies: Emergencies) -> None:
+        self._dictionary, self._nmt, self._emergencies = objects.dictionary, nmt, emergencies
+        self.pdos = Pdos(objects, catalogue)
+        self._process = ProcessData(objects)
+        self._pacing = Pacing(self.pdos.inhibit_time, self.pdos.event_timer)
+        self._synchronous = broadcasts.Synchronous(self.pdos.sync_type, self.pdos.sync_start)
+        self._deadlines = Deadlines[Binding]()
+        self._sampled: dict[Binding, Frame] = {}
+        self._at_sync: list[Binding] = []
+        self._following: list[Binding] = []
+
+    def restart(self, now: float) -> None:
+        """Start over with the PDOs as they are configured now."""
+        self._pacing.restart(self.pdos.sent.values(), now)
+        self._synchronous.restart(self.pdos.sent.values(), self.pdos.received.values())
+        # They belong to a SYNC before the change, and must not answer a remote frame.
+        self._sampled.clear()
+        # Decided here and not at each SYNC, which would ask hundreds of PDOs of many devices in each period.
+        self._at_sync = [each for each in self.pdos.requestable.values() if self.pdos.is_sampled(each)]
+        self._following = [each for each in self.pdos.sent.values() if self.pdos.follows_changes(each)]
+        for binding in self._deadlines.missed:  # nobody would report them as back: the watch starts over
+            self._emergencies.cleared((Deadlines, binding.name))
+        received = self.pdos.received.values()
+        self._deadlines.restart({each: time for each in received if (time := self.pdos.deadline(each))})
+
+    def enter(self, now: float) -> None:
+        """Start over in a new NMT state, in which every TPDO counts as changed."""
+        self.restart(now)
+        self._process.seen.clear()
+
+    def settle(self) -> None:
+        """Store in the objects what PDOs have brought."""
+        self._process.settle()
+
+    # Time
+
+    @property
+    def next(self) -> float:
+        """Time at which something is due, infinite if nothing is."""
+        return min(self._pacing.next, self._deadlines.next) if self._nmt.operational else inf
+
+    def due(self, now: float) -> list[Frame]:
+        """Return the TPDOs that are due, and report the RPDOs that have not come in time."""
+        if not self._nmt.operational:
+            return []
+        # These come first: what an inhibit time has held back is older than what an event timer sends now.
+        frames = self._pacing.released(now)
+        frames += [self._process.frame(binding) for binding in self._pacing.due(now)]
+        for binding in self._deadlines.overdue(now):
+            cob_id = binding.cob_id.to_bytes(2, "little")
+            self._emergencies.raised(ErrorCode.PDO_MISSING, (Deadlines, binding.name), cob_id)
+        return frames
+
+    # What comes
+
+    def receive(self, frame: Frame, now: float) -> Reaction:
+        """Take in an RPDO: its message is for the application, now or with the next SYNC."""
+        binding = self.pdos.received[frame.cob_id]
+        if not self._nmt.operational and not binding.always:
+            return Reaction([])
+        try:
+            message = binding.decode(frame.data)
+        except FrameLengthError:  # too short is not processed, too long as far as it is mapped (CiA 301, Table 26)
+            self._raise_length(ErrorCode.PDO_TOO_SHORT, binding, frame)
+            return Reaction([])
+        if len(frame.data) > binding.layout.length:
+            self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
+        # The length is right again: the end of an error is reported as well, by the error code 0x0000.
+        elif binding.name in self._emergencies.errors:
+            self._emergencies.cleared(binding.name)
+        if self._deadlines.heard(binding, now):
+            self._emergencies.cleared((Deadlines, binding.name))
+        if binding in self._synchronous:
+            self._synchronous.hold(broadcasts.Arrival(binding, frame.data, message))
+            return Reaction([])
+        if binding.layout.length:
+            self._process.note(binding, frame.data)
+        return Reaction([], message)
+
+    def _raise_length(self, code: ErrorCode, binding: Binding, frame: Frame) -> None:
+        self._emergencies.raised(code, binding.name, frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)]))
+
+    def sync(self, frame: Frame, _: float) -> Reaction:
+        """Send what goes with this SYNC, with the present values; then let what waited for it take effect."""
+        if not self._nmt.operational:
+            return Reaction([])
+        # In this order: a TPDO carries the values at the SYNC, not those that the SYNC lets in.
+        number = frame.data[0] if frame.data else None
+        frames = [self._process.frame(binding) for binding in self._synchronous.due(number)]
+        self._sampled = {binding: self._process.frame(binding) for binding in self._at_sync}
+        arrived = self._synchronous.arrived()
+        for each in arrived:
+            self._process.note(each.binding, each.data)
+        return Reaction(frames, synchronous=tuple(each.message for each in arrived))
+
+    def requested(self, frame: Frame, _: float) -> Reaction:
+        """Send a TPDO that a remote frame asks for; a sampled one has the values of the last SYNC."""
+        binding = self.pdos.requestable[frame.cob_id]
+        if not self._nmt.operational:
+            return Reaction([])
+        return Reaction([self._sampled.get(binding) or self._process.frame(binding)])
+
+    def check_received(self, message: type[Message]) -> None:
+        """Raise StateError if no RPDO carries a message."""
+        if message not in {each.type for each in self.pdos.received.values()}:
+            raise StateError(f"{self._dictionary.name} has no RPDO for {message.__name__}; {self._has('receive')}")
+
+    # What goes
+
+    def sendable(self, message: Message) -> Binding:
+        """Return the TPDO of a message; raises StateError if there is none, or if the NMT state does not allow it."""
+        binding = self.pdos.sent.get(type(message))
+        if binding is None:
+            raise StateError(f"{self._dictionary.name} has no TPDO for {type(message).__name__}; {self._has('send')}")
+        if not self._nmt.operational and not binding.always:
+            raise StateError(f"{self._dictionary.name} is {self._nmt.state.name}: only stops may be sent")
+        return binding
+
+    def _has(self, way: str) -> str:
+        return f"{self._dictionary.file} says what it can {way}"
+
+    def send(self, message: Message, now: float) -> list[Frame]:
+        """Return the frame of a message; none if it waits for SYNC or its inhibit time; raises as `sendable` does."""
+        binding = self.sendable(message)
+        frame = binding.encode(message)
+        if frame.data:  # into the objects as well: an SDO, a SYNC or a remote frame has to find what was sent last
+            self._process.note(binding, frame.data)
+        return self._admit(binding, frame, now)
+
+    def changed(self, now: float, may_go: Callable[[Binding], bool] | None = None) -> list[Frame]:
+        """Return the event-driven TPDOs whose values have changed, and that `may_go` does not refuse."""
+        self._process.settle()
+        if not self._nmt.operational:
+            return []
+        frames: list[Frame] = []
+        for binding, frame in self._process.changed(self._following):
+            if may_go is None or may_go(binding):
+                frames += self._admit(binding, frame, now)
+        return frames
+
+    def _admit(self, binding: Binding, frame: Frame, now: float) -> list[Frame]:
+        """Return the frame if it may go now; a TPDO of a transmission type of SYNC waits for it."""
+        if binding in self._synchronous:
+            self._synchronous.ask(binding)
+            return []
+        return self._pacing.admit(binding, frame, now)
