@@ -43,6 +43,8 @@ def commands(devices: Sequence[str]) -> Iterator[tuple[str, ...]]:
         ("query", "season", "--report", "periods"),
         ("query", "season", "SELECT count(*) FROM frames"),
         ("load", "net.yaml"),
+        ("devices", "--library", "."),
+        ("new-device", "gripper", "--package", "--eds", "motor.eds"),
         ("lint", "motor.eds"),
         ("lint", "--network", "net.yaml"),
         ("diff", "motor.eds", "motor.eds"),
