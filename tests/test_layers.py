@@ -208,16 +208,7 @@ def test_only_the_robots_tests_use_the_robot() -> None:
 
 # One model for each noun: the class that has its name, and what is another thing though its name ends in it.
 NOUNS: dict[str, dict[str, str]] = {
-    "Pdo": {
-        "od.pdos.Pdo": "what a device's records say, file or not",
-        "od.description.DescribedPdo": "the same as a file's text, with its places",
-        "lint.network.NodePdo": "one of a node in a network of files",
-        "client.streams.MappedPdo": "the stream of values that a master has of one",
-        "client.remote_pdo.RemotePdo": "... blocking",
-        "client.streams.AsyncRemotePdo": "... in an event loop",
-        "traffic.diagnosis.pdos.WatchedPdo": "when one came last, and where it should not have come",
-        "traffic.meaning.OtherPdo": "what is known of an identifier without one that is valid",
-    },
+    "Pdo": {"od.pdos.Pdo": "what a device's records say, from a file or from the device"},
     "MappingEntry": {"od.values.MappingEntry": "index, sub-index and bits"},
     "Mapped": {"od.pdos.Mapped": "an entry with its variable"},
     "Message": {

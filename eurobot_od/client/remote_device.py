@@ -28,7 +28,7 @@ from eurobot_od.client.description import read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.master import Master, PeriodicTask, RemoteNode, blocking, finished
 from eurobot_od.client.program import Loaded
-from eurobot_od.client.remote_pdo import PdosOfDirection, RemotePdo, RemotePdos
+from eurobot_od.client.remote_pdo import BlockingPdoStream, PdosOfDirection, RemotePdos
 from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState, canopen_state, command_to
 from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.frame import Frame
@@ -549,7 +549,7 @@ class RemoteDevice(DeviceAtNode):
         super().__init__(node_id, file, name)
         self.nmt = NodeNmt(self)
         self.emcy = self._emergencies = streams.EmergencyStream(self._node)
-        self.pdo = self._pdos = RemotePdos(self._node, self.dictionary, RemotePdo)
+        self.pdo = self._pdos = RemotePdos(self._node, self.dictionary, BlockingPdoStream)
 
     def __getitem__(self, key: ObjectKey) -> RemoteObject:
         """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""
@@ -631,7 +631,7 @@ class AsyncRemoteDevice(DeviceAtNode):
         super().__init__(node_id, file, name)
         self.nmt = AsyncNodeNmt(self)
         self.emcy = self._emergencies = streams.AsyncEmergencyStream(self._node)
-        self.pdo = self._pdos = streams.AsyncRemotePdos(self._node, self.dictionary, streams.AsyncRemotePdo)
+        self.pdo = self._pdos = streams.AsyncRemotePdos(self._node, self.dictionary, streams.AsyncPdoStream)
 
     def __getitem__(self, key: ObjectKey) -> AsyncRemoteObject:
         """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""

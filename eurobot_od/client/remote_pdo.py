@@ -15,7 +15,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.configure import map_objects
 from eurobot_od.client.master import PeriodicTask, finished
-from eurobot_od.client.streams import BlockingStream, MappedPdo, MappedPdos, PdoReading, PdoValue
+from eurobot_od.client.streams import BlockingStream, MappedPdos, PdoReading, PdoStream, PdoValue
 from eurobot_od.errors import NoAnswer, UnknownName
 from eurobot_od.export.dbc import text_of
 from eurobot_od.export.description import described
@@ -68,16 +68,16 @@ class PdoSignal(BlockingStream[PdoValue]):
 def _setting(sub: int, what: str) -> Any:
     """Return a parameter of the communication record as an attribute; None if the PDO does not have it."""
 
-    def read(pdo: RemotePdo) -> int | None:
+    def read(pdo: BlockingPdoStream) -> int | None:
         return pdo.setting(sub)
 
-    def write(pdo: RemotePdo, value: int) -> None:
+    def write(pdo: BlockingPdoStream, value: int) -> None:
         pdo.settings[sub] = value
 
     return property(read, write, doc=what)
 
 
-class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
+class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
     """A PDO of a node: its readings as they come, its objects by name, and `transmit` for an RPDO.
 
     What canopen calls a PdoMap: settings are written by `save`, `transmit()` without values sends those that were set.
@@ -138,7 +138,7 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
         except NoAnswer:
             return None
 
-    def add_callback(self, function: Callable[[RemotePdo], object]) -> None:
+    def add_callback(self, function: Callable[[BlockingPdoStream], object]) -> None:
         """Have a function called with this PDO each time that it has come; see `on`."""
         self.on(lambda _: function(self))
 
@@ -203,7 +203,7 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
         self._home.present({address: int.from_bytes(data, "little") for address, data in written.items()})
 
 
-class RemotePdos(MappedPdos[RemotePdo]):
+class RemotePdos(MappedPdos[BlockingPdoStream]):
     """The PDOs of a node: `drive.pdo["TPDO1"]`; `tx` and `rx` are those of one direction, by number."""
 
     @property
@@ -216,13 +216,13 @@ class RemotePdos(MappedPdos[RemotePdo]):
         """The RPDOs: `drive.rpdo`."""
         return PdosOfDirection(self, PdoDirection.RPDO)
 
-    def __getitem__(self, name: str | int) -> RemotePdo:
+    def __getitem__(self, name: str | int) -> BlockingPdoStream:
         """Return a PDO by name, or by the index of one of its records; raises UnknownName, also for one that is off."""
         valid = self._pdos.items()
         indices = {i: key for key, pdo in valid for i in (pdo.records.index, pdo.records.mapping_index)}
         return super().__getitem__(name if isinstance(name, str) else indices.get(name, f"0x{name:04X}"))
 
-    def of(self, direction: PdoDirection) -> dict[int, RemotePdo]:
+    def of(self, direction: PdoDirection) -> dict[int, BlockingPdoStream]:
         """Return those of one direction by number, whether they are valid or not."""
         records = (pdo.records for pdo in self._made.values())
         return {each.number: self._made[each.key] for each in records if each.direction is direction}
@@ -236,12 +236,12 @@ class RemotePdos(MappedPdos[RemotePdo]):
             finished(self._read())
 
     def save(self) -> None:
-        """Save those that were changed; raises as `RemotePdo.save`."""
+        """Save those that were changed; raises as `BlockingPdoStream.save`."""
         for pdo in self._made.values():
             pdo.save()
 
 
-class PdosOfDirection(Mapping[int, RemotePdo]):
+class PdosOfDirection(Mapping[int, BlockingPdoStream]):
     """The TPDOs or RPDOs of a node by number from 1 on, valid or not; by name, the objects that the valid ones map."""
 
     def __init__(self, pdos: RemotePdos, direction: PdoDirection) -> None:
@@ -249,12 +249,12 @@ class PdosOfDirection(Mapping[int, RemotePdo]):
         self.read, self.save = pdos.read, pdos.save
 
     @overload
-    def __getitem__(self, key: int) -> RemotePdo: ...
+    def __getitem__(self, key: int) -> BlockingPdoStream: ...
 
     @overload
     def __getitem__(self, key: str) -> PdoSignal: ...
 
-    def __getitem__(self, key: int | str) -> RemotePdo | PdoSignal:
+    def __getitem__(self, key: int | str) -> BlockingPdoStream | PdoSignal:
         """Return a PDO by its number, or one object's values by its name; raises UnknownName."""
         numbered = self._pdos.of(self._direction)
         if isinstance(key, int):

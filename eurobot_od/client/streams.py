@@ -315,8 +315,8 @@ NEEDS_SYNC = ": it comes only with SYNC, see network.sync"
 Signal = TypeVar("Signal")
 
 
-class MappedPdo(Stream[PdoReading]):
-    """The common part of the PDOs of both kinds of networks."""
+class PdoStream(Stream[PdoReading]):
+    """The readings of a PDO, in either kind of network: what has come, by the mapping that is in force."""
 
     def __init__(self, node: RemoteNode, name: str, home: MappedPdos[Any]) -> None:
         self.refused: FrameLengthError | None = None
@@ -415,7 +415,7 @@ class AsyncPdoSignal(AsyncStream[PdoValue]):
         return self.last and self.last.value
 
 
-class AsyncRemotePdo(MappedPdo, AsyncStream[PdoReading]):
+class AsyncPdoStream(PdoStream, AsyncStream[PdoReading]):
     """A PDO of a node: its readings as they come, its objects by name, and `transmit` for an RPDO."""
 
     def __getitem__(self, name: str | int) -> AsyncPdoSignal:
@@ -423,7 +423,7 @@ class AsyncRemotePdo(MappedPdo, AsyncStream[PdoReading]):
         return self._signal(self._key(name), AsyncPdoSignal)
 
 
-AnyPdo = TypeVar("AnyPdo", bound=MappedPdo)
+AnyPdo = TypeVar("AnyPdo", bound=PdoStream)
 
 
 class MappedPdos(Generic[AnyPdo]):
@@ -499,7 +499,7 @@ class MappedPdos(Generic[AnyPdo]):
             self.present(await pdo_parameters.steps(self._node, self.dictionary))
 
 
-class AsyncRemotePdos(MappedPdos[AsyncRemotePdo]):
+class AsyncRemotePdos(MappedPdos[AsyncPdoStream]):
     """The PDOs of a node: `drive.pdo["TPDO1"]`."""
 
     async def read(self) -> None:

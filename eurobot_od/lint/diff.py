@@ -15,7 +15,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, load
 from eurobot_od.od import values
-from eurobot_od.od.description import COMPOSED, DescribedPdo, DescribedVariable
+from eurobot_od.od.description import COMPOSED, DescribedRecords, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.renumbering import following
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
@@ -242,7 +242,7 @@ def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterat
         yield EdsDifference((pdo.mapping_index, -1), f"{pdo.title} mapping", *map(mapping, pdos))
 
 
-def cob_id(pdo: DescribedPdo, node_id: int | None) -> str:
+def cob_id(pdo: DescribedRecords, node_id: int | None) -> str:
     """Write a PDO's COB-ID: identifier, and what its upper bits mean."""
     number = pdo.value(1)
     if number is None:
@@ -255,7 +255,7 @@ def cob_id(pdo: DescribedPdo, node_id: int | None) -> str:
     return ", ".join([first, *(name for name, bit in bits.items() if bit)])
 
 
-def mapping(pdo: DescribedPdo) -> str:
+def mapping(pdo: DescribedRecords) -> str:
     """Write a PDO's mapping as bits: which of them are which object."""
     if pdo.amount is None:
         return ABSENT

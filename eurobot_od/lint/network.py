@@ -17,7 +17,7 @@ from eurobot_od.lint.findings import Finding, Located, Rule, Rules
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.lint.object_rules import heartbeats
 from eurobot_od.od import values
-from eurobot_od.od.description import DescribedPdo
+from eurobot_od.od.description import DescribedRecords
 from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.standard import SYNC, SYNC_PRODUCER
 from eurobot_od.od.values import Number, PdoDirection, owner
@@ -69,11 +69,11 @@ Conflicts: TypeAlias = Iterator[tuple[Spot, str]]
 """Places where a rule of the network does not hold, and what is wrong there in one sentence."""
 
 
-class NodePdo(NamedTuple):
-    """A valid PDO of a node, and its identifier."""
+class Endpoint(NamedTuple):
+    """One end of a PDO in a network: the node, its records, and the identifier that they give."""
 
     node: NetworkNode
-    pdo: DescribedPdo
+    pdo: DescribedRecords
     identifier: int
 
     @property
@@ -110,7 +110,7 @@ class NodePdo(NamedTuple):
         return tuple((variable.name if variable else "", each.bits) for each, variable in found)
 
 
-def _spot(node: NetworkNode, pdo: DescribedPdo, sub: int) -> Spot:
+def _spot(node: NetworkNode, pdo: DescribedRecords, sub: int) -> Spot:
     where = pdo.setting(sub) or pdo.communication or pdo.mapping
     return node.spot(where.place if where else TOP)
 
@@ -136,22 +136,22 @@ class LintedNetwork:
         return {each.node_id: each for each in reversed(self.nodes)}
 
     @cached_property
-    def producers(self) -> dict[int, list[NodePdo]]:
+    def producers(self) -> dict[int, list[Endpoint]]:
         """The valid TPDOs by identifier."""
         return self._ports(PdoDirection.TPDO)
 
     @cached_property
-    def consumers(self) -> dict[int, list[NodePdo]]:
+    def consumers(self) -> dict[int, list[Endpoint]]:
         """The valid RPDOs by identifier."""
         return self._ports(PdoDirection.RPDO)
 
-    def _ports(self, direction: PdoDirection) -> dict[int, list[NodePdo]]:
-        found: dict[int, list[NodePdo]] = {}
+    def _ports(self, direction: PdoDirection) -> dict[int, list[Endpoint]]:
+        found: dict[int, list[Endpoint]] = {}
         for node in self.nodes:
             for pdo in node.device.pdos:
                 identifier = pdo.identifier(node.node_id) if pdo.direction is direction else None
                 if identifier is not None:
-                    found.setdefault(identifier, []).append(NodePdo(node, pdo, identifier))
+                    found.setdefault(identifier, []).append(Endpoint(node, pdo, identifier))
         return found
 
     @cached_property
@@ -159,7 +159,7 @@ class LintedNetwork:
         """All identifiers that PDOs have, the highest priority first."""
         return sorted({*self.producers, *self.consumers})
 
-    def ports(self, identifier: int) -> list[NodePdo]:
+    def ports(self, identifier: int) -> list[Endpoint]:
         """Return producers, then consumers of an identifier."""
         return self.producers.get(identifier, []) + self.consumers.get(identifier, [])
 
@@ -263,7 +263,7 @@ def switched_off(network: LintedNetwork) -> Conflicts:
                 yield _spot(node, pdo, 1), text
 
 
-def _pairs(network: LintedNetwork) -> Iterator[tuple[NodePdo, NodePdo]]:
+def _pairs(network: LintedNetwork) -> Iterator[tuple[Endpoint, Endpoint]]:
     """Give every producer with every consumer of its identifier."""
     for identifier, ports in network.producers.items():
         for producer in ports:
@@ -286,7 +286,7 @@ def too_long(network: LintedNetwork) -> Conflicts:
             yield consumer.mapping_spot, f"{_lengths(producer, consumer)}: the rest is lost (EMCY 8220)"
 
 
-def _lengths(producer: NodePdo, consumer: NodePdo) -> str:
+def _lengths(producer: Endpoint, consumer: Endpoint) -> str:
     return f"{consumer.name} expects {consumer.size} bytes, {producer.name} sends {producer.size}"
 
 

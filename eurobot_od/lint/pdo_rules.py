@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from typing import TypeAlias
 
 from eurobot_od.lint.file_rules import Check, dummies
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od import values
-from eurobot_od.od.description import SIMPLE, DescribedPdo, DescribedVariable
+from eurobot_od.od.description import SIMPLE, DescribedRecords, DescribedVariable
 from eurobot_od.od.document import Entry, Section
 from eurobot_od.od.values import IdentifierRange, MappingEntry, Multiplex, PdoDirection, owner
 
 RULES = Rules()
+
+MappedObject: TypeAlias = tuple[DescribedRecords, MappingEntry, DescribedVariable, DescribedVariable]
+"""A mapped object that is a variable: the PDO, the entry, the variable that holds it, and the object."""
 
 COMMUNICATION = "CiA 301, objects 0x1400 and 0x1800"
 
@@ -21,7 +25,7 @@ RESERVED_BITS = 0x1FFFF800
 """Bits 11 to 28 of a COB-ID, which are 0 for a base frame."""
 
 
-def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[DescribedPdo, Entry, int]]:
+def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[DescribedRecords, Entry, int]]:
     """Give a communication parameter of every PDO that has it: the PDO, where it stands, its value without node-ID."""
     for pdo in device.pdos:
         variable = pdo.setting(sub)
@@ -73,7 +77,7 @@ def without_parameters(device: LintedDevice) -> Violations:
 # Identifiers
 
 
-def _identifiers(device: LintedDevice) -> Iterator[tuple[DescribedPdo, Entry | Section, int]]:
+def _identifiers(device: LintedDevice) -> Iterator[tuple[DescribedRecords, Entry | Section, int]]:
     """Give every PDO that is valid with its identifier for the lowest node-ID, and where that stands."""
     for pdo in device.pdos:
         identifier, variable = pdo.identifier(device.node_ids[0]), pdo.setting(1)
@@ -115,7 +119,7 @@ def on_default_base(device: LintedDevice) -> Violations:
 @RULES.rule("E610", "CiA 301, PDO")
 def one_identifier(device: LintedDevice) -> Violations:
     """The valid PDOs of a device have different identifiers for at least one node-ID."""
-    first: dict[tuple[int | None, ...], DescribedPdo] = {}
+    first: dict[tuple[int | None, ...], DescribedRecords] = {}
     for pdo, at, identifier in _identifiers(device):
         # A clash at one node-ID only is not a mistake of the file.
         everywhere = tuple(map(pdo.identifier, device.node_ids))
@@ -220,7 +224,7 @@ RULES += (
 # Mappings
 
 
-def _counts(device: LintedDevice) -> Iterator[tuple[DescribedPdo, DescribedVariable, int]]:
+def _counts(device: LintedDevice) -> Iterator[tuple[DescribedRecords, DescribedVariable, int]]:
     """Give the number of mapped objects of every PDO that says one: the PDO, sub-index 0, the number."""
     for pdo in device.pdos:
         zero, count = pdo.entry(0), pdo.amount
@@ -283,8 +287,8 @@ def too_long(device: LintedDevice) -> Violations:
             yield variable.place, f"{pdo.title} maps {pdo.bits} bits, a PDO has at most 64"
 
 
-def _objects(device: LintedDevice) -> Iterator[tuple[DescribedPdo, MappingEntry, DescribedVariable, DescribedVariable]]:
-    """Give every mapped object that is a variable: the PDO, the entry, the variable that holds it, and the object."""
+def _objects(device: LintedDevice) -> Iterator[MappedObject]:
+    """Yield every mapped object that is a variable."""
     for pdo, each, by in device.mapped:
         variable = device.variable(*each.address)
         if variable:
@@ -335,7 +339,7 @@ def longer_than_type(device: LintedDevice) -> Violations:
             yield by.place, f"{pdo.title} maps {each.bits} bits of {each.where}, a {variable.type.name}"
 
 
-def _shorter(device: LintedDevice) -> Iterator[tuple[DescribedPdo, MappingEntry, DescribedVariable, DescribedVariable]]:
+def _shorter(device: LintedDevice) -> Iterator[MappedObject]:
     return (row for row in _objects(device) if row[3].type and 0 < row[1].bits < row[3].type.bits)
 
 

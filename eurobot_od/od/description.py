@@ -205,8 +205,8 @@ _COMPACT_ZERO = {"parametername": "NrOfObjects", "datatype": "0x0005", "accessty
 
 
 @dataclass(frozen=True, eq=False)
-class DescribedPdo(PdoRecords):
-    """A PDO: its communication and its mapping record, of which one may be missing."""
+class DescribedRecords(PdoRecords):
+    """The records of a PDO as the text of a file: communication and mapping, of which one may be missing."""
 
     direction: PdoDirection
     index: int
@@ -327,15 +327,17 @@ class DescribedDevice:
         return variable.value if variable else None
 
     @cached_property
-    def pdos(self) -> list[DescribedPdo]:
+    def pdos(self) -> list[DescribedRecords]:
         """All PDOs of which at least one record is there, RPDOs first."""
         found = {values.pdo_of(index) for index in self.objects} - {None}
         every = ((direction, index) for direction in PdoDirection for index in values.COMMUNICATION_RECORDS[direction])
         there = ((direction, index, index + values.MAPPING_OFFSET) for direction, index in every if index in found)
-        return [DescribedPdo(each, one, self.objects.get(one), self.objects.get(other)) for each, one, other in there]
+        return [
+            DescribedRecords(each, one, self.objects.get(one), self.objects.get(other)) for each, one, other in there
+        ]
 
     @cached_property
-    def mapped(self) -> list[tuple[DescribedPdo, MappingEntry, DescribedVariable]]:
+    def mapped(self) -> list[tuple[DescribedRecords, MappingEntry, DescribedVariable]]:
         """All mapping entries of all PDOs, and where each of them stands."""
         return [(pdo, entry, by) for pdo in self.pdos for entry, by in pdo.mapped()]
 

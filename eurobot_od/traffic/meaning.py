@@ -490,8 +490,8 @@ DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
 """What an identifier belongs to unless it was moved (CiA 301, 7.3.3)."""
 
 
-class OtherPdo(NamedTuple):
-    """What a frame is: a name, the nodes, its words; `damage` and `why` if that is wrong or not certain.
+class IdentifierMeaning(NamedTuple):
+    """What an identifier without a message means: name, nodes, words; `damage` and `why` if wrong or not certain.
 
     Without `is_sent` its one node receives it. `length` is what it has to have, in bytes; None if nothing says it.
     """
@@ -519,17 +519,17 @@ class Unmapped:
     ) -> None:
         devices = {each.node_id: each for each in dictionaries}
         self._nodes = {node_id: each.name for node_id, each in devices.items()}
-        self._known: dict[int, OtherPdo] = {}
+        self._known: dict[int, IdentifierMeaning] = {}
         read = ((each, each.read_pdos(each.default, lambda _: None, listening=True)) for each in devices.values())
         pdos = [(device, pdo) for device, found in read for pdo in found if pdo.cob_id]
         # Valid ones last, and of these the senders, as they know what they send.
         for device, pdo in sorted(pdos, key=lambda each: (each[1].valid, each[1].valid and _is_sent(each[1]))):
             if not pdo.valid:
                 why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
-                known = OtherPdo(pdo.title, (device.name,), plain, _is_sent(pdo), Damage.SWITCHED_OFF, why)
+                known = IdentifierMeaning(pdo.title, (device.name,), plain, _is_sent(pdo), Damage.SWITCHED_OFF, why)
             elif pdo.multiplex is not None:
-                words = partial(_mpdo_words, devices)
-                known = OtherPdo(f"{device.name}.{pdo.key}", (device.name,), words, _is_sent(pdo), length=MPDO_LENGTH)
+                name, words = f"{device.name}.{pdo.key}", partial(_mpdo_words, devices)
+                known = IdentifierMeaning(name, (device.name,), words, _is_sent(pdo), length=MPDO_LENGTH)
             else:
                 continue
             self._known[pdo.cob_id] = known
@@ -543,21 +543,21 @@ class Unmapped:
         """Whether a file says what an identifier is for."""
         return cob_id in self._known
 
-    def get(self, cob_id: int) -> OtherPdo | None:
+    def get(self, cob_id: int) -> IdentifierMeaning | None:
         """Return what an identifier is for, by the files or else a guess; None if nothing fits."""
         if cob_id in self._known:
             return self._known[cob_id]
         if found := values.owner(cob_id, DEFAULT_PDOS):
             if not self._nodes:  # no file is missing where none is given
-                return OtherPdo(f"PDO 0x{cob_id:03X}", (), plain, is_sent=False)
+                return IdentifierMeaning(f"PDO 0x{cob_id:03X}", (), plain, is_sent=False)
             node_id = found.node_id(cob_id)
             node = self._nodes.get(node_id or 0, f"node {node_id}")
             why = f": in no file; a guess by its identifier: {found.owner} of {node}"
             is_sent = PdoDirection.RPDO.name not in found.owner
-            return OtherPdo(found.owner, (node,), plain, is_sent, Damage.UNKNOWN_IDENTIFIER, why)
+            return IdentifierMeaning(found.owner, (node,), plain, is_sent, Damage.UNKNOWN_IDENTIFIER, why)
         if found := values.owner(cob_id, values.RESERVED):
             why = f": in no file; its identifier is reserved for {found.owner}"
-            return OtherPdo("", (), plain, False, Damage.UNKNOWN_IDENTIFIER, why)
+            return IdentifierMeaning("", (), plain, False, Damage.UNKNOWN_IDENTIFIER, why)
         return None
 
     def defect(self, cob_id: int) -> tuple[Damage | None, str]:
@@ -567,14 +567,14 @@ class Unmapped:
         return (None if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
 
 
-def _left(device: Dictionary, left: LeftIdentifier) -> OtherPdo:
+def _left(device: Dictionary, left: LeftIdentifier) -> IdentifierMeaning:
     """Return what a frame is under an identifier that a PDO has left."""
     direction = next(each for each, records in values.COMMUNICATION_RECORDS.items() if left.record in records)
     title = f"{direction.name} {left.record - direction.value + 1}"
     what = "switched off" if left.now is None else f"moved to {shown_identifier(left.now)}"
     why = f": {title} of {device.name}, {what} {left.how}"
     is_sent = direction is PdoDirection.TPDO
-    return OtherPdo(title, (device.name,), plain, is_sent, Damage.SWITCHED_OFF, why)
+    return IdentifierMeaning(title, (device.name,), plain, is_sent, Damage.SWITCHED_OFF, why)
 
 
 MPDO_LENGTH = values.MAX_BITS // 8

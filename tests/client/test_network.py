@@ -593,7 +593,7 @@ def test_what_a_network_has_says_what_it_is() -> None:
         "<RemoteDevice 5 motor>",
         "<RemoteObject 0x2100:0 Temperature of node 5>",
         "<RemotePdos of node 5: RPDO1, TPDO1>",
-        "<RemotePdo RPDO1 of node 5, 0x205: Motor.Target speed>",
+        "<BlockingPdoStream RPDO1 of node 5, 0x205: Motor.Target speed>",
     ]
 
 

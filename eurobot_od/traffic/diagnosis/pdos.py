@@ -36,8 +36,8 @@ SYNCS = 3
 
 
 @dataclass
-class WatchedPdo:
-    """A TPDO: its parameters in force, who sends it, when it came last, and where it came `early`: not OPERATIONAL."""
+class TpdoWatch:
+    """The watch over a TPDO: its parameters in force, its sender, its last time, `early` ones (not OPERATIONAL)."""
 
     name: str
     pdo: Pdo
@@ -62,8 +62,8 @@ class PdoWatcher(Watcher):
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
-        self._pdos: dict[int, WatchedPdo] = {}
-        self._early: dict[int, list[WatchedPdo]] = {}
+        self._pdos: dict[int, TpdoWatch] = {}
+        self._early: dict[int, list[TpdoWatch]] = {}
         self._since = 0.0
         bus.stated.append(self._said)
 
@@ -93,7 +93,7 @@ class PdoWatcher(Watcher):
                 self._early.setdefault(sender.node_id, []).append(watched)
             watched.early.add(self.bus.at())
 
-    def _late(self, watched: WatchedPdo, gap: float) -> None:
+    def _late(self, watched: TpdoWatch, gap: float) -> None:
         text = f"{watched.name} after {brief(gap)}, event timer {brief(watched.timer)}"
         self.bus.found(BusRule.PDO_TIMER, watched.sender.name, text, watched.pdo.cob_id)
 
@@ -105,7 +105,7 @@ class PdoWatcher(Watcher):
                 self.bus.found(BusRule.PDO_STATE, node.name, text, each.pdo.cob_id, seen=each.early)
             each.early = Occurrences()
 
-    def _first(self, cob_id: int) -> WatchedPdo | None:
+    def _first(self, cob_id: int) -> TpdoWatch | None:
         """Return how to watch an identifier, and report what its first frame shows."""
         decoder = self.bus.decoder
         binding = next((each for each in decoder.protocol.bindings if each.cob_id == cob_id), None)
@@ -121,7 +121,7 @@ class PdoWatcher(Watcher):
         if len(binding.senders) > 1 and not has_type:  # a robot's message may have several senders, meant so
             text = f"{' and '.join(binding.senders)} send {binding.name} under 0x{identifier_text(cob_id)}"
             self.bus.found(BusRule.COB_ID_SHARED, "", text, cob_id)
-        return WatchedPdo(binding.name, binding.pdo, sender, binding.always)
+        return TpdoWatch(binding.name, binding.pdo, sender, binding.always)
 
     def _mapped(self, cob_id: int, binding: Binding, sender: ObservedNode) -> None:
         """Report that a PDO is mapped, or sent, otherwise than its sender's file says; one that is not known is not."""
@@ -157,7 +157,7 @@ class PdoWatcher(Watcher):
             if not sender.is_operational or span < 1.0:
                 continue
             syncs = self.bus.counts[SYNC_NAME]
-            watched = WatchedPdo(binding.name, pdo, sender)
+            watched = TpdoWatch(binding.name, pdo, sender)
             if watched.timer and not is_sent and span > LATE_AFTER * watched.timer:
                 text = f"{binding.name} is never sent, event timer {brief(watched.timer)}"
                 self.bus.found(BusRule.PDO_TIMER, sender.name, text, binding.cob_id)
