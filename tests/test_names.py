@@ -51,7 +51,7 @@ def names_of(tree: ast.AST) -> Iterator[str]:
 def modules() -> dict[str, set[str]]:
     """Return the names in each module, by the module's own: `pdo.codec`, and shorter ones such as `codec`."""
     found: dict[str, set[str]] = {}
-    for file in PACKAGE.rglob("*.py"):
+    for file in (*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")):
         parts = file.relative_to(PACKAGE).with_suffix("").parts
         parts = parts[:-1] if parts[-1] == "__init__" else parts
         names = {*names_of(ast.parse(file.read_text("utf-8")))}

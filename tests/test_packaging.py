@@ -93,3 +93,23 @@ def test_the_first_version_of_the_changelog_has_one_screen() -> None:
     _, first, *others = re.split("^## .*$", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.MULTILINE)
     assert len(first.strip().splitlines()) <= 70
     assert others == []  # nothing was published before it
+
+
+def lowest_versions(project: dict[str, Any]) -> dict[str, str]:
+    """Return the lowest version of Python, and of what the package and its extras for seasons need, by name."""
+    needed = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["season"]]
+    named = [re.match(r"([\w-]+).*?>=([\d.]+)", each) for each in needed]
+    lowest = {each[1].casefold(): each[2] for each in named if each}
+    return {"python": project["project"]["requires-python"].removeprefix(">="), **lowest}
+
+
+def test_the_changelog_names_the_lowest_versions_of_pyproject(project: dict[str, Any]) -> None:
+    text = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    said = [(name.casefold(), version) for name, version in re.findall(r"([A-Za-z][\w-]*)\s+(\d+(?:\.\d+)*)", text)]
+    lowest = lowest_versions(project)
+    assert {each for each in said if each[0] in lowest} == {*lowest.items()}
+
+
+@pytest.mark.parametrize("file", ["README.md", "CHANGELOG.md", "docs/api.md"], ids=lambda each: each)
+def test_no_page_speaks_of_a_version_before_the_first(file: str) -> None:
+    assert not re.search(r"\d\.\d\.\d\s*(rc|a|b)\d|come from rc", (ROOT / file).read_text("utf-8"))
