@@ -93,7 +93,9 @@ class WatchedBus:
         self._watchers = list(dict.fromkeys([*chain(*self._services.values()), *self._messages]))
         self._promised = promised
         self._loads: list[list[Any]] = []
-        self._share: dict[int, tuple[int, Meaning]] = {}
+        self._bits, self._load_due = 0, 0.0
+        self._share: dict[int, int] = {}
+        self._latest: dict[int, Meaning] = {}
         self._first: SeenAt | None = None
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -162,7 +164,8 @@ class WatchedBus:
         for each in self._watchers:
             each.gap(time)
         self._tick_at = time
-        self._loads = [[time, 0, Occurrences.once(self.bus.at())] for _ in LOADS]
+        self._loads = [[time, self._bits, Occurrences.once(self.bus.at())] for _ in LOADS]
+        self._load_due = time
 
     def tick(self, time: float) -> None:
         """Notice what did not come until now, s."""
@@ -185,28 +188,34 @@ class WatchedBus:
 
     def _load(self, time: float, frame: Frame, meaning: Meaning) -> None:
         bits = frame_bits(frame)
-        known = self._share.get(frame.cob_id)
-        self._share[frame.cob_id] = (known[0] if known else 0) + bits, meaning
+        self._share[frame.cob_id] = self._share.get(frame.cob_id, 0) + bits
+        self._latest[frame.cob_id] = meaning
+        if time >= self._load_due:
+            self._judge_load(time)
+        self._bits += bits
+
+    def _judge_load(self, time: float) -> None:
+        """Compare the load of the spans that are over with what is too much."""
         for load, (span, most, rule) in zip(self._loads, LOADS):
-            began, so_far, seen = load
+            began, before, seen = load
             if time - began < span:
-                load[1] = so_far + bits
                 continue
-            share = so_far / self.bit_rate / span
+            share = (self._bits - before) / self.bit_rate / span
             if most < share:
                 wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
                 text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}{self._culprit()}"
                 self.bus.found(rule, "", text, seen=seen)
-            load[:] = time, bits, Occurrences.once(self.bus.at())
+            load[:] = time, self._bits, Occurrences.once(self.bus.at())
             if rule is BusRule.LOAD_HIGH:
                 self._share.clear()
+        self._load_due = min(began + span for (began, *_), (span, *_) in zip(self._loads, LOADS))
 
     def _culprit(self) -> str:
         """Return who fills the bus; empty if it is no single identifier."""
         if not self._share:
             return ""
-        whole = sum(bits for bits, _ in self._share.values())
-        cob_id, (bits, meaning) = max(self._share.items(), key=lambda each: each[1][0])
+        whole, cob_id = sum(self._share.values()), max(self._share, key=self._share.__getitem__)
+        bits, meaning = self._share[cob_id], self._latest[cob_id]
         if bits < MAIN * whole:
             return ""
         name = ", ".join(filter(None, (meaning.name, meaning.sender or " ".join(meaning.nodes[:1]))))

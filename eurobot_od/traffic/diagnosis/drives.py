@@ -40,14 +40,11 @@ POSITION_MODES = (Mode.PROFILE_POSITION, Mode.CYCLIC_POSITION)
 
 WORDS_OF_DRIVES = frozenset(
     (cia402.ERROR_CODE, cia402.CONTROLWORD, cia402.STATUSWORD, cia402.MODE, cia402.MODE_DISPLAY,
-     cia402.POSITION, cia402.VELOCITY, cia402.TARGET_POSITION, cia402.TARGET_VELOCITY)
+     cia402.POSITION, cia402.TARGET_POSITION)
 )  # fmt: skip
 """Objects that are watched, by their indices on the first axis."""
 
-SIGNED = frozenset((cia402.MODE, cia402.MODE_DISPLAY, cia402.POSITION, cia402.VELOCITY)) | {
-    cia402.TARGET_POSITION,
-    cia402.TARGET_VELOCITY,
-}
+SIGNED = frozenset((cia402.MODE, cia402.MODE_DISPLAY, cia402.POSITION, cia402.TARGET_POSITION))
 
 ENABLING_BITS: Mapping[int, str] = {0: "switch on", 1: "enable voltage", 2: "quick stop"}
 """Bits of the controlword that have to be set with bit 3, enable operation."""
@@ -141,6 +138,11 @@ class ObservedAxis:
     def is_enabled(self) -> bool:
         """Whether it shows Operation enabled."""
         return self.state is State.ENABLED
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether time alone may show what is wrong, or that it was lost sight of in a gap."""
+        return bool(self.state is None or self.wanted or self.lasting or self.fault or self.target)
 
     @property
     def is_halted(self) -> bool:
@@ -282,6 +284,9 @@ class DriveWatcher(Watcher):
 
     def _show(self, time: float, axis: ObservedAxis, index: int, value: int, sender: str) -> None:
         before, axis.values[index] = axis.values.get(index), value
+        if before == value and index == cia402.STATUSWORD and not axis.is_open:
+            axis.is_confirmed = True  # most frames say what the one before has said
+            return
         if before != value:
             axis.changed[index] = time
         if index == cia402.STATUSWORD:

@@ -290,7 +290,7 @@ class SyncWatcher(Watcher):
         self._skipped: tuple[str, Occurrences] | None = None
         self._producers: list[ObservedNode] | None = None
         self._short = 0
-        self._before = b""
+        self._before, self._usual = b"", 0.0
         self._uneven, self._jitter = Occurrences(), ""
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -313,7 +313,9 @@ class SyncWatcher(Watcher):
         """Compare an interval with the period by the settings, or else with the one observed."""
         assert self._producers is not None
         said = next((each.number(SYNC_PERIOD) / 1e6 for each in self._producers if each.number(SYNC_PERIOD)), 0.0)
-        usual = said or self._observed
+        if not self._number % SYNCS:
+            self._usual = self._observed
+        usual = said or self._usual
         self._times.append(time)
         self._number += 1
         periods = None if self._number % SYNCS or self._two else two_series([*self._times], ONE_PRODUCER)
@@ -357,7 +359,7 @@ class SyncWatcher(Watcher):
                 self._skipped = text, Occurrences.once(self.bus.at())
 
     def tick(self, time: float) -> None:
-        usual = self._observed
+        usual = self._usual
         if self._last is None or not usual or time - self._last[0] < max(STOPPED_AFTER * usual, LEAST_SILENCE):
             return
         since, self._last = self._last[0], None

@@ -526,7 +526,7 @@ DEFECTS = [
     RuleDefect(
         BusRule.SYNC_TWO,
         log(every(0.1, "080#", 1), every(0.1, "080#", 1, 0.037)),
-        0.4,
+        0.437,
         log(every(0.04, "080#", 1), every(0.04, "080#", 1, 0.016)),
     ),
     RuleDefect(BusRule.SYNC_COUNTER, at("080#01", "080#03", gap=0.1), 0.1, at("080#04", "080#05", "080#01", gap=0.1)),
