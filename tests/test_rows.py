@@ -76,3 +76,13 @@ def test_the_test_is_skipped_if_all_rows_are() -> None:
     assert tried == [2]
     with pytest.raises(pytest.skip.Exception, match="0 is too low"):
         over(bound=3)
+
+
+MOST = 578
+"""Uses of `@rows` that try a whole table; lower it when one is turned into `pytest.mark.parametrize`."""
+
+
+def test_new_tables_use_parametrize() -> None:
+    whole = re.compile(r"^ *@rows\((?!.*sample=)", re.MULTILINE)
+    uses = sum(len(whole.findall(file.read_text("utf-8"))) for file in Path(__file__).parent.rglob("test_*.py"))
+    assert uses <= MOST, "write pytest.mark.parametrize with ids: CONTRIBUTING, How code and tests read"

@@ -26,6 +26,7 @@ CAMPAIGN = ("--hypothesis-profile=campaign", "tests/properties", "tests/robot/pr
 SAMPLED = (
     "--hypothesis-profile=campaign",
     "tests/check/conformance/test_faults.py",
+    "tests/robot/test_every_number.py",
     "tests/robot/test_faults.py",
     "tests/robot/check/test_shipped.py",
 )
