@@ -78,7 +78,11 @@ class StepResult(NamedTuple):
 
 @dataclass(frozen=True)
 class SuiteResult:
-    """How a suite ended; `skipped` says why it was not run at all, `error` what ended it before its time."""
+    """How a suite ended; `skipped` says why it was not run at all, `error` what ended it before its time.
+
+    `ended` is the name of the red step after which the others were not done, `asked_again` the number of SDO requests
+    that were answered only the second time, or not at all.
+    """
 
     file: Path
     name: str
@@ -87,15 +91,12 @@ class SuiteResult:
     seconds: float = 0.0
     skipped: str = ""
     error: str = ""
+    ended: str = ""
+    asked_again: int = 0
 
     def count(self, *statuses: Status) -> int:
         """Return how many steps ended in one of some ways."""
         return sum(step.status in statuses for step in self.steps)
-
-    @property
-    def ended(self) -> bool:
-        """Whether a step that others need was red, so that they were not done."""
-        return any(step.status is Status.SKIPPED and step.reason is None for step in self.steps)
 
     @property
     def failed(self) -> bool:
@@ -174,7 +175,18 @@ def summary(results: Sequence[SuiteResult]) -> str:
     """Return the last line: how many steps of how many suites ended how."""
     steps = counted(Counter(step.status for result in results for step in result.steps))
     seconds = sum(result.seconds for result in results)
-    return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
+    asked_again = sum(result.asked_again for result in results)
+    again = f"; {amount(asked_again, 'SDO request')} asked again, as no answer came" if asked_again else ""
+    return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time{again}"
+
+
+def not_run(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield a line for each suite that was not run or not done to its end, with the reason."""
+    for result in results:
+        if result.skipped:
+            yield one_line(f"{result.file.stem}: NOT RUN: {result.name}: {result.skipped}")
+        elif result.ended:
+            yield one_line(f"{result.file.stem}: NOT FINISHED: {result.name}: ended by '{result.ended}', which is red")
 
 
 def changed(results: Iterable[SuiteResult]) -> Iterator[str]:

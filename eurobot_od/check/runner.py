@@ -97,6 +97,25 @@ class Interrupt:
             task.result()  # raises what the work raised
 
 
+def not_run(suite: Suite, how: str, why: str) -> SuiteResult:
+    """Return the result of a suite that is not run: each of its steps skipped with the reason."""
+    steps = (
+        StepResult(SuitePart.STEPS, name, step.place, Status.SKIPPED, 0.0, 0.0, StepReason(why))
+        for each in suite.steps
+        for name, step in _single_steps(each, each.name)
+    )
+    return SuiteResult(suite.file, suite.name, how, tuple(steps), skipped=why)
+
+
+def _single_steps(step: Step, name: str) -> Iterator[tuple[str, Step]]:
+    """Yield the steps of a group, each with its title, or the step itself."""
+    if not isinstance(step.action, Group):
+        yield name, step
+        return
+    for each in step.action.steps:
+        yield from _single_steps(each, f"{name}: {each.name}")
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are asked for.
@@ -121,7 +140,7 @@ class Runner:
         self._suite, self._bench, self._options, self._trace = suite, bench, options, bench.trace
         self._results: list[StepResult] = []
         self._stopped = False
-        self._error = ""
+        self._error = self._ended_by = ""
         self._undo: dict[tuple[str, Place], Step] = {}
         self._gone = False
 
@@ -146,7 +165,16 @@ class Runner:
                 await self._step(SuitePart.TEARDOWN, step, True, name)
         # Also after a red step of it: the next one may be the one that stops the node.
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
-        return SuiteResult(suite.file, suite.name, how, tuple(self._results), self._since_start, error=self._error)
+        return SuiteResult(
+            suite.file,
+            suite.name,
+            how,
+            tuple(self._results),
+            self._since_start,
+            error=self._error,
+            ended=self._ended_by,
+            asked_again=self._tester.asked_again,
+        )
 
     async def _until_teardown(self) -> None:
         """Do the setup, the steps that are asked for, and those that they need."""
@@ -161,7 +189,9 @@ class Runner:
     async def _section(self, section: SuitePart, steps: Sequence[Step], keep_going: bool) -> None:
         for step in steps:
             if self._stopped:
-                self._tell(StepResult(section, step.name, step.place, Status.SKIPPED, self._since_start, 0.0))
+                self._tell(
+                    StepResult(section, step.name, step.place, Status.SKIPPED, self._since_start, 0.0, self._why)
+                )
             else:
                 await self._step(section, step, keep_going, step.name)
 
@@ -177,6 +207,8 @@ class Runner:
             goes_on = keep_going if step.needed is None else not step.needed
             ends_all = bool(self._error) or not (status in GOES_ON or goes_on)
             self._stopped = self._stopped or ends_all
+            if self._stopped and not self._error and status is Status.FAILED:
+                self._ended_by = self._ended_by or name
             took = self._since_start - started
             self._tell(StepResult(section, name, step.place, status, started, took, reason))
         if status is Status.SKIPPED:
@@ -240,6 +272,11 @@ class Runner:
             if not own and frame.cob_id in emcys and len(frame.data) == EMCY_LENGTH:
                 return self._tester.words(frame) if any(frame.data[:2]) else ""
         return ""
+
+    @property
+    def _why(self) -> StepReason | None:
+        """Why steps are not done after the suite was ended."""
+        return StepReason(f"'{self._ended_by}' is red, and ends the suite") if self._ended_by else None
 
     def _tell(self, result: StepResult) -> None:
         self._results.append(result)

@@ -7,12 +7,12 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any, NamedTuple, NoReturn
 
-from eurobot_od.check.actions import QUESTIONS
+from eurobot_od.check.actions import LOOKS
 from eurobot_od.check.actions.frames import Save, Send
 from eurobot_od.check.actions.objects import SdoRead, SdoWrite
 from eurobot_od.check.shapes import ActionRow, DocumentShapes, MakeRow
 from eurobot_od.check.suite import NodeServices, StepAction
-from eurobot_od.check.tester import UNCONFIRMED, BenchTester, Failed
+from eurobot_od.check.tester import BenchTester, Failed
 from eurobot_od.check.values import ObjectValues, Operand
 from eurobot_od.errors import LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
@@ -31,9 +31,8 @@ class StepRunner:
         """Do one action; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError if the bus failed."""
         tester = self._tester
         await asyncio.sleep(0)  # an interrupt has its turn, whatever is repeated
-        if self._unsettled and isinstance(action, QUESTIONS):
-            # What a node still says to a red step does not answer the next question.
-            await tester.trace.sleep(UNCONFIRMED)
+        if self._unsettled and isinstance(action, LOOKS):
+            await tester.settle()
             self._unsettled = False
         try:
             await action.run(tester)

@@ -8,7 +8,8 @@ comes from the end of the step before. A question is a `send` (several in a row 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 from canopen.objectdictionary import ODVariable
@@ -22,12 +23,18 @@ from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.values import Address
 from eurobot_od.sdo import client as sdo
-from eurobot_od.sdo.wire import LENGTH
+from eurobot_od.sdo.wire import LENGTH, AbortCode, ClientCommand, Initiate, aborted
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 UNCONFIRMED = 0.02
 """Seconds that a server is given for a request that it does not answer."""
+
+LATEST = 3.0
+"""How late an answer may come and still be told from the next one's, in s; the standard names no time."""
+
+SILENT = 0.05
+"""An SDO server that has sent nothing for this long, in s, has nothing left to say of an aborted transfer."""
 
 MOST_BEFORE = 512
 """Frames that are looked at to understand the last ones; a block of SDO has at most 127."""
@@ -59,7 +66,8 @@ class BenchTester:
     `variables` are those of the suite; `kept` says which object a variable was read from. Frames from number `mark` on
     answer the last question, those from `edge` on came after the last step. `started` is the node that NMT has just
     started, `taken` are objects that took what they should refuse, `dumped` is what a dump has read, and `reported`
-    what is red once for a node. `answers` are what the tester answers by itself, by COB-ID.
+    what is red once for a node. `answers` are what the tester answers by itself, by COB-ID. `missed` says that a frame
+    which was waited for did not come, `asked_again` how many SDO requests were asked a second time.
     """
 
     def __init__(self, timeout: float, decoder: Decoder, bench: Bench, reported: set[suite.Report]) -> None:
@@ -71,7 +79,11 @@ class BenchTester:
         self.dumped: dict[str, str] = {}
         self.taken: set[Address] = set()
         self.answers: dict[int, Sent] = {}
-        self.is_asking = False
+        self.is_asking = self.missed = False
+        self.asked_again = 0
+        self._servers = {each.sdo_request: each for each in map(suite.NodeServices.of, decoder.dictionaries)}
+        self._opened: dict[suite.NodeServices, Address] = {}
+        self._silent: set[suite.NodeServices] = set()
         self._bench = bench
         self._used: set[int] = set()
         self._answering: set[asyncio.Task[None]] = set()
@@ -97,6 +109,35 @@ class BenchTester:
         # The edge is where `never` and `period` begin to look, the mark where `expect` does: an answer that was
         # expected moves the edge behind it, but other answers to the same question may stand before it.
         self.mark = self.edge = len(self.trace)
+
+    async def settle(self) -> None:
+        """End what a red step has left open: what a node still says to it does not answer the next question."""
+        # A frame that did not come may be on its way: it would be red once more, where none may come.
+        if self.missed:
+            await self.trace.sleep(LATEST)
+        for node, address in self._opened.items():
+            await self.put(Frame(node.sdo_request, aborted(address, AbortCode.GENERAL)))
+            await self._wait_for_silence(node)
+        self._opened.clear()
+        self.missed = False
+        await self.trace.sleep(UNCONFIRMED)
+        self.edge = len(self.trace)
+
+    async def _wait_for_silence(self, node: suite.NodeServices) -> None:
+        """Wait until a server has sent nothing for a while, such as the rest of a block."""
+        deadline, start = self.trace.now + LATEST, len(self.trace)
+        while (now := self.trace.now) < deadline:
+            number = await self.trace.first(frozenset([node.sdo_answer]), start, min(now + SILENT, deadline))
+            if number is None:
+                return
+            start = number + 1
+
+    async def put_raw(self, frame: Frame) -> None:
+        """Send a frame of a step; one that begins a transfer is aborted if a step behind it is red."""
+        node = self._servers.get(frame.cob_id)
+        if node is not None and begins_transfer(frame.data):
+            self._opened[node] = Initiate.of(frame.data).address
+        await self.put(frame)
 
     async def put(self, frame: Frame) -> None:
         """Send a frame; raises BusError."""
@@ -162,8 +203,27 @@ class BenchTester:
         if objects.address_of(variable) in self.taken:
             raise Skipped(f"{objects.label(variable)} has taken what it should refuse, which is red")
 
-    async def transfer(self, transfer: sdo.Transfer, node: suite.NodeServices) -> bytes:
-        """Do a transfer and return what it brought; raises NoAnswer, Aborted.
+    async def asked(self, begin: Callable[[], sdo.Transfer], node: suite.NodeServices) -> bytes:
+        """Do a transfer, a second time if its answer does not come, as any client would; raises NoAnswer, Aborted.
+
+        A node that did not answer twice is asked once only until it answers again: it may be gone, or STOPPED.
+        """
+        try:
+            if node not in self._silent:
+                with suppress(NoAnswer):
+                    return await self.transfer(begin(), node, LATEST)
+                self.asked_again += 1
+            found = await self.transfer(begin(), node)
+        except NoAnswer:
+            self._silent.add(node)
+            raise
+        self._silent.discard(node)
+        return found
+
+    async def transfer(self, transfer: sdo.Transfer, node: suite.NodeServices, latest: float = 0.0) -> bytes:
+        """Do a transfer and return what it brought; a late answer is waited for until `latest` s after its request.
+
+        Raises NoAnswer, Aborted.
 
         An answer that has not the length of an SDO frame raises OddAnswer.
         """
@@ -190,11 +250,19 @@ class BenchTester:
             return transfer.result()
         except sdo.Silence:
             # A late answer is to this question, and must not be taken for one to the next.
-            late = await self.trace.first(frozenset([node.sdo_answer]), start, self.trace.now + transfer.wait)
+            patience = max(transfer.wait, latest - transfer.wait)
+            late = await self.trace.first(frozenset([node.sdo_answer]), start, self.trace.now + patience)
             if late is not None:
                 self.use(late)
                 await self.trace.sleep(UNCONFIRMED)  # a node may answer even the abort
             raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
+
+
+def begins_transfer(request: bytes) -> bool:
+    """Return whether a request begins a transfer, by its command specifier and, of blocks, its sub-command."""
+    command = request[0] if len(request) == LENGTH else 0
+    is_block_upload, is_block_download = command & 0xE3 == 0xA0, command & 0xE1 == 0xC0
+    return command >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD) or is_block_upload or is_block_download
 
 
 def _words(meaning: Meaning) -> str:

@@ -97,9 +97,12 @@ class CheckReport:
             from eurobot_od.check.conformance.page import lines
 
             for each in checks.made.device_runs(checks.devices.load(), results, ""):
-                print(each.dictionary.name, *lines(each.tests), sep="\n")
+                print(each.dictionary.name, *lines(each.tests), *report.not_run(each.results), sep="\n")
         else:
-            sys.stdout.writelines(f"{line}\n" for line in (*report.changed(results), *report.failures(results)))
+            unfinished = report.not_run(results) if checks.made.is_wanted else ()
+            sys.stdout.writelines(
+                f"{line}\n" for line in (*report.changed(results), *unfinished, *report.failures(results))
+            )
             print(report.summary(results))
         if self.junit is not None:
             write(self.junit, report.junit(results))
@@ -371,20 +374,31 @@ def listed(suites: Iterable[Suite]) -> Iterator[str]:
 def results_of(
     checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, told: CheckReport
 ) -> Iterator[SuiteResult]:
-    """Run the suites for all seeds, until an interrupt or until the bus fails."""
-    gone: set[tuple[str, ...]] = set()  # a device that does not come back from a reset is reported once
+    """Run the suites for all seeds, until an interrupt or until the bus fails.
+
+    Those that cannot be run any more have a result that says why.
+    """
+    from eurobot_od.check.runner import not_run
+
+    gone: dict[tuple[str, ...], str] = {}  # a device that does not come back from a reset is reported once
+    everything = ""
     for seed in seeds:
+        if everything:
+            return
         reported = set[Report]()
         for suite in suites:
-            if interrupt.requested:
+            everything = everything or ("interrupted" if interrupt.requested else "")
+            if everything and not checks.made.is_wanted:
                 return
-            if suite.nodes in gone:
+            if why := everything or gone.get(suite.nodes, ""):
+                told.heading(suite, f"not run: {why}")
+                yield not_run(suite, checks.how(seed), why)
                 continue
             told.heading(suite, checks.skips(suite) or checks.how(seed))
             result = checks.run(suite, seed, interrupt, reported, told.step)
             told.end(result)
             yield result
             if result.error:  # the bus is gone, for all suites that follow
-                return
+                everything = f"the bus failed: {result.error}"
             if checks.made.is_wanted and result.ended:
-                gone.add(suite.nodes)
+                gone[suite.nodes] = f"'{result.ended}' is red in '{result.name}', and nothing else can be asked"

@@ -8,6 +8,7 @@ import re
 import signal
 from contextlib import redirect_stdout
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from junitparser import JUnitXml
@@ -198,9 +199,28 @@ def test_a_conformance_suite_goes_on_behind_a_red_step(capsys: pytest.CaptureFix
 @pytest.mark.usefixtures("folder")
 def test_a_device_that_is_gone_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", *f"--conformance {MODULE} --simulate --fault sdo-not-answered --json".split())
-    (result,) = json.loads(said.out)
+    first, *others = json.loads(said.out)
     assert said.status == 1
-    assert [step["status"] for step in result["steps"]].count("failed") == 1
+    assert [step["status"] for step in first["steps"]].count("failed") == 1
+    assert len(others) == 7
+    assert {step["status"] for each in others for step in each["steps"]} == {"skipped"}
+
+
+@pytest.mark.usefixtures("folder")
+def test_suites_that_cannot_be_run_are_listed_with_the_reason(capsys: pytest.CaptureFixture[str]) -> None:
+    words = f"check --conformance {MODULE} --simulate --fault sdo-not-answered --junit report.xml --report report.md"
+    why = "7.2.4.3.5 SDO: the device answers [reading]' is red in 'CiA 301, NMT states, boot-up and heartbeat'"
+    for form in ("-q", "--ctt"):
+        said = run(capsys, *words.split(), form)
+        unfinished = [line for line in said.out.splitlines() if ": NOT RUN: " in line]
+        assert len(unfinished) == 7
+        assert all(why in line for line in unfinished)
+    cases = ElementTree.parse("report.xml").iter("testcase")
+    skipped = {each.get("name"): each.find("skipped") for each in cases}
+    found = skipped["CiA 301, PDOs"]
+    assert found is not None
+    assert why in (found.get("message") or "")
+    assert Path("report.md").read_text().count("NOT RUN: ") == 7
 
 
 @pytest.mark.usefixtures("folder")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eurobot_od.check.conformance.clauses import Tier
+from eurobot_od.check.conformance import suite
+from eurobot_od.check.conformance.clauses import StepName, Tier
+from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.od.dictionary import Dictionary
 from tests.eds_text import CODES
-from tests.kit.devices import NODE_ID, red, steps, suites_of
+from tests.kit.devices import MODULE, NODE_ID, red, results, steps, suites, suites_of
+from tests.kit.disturbed import Disturbance, Mishap, disturbed
 from tests.properties.test_normal import variables
 
 WIDE = ["0x00000000", "0xFFFFFFFF", "1", "0x80000000", "$NODEID+0x80"]
@@ -127,3 +131,45 @@ def devices(draw: st.DrawFn) -> str:
 def test_no_step_is_red_on_a_device_that_is_its_file(text: str) -> None:
     dictionary = Dictionary.read(text.encode("latin-1", "replace"), Path("device.eds"), NODE_ID)
     assert red(steps(suites_of(dictionary, Tier.DESTRUCTIVE))) == []
+
+
+def run(tier: Tier, chapter: str, disturbance: Disturbance) -> SuiteResult:
+    """Run a chapter against a device with everything, of whose frames one is disturbed."""
+    (result,) = results(suites(MODULE, tier, chapter), disturbed(disturbance))
+    return result
+
+
+@cache
+def undisturbed(tier: Tier, chapter: str) -> tuple[SuiteResult, int]:
+    """Return the result of a run in which nothing happens to a frame, and the number of the device's frames."""
+    nothing = Disturbance(-1, Mishap.LOST)
+    return run(tier, chapter, nothing), nothing.seen
+
+
+@st.composite
+def mishaps(draw: st.DrawFn) -> tuple[Tier, str, Disturbance]:
+    tier = draw(st.sampled_from([Tier.READING, Tier.REVERSIBLE, Tier.DESTRUCTIVE]))
+    chapter = draw(st.sampled_from([each.word for each in suite.CHAPTERS]))
+    number = draw(st.integers(0, undisturbed(tier, chapter)[1] - 1))
+    return tier, chapter, Disturbance(number, draw(st.sampled_from(Mishap)), draw(st.floats(0, 3)))
+
+
+def group_of(step: str) -> object:
+    """Return what the name of a step has in common with those of its group."""
+    name = StepName.of(step)
+    return name and name[:4]
+
+
+@given(mishaps())
+@settings(max_examples=settings().max_examples // 8)
+def test_one_frame_lost_late_or_twice_is_one_red_step_at_most(drawn: tuple[Tier, str, Disturbance]) -> None:
+    tier, chapter, disturbance = drawn
+    before, after = undisturbed(tier, chapter)[0], run(tier, chapter, disturbance)
+    failed = [each for each in after.steps if each.status is Status.FAILED]
+    assert len(failed) <= 1, red(failed)
+    assert (after.ended, after.error) == ("", "")
+    # The rest of the red step's own group is skipped; all other steps, the comparison of values too, are as before.
+    touched = {group_of(each.name) for each in failed}
+    assert [(each.name, each.status) for each in after.steps if group_of(each.name) not in touched] == [
+        (each.name, each.status) for each in before.steps if group_of(each.name) not in touched
+    ]

@@ -270,6 +270,7 @@ WRITERS = {
     "sdo/server.py",  # what the table has
     "sdo/client.py",  # as a client, for an answer that it cannot use
     "check/conformance/sdo.py",  # as a client, to see what a device does then
+    "check/tester.py",  # as a client, for a transfer that a red step left open
     "device/faults.py",  # a faulty device, anything
 }
 

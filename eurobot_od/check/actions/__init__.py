@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from eurobot_od.check.actions import flow, frames, nodes, objects
-from eurobot_od.check.actions.frames import Poll, Send
+from eurobot_od.check.actions.flow import Nmt
+from eurobot_od.check.actions.frames import Never, Period, Poll, Send
 from eurobot_od.check.actions.nodes import Dump, SelfReported
 from eurobot_od.check.actions.objects import SdoRead, SdoRestore, SdoWrite
 from eurobot_od.check.shapes import MakeRow
@@ -20,3 +21,6 @@ ACTIONS: Final[Mapping[str, MakeRow]] = {**frames.ACTIONS, **objects.ACTIONS, **
 
 QUESTIONS = (Send, SdoRead, SdoWrite, SdoRestore, Dump, SelfReported, Poll)
 """Actions that an answer of before would be taken for an answer to."""
+
+LOOKS = (*QUESTIONS, Nmt, Never, Period)
+"""Actions that a frame which comes late would be taken for an answer to, or for one that may not come."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from eurobot_od.check import suite
 from eurobot_od.check.shapes import COUNT, DURATION, NAME, SOME_TIME, WITHIN, ActionRow, DocumentShapes
-from eurobot_od.check.suite import Mismatch, Order, Pattern, Patterns, Sent, ServicePattern, is_final
+from eurobot_od.check.suite import FramePattern, Mismatch, Order, Pattern, Patterns, Sent, ServicePattern, is_final
 from eurobot_od.check.tester import BenchTester, Failed, Skipped
 from eurobot_od.frame import HIGHEST_IDENTIFIER
 from eurobot_od.support import texts, yaml_shapes
@@ -18,6 +18,9 @@ from eurobot_od.support.yaml_shapes import NUMBER, Key, Shape
 
 REGISTER = 2
 """Where the error register stands in an EMCY (CiA 301, 7.2.7.4)."""
+
+LATE_ONES = (ServicePattern, FramePattern)
+"""Patterns of frames that may still come after they were missed; messages are left to the suite's own steps."""
 
 EVERY = {"every": Key(SOME_TIME, "time from one to the next", needed=True)}
 
@@ -34,7 +37,7 @@ class Send(NamedTuple):
         """Do it; raises as `suite.StepAction.run`."""
         if not tester.is_asking:  # several in a row are one question, or the second would lose the answer to the first
             tester.ask()
-        await tester.put(self.sent.frame(tester.variables))
+        await tester.put_raw(self.sent.frame(tester.variables))
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
@@ -79,6 +82,7 @@ class Expect(NamedTuple):
         while left:
             found = await tester.next(left, start, deadline)
             if found is None:
+                tester.missed = any(isinstance(each, LATE_ONES) for each in left)
                 what = f"no {' or '.join(map(str, left))} within {texts.text(tester.longest(self.within))}"
                 if other is not None:
                     raise tester.with_last(what, left[0], other)
@@ -174,10 +178,14 @@ class Never(NamedTuple):
 
 
 class Poll(NamedTuple):
-    """Send again and again until a frame is as wanted, `within` seconds at most."""
+    """Send again and again until a frame is as wanted, `within` seconds at most.
+
+    The time from one to the next grows by a `factor` each time.
+    """
 
     sent: Sent
     every: float
+    factor: int
     until: Pattern
     within: float | None = None
 
@@ -188,12 +196,13 @@ class Poll(NamedTuple):
         """Do it; raises as `suite.StepAction.run`."""
         tester.ask()
         started, start, last = tester.trace.now, tester.mark, None
-        deadline, count = tester.deadline(self.within), 0
+        deadline, count, periods = tester.deadline(self.within), 0, 0
         while tester.trace.now < deadline:
             await tester.put(self.sent.frame(tester.variables))
+            periods += self.factor**count
             count += 1
             # counted from the start, so that what sending takes does not add up over many polls
-            pause = min(started + count * self.every, deadline)
+            pause = min(started + periods * self.every, deadline)
             while (found := await tester.next([self.until], start, pause)) is not None:
                 number, last = found
                 start = number + 1
@@ -205,9 +214,9 @@ class Poll(NamedTuple):
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
         """Return how a suite names it."""
-        question = {"send": Key(shapes.frames.sent, "what is sent", needed=True), **EVERY}
+        question = {"send": Key(shapes.frames.sent, "what is sent", needed=True), **EVERY, "factor": Key(COUNT)}
         until = {"until": Key(shapes.frames.pattern, "which frame ends it", needed=True), **WITHIN}
-        polled = yaml_shapes.record(lambda send, every: (send, every), question)
+        polled = yaml_shapes.record(lambda send, every, factor=1: (send, every, factor), question)
         return ActionRow(polled, lambda parts, **keys: Poll(*parts, **keys), until)
 
 
@@ -232,6 +241,7 @@ class Period:
             deadline = (tester.trace.now if last is None else last.time) + latest
             found = await tester.next([self.message], start, deadline)
             if found is None:
+                tester.missed = isinstance(self.message, LATE_ONES)
                 what = f"no {self.message} within {texts.text(latest)}, after {number} of them"
                 raise tester.with_last(what, self.message, None)
             seen = found[1]

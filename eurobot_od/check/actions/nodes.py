@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
 from typing import NamedTuple
 
 from canopen.objectdictionary import ODVariable
@@ -110,8 +111,8 @@ class Dump(NamedTuple):
         dump = {}
         for variable in self.variables:
             try:
-                read = whole_upload(objects.address_of(variable), tester.timeout)
-                data = await tester.transfer(read, self.node)
+                read = partial(whole_upload, objects.address_of(variable), tester.timeout)
+                data = await tester.asked(read, self.node)
                 dump[objects.label(variable)] = data.hex(" ").upper()
             except sdo.Aborted as error:  # a dump is red only if something has changed, a refusal too
                 dump[objects.label(variable)] = code_and_reason(error.code)
@@ -159,16 +160,17 @@ class SelfReported(NamedTuple):
         """Read what errors the node has; raises NoAnswer, Failed with all of them in words, Skipped without 0x1001."""
         tester.ask()
         try:
-            register = await tester.transfer(sdo.upload(ERROR_REGISTER, tester.timeout), self.node)
+            register = await tester.asked(partial(sdo.upload, ERROR_REGISTER, tester.timeout), self.node)
         except sdo.Aborted:
             raise Skipped("the node has no error register (0x1001)") from None
         bits = int.from_bytes(register, "little")
         if bits:
             words = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
             with suppress(sdo.Aborted):  # no device has to remember its errors: 0x1003 is optional (CiA 301, 7.5.2.4)
-                count = await tester.transfer(sdo.upload(ERRORS, tester.timeout), self.node)
+                count = await tester.asked(partial(sdo.upload, ERRORS, tester.timeout), self.node)
                 for sub in range(1, min(int.from_bytes(count, "little"), HISTORY) + 1):
-                    remembered = await tester.transfer(sdo.upload((ERROR_FIELD, sub), tester.timeout), self.node)
+                    read = partial(sdo.upload, (ERROR_FIELD, sub), tester.timeout)
+                    remembered = await tester.asked(read, self.node)
                     # Its lower half is the error code, the upper half the maker's.
                     code = int.from_bytes(remembered[:2], "little")
                     words.append(f"0x{code:04X} {error_words(code, {})}")

@@ -55,7 +55,8 @@ class SdoRead(NamedTuple):
         if self.save is not None:
             tester.variables.pop(self.save, None)  # what another object had under this name is not this one's
         begin = _UPLOADS[self.blocks]
-        data = await _transferred(tester, self, begin(objects.address_of(self.variable), tester.longest(self.within)))
+        address = objects.address_of(self.variable)
+        data = await _transferred(tester, self, partial(begin, address, tester.longest(self.within)))
         if data is None:
             return
         size = objects.data_type(self.variable).size
@@ -99,7 +100,8 @@ class SdoWrite(NamedTuple):
         tester.ask()
         begin = _DOWNLOADS[self.blocks]
         content = self.content(tester.variables)
-        await _transferred(tester, self, begin(objects.address_of(self.variable), content, tester.longest(self.within)))
+        address = objects.address_of(self.variable)
+        await _transferred(tester, self, partial(begin, address, content, tester.longest(self.within)))
 
 
 class SdoRestore(NamedTuple):
@@ -138,7 +140,7 @@ class SdoRestore(NamedTuple):
             after += [(other, old)] * (new != old and other != address)
         for at, data in (*before, (address, content), *reversed(after)):
             try:
-                await tester.transfer(sdo.download(at, data, tester.longest(self.within)), self.node)
+                await tester.asked(partial(sdo.download, at, data, tester.longest(self.within)), self.node)
             except sdo.Aborted as error:
                 refused = f" ({label(at)}: {error})"
         now = await self._read(tester, address)
@@ -152,14 +154,16 @@ class SdoRestore(NamedTuple):
     async def _read(self, tester: BenchTester, address: Address) -> bytes:
         """Read an object; one that cannot be read now is empty."""
         with suppress(sdo.Aborted):
-            return await tester.transfer(sdo.upload(address, tester.longest(self.within)), self.node)
+            return await tester.asked(partial(sdo.upload, address, tester.longest(self.within)), self.node)
         return b""
 
 
 SdoAction: TypeAlias = "SdoRead | SdoWrite | SdoRestore"
 
 
-async def _transferred(tester: BenchTester, action: SdoRead | SdoWrite, transfer: sdo.Transfer) -> bytes | None:
+async def _transferred(
+    tester: BenchTester, action: SdoRead | SdoWrite, begin: Callable[[], sdo.Transfer]
+) -> bytes | None:
     """Do a transfer that may have to be refused; None if it was refused as it had to be.
 
     Raises Failed, Skipped, NoAnswer, OddAnswer.
@@ -168,7 +172,7 @@ async def _transferred(tester: BenchTester, action: SdoRead | SdoWrite, transfer
     if action.abort is not None and not action.abort.codes:
         tester.skip_if_taken(action.variable)
     try:
-        data = await tester.transfer(transfer, action.node)
+        data = await tester.asked(begin, action.node)
     except sdo.Aborted as error:
         if action.abort is not None and action.abort.fits(error.code):
             return None

@@ -25,8 +25,9 @@ WITHIN = "1 s"
 
 QUIET = "200 ms"
 
-LEFT_ALONE = "3 s"
-"""How long a transfer is left alone: longer than servers wait for the next request."""
+LEFT_ALONE, LEFT_AT_FIRST = "12 s", "1 s"
+"""How long a server is given at most to be ready again after a transfer that was left alone, and until it is first
+asked; no clause names a time."""
 
 NOTHING_SHORT = "the file has no number of up to 4 bytes that can be read"
 NO_SEGMENTS = "the file has no object of more than 4 bytes whose value is known"
@@ -200,8 +201,14 @@ def _unfinished(subject: Subject) -> Steps:
     abort = _sent(subject, "abort", wire.aborted(address_of(each), AbortCode.GENERAL)), step.wait("50 ms")
     yield step.keeping("a transfer that the client aborts changes nothing", each, *begun, *abort, same)
     # No clause names a time-out; but a client that went away must not keep all later ones out until the next reset.
-    left_alone = step.wait(LEFT_ALONE)
-    yield step.keeping("a transfer that is left alone does not block the server", each, *begun, left_alone, same)
+    # Asked again after twice the time each time, as each request may begin the server's own time-out anew, and be
+    # refused for the old transfer (CiA 301 leaves both open).
+    begins = subject.answer(f"4?{_multiplexer(each)}????????")
+    asked = {**subject.request(initiate(ClientCommand.UPLOAD << 5, address_of(each))), "every": LEFT_AT_FIRST}
+    name = f"it answers within {LEFT_ALONE}, asked after 1 s, 2 s, 4 s and 8 s"
+    ready = {"name": name, "poll": {**asked, "factor": 2}, "until": begins, "within": LEFT_ALONE}
+    left_alone = step.wait(LEFT_AT_FIRST), ready
+    yield step.keeping("a transfer that is left alone does not block the server", each, *begun, *left_alone, same)
 
 
 # Numbers of blocks

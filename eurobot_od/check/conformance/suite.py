@@ -80,13 +80,13 @@ def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
     # The reading tier sends no NMT command: it is for a device at work, which a reset would stop.
     resets = subject.tier.allows(Tier.REVERSIBLE)
     reset = {**step.nmt("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on [reversible]"}
-    pause = {**step.nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [reversible]"}
+    pause = {**step.nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [reversible]", "needed": "no"}
     # One that sends no boot-up is red for that, and asked for all the rest.
     up = {**step.booted("7.2.8.3.3 Boot-up: boot-up after reset [reversible]"), "needed": "no"}
     alive = awake(subject, ANSWERS)
     marks = {clause: subject.kept(each) for clause, (tier, each) in MARKS.items() if subject.tier.allows(tier)}
     named = [(f"{clause} Values: {title(each[0])}", each) for clause, kept in marks.items() for each in kept]
-    kept = [{**step.save(*each), "name": f"{name} [reading]"} for name, each in named]
+    kept = [{**step.save(*each), "name": f"{name} [reading]", "needed": "no"} for name, each in named]
     back = [{**step.put_back(*each), "name": f"{name} is as it was [reading]"} for name, each in named]
     alone = {"name": "7.2.8.2.1 NMT: nobody else commands [reversible]", "unheard": hexadecimal(NMT_COB_ID, 3)}
     first = {"name": "7.4 Values: they are read, to be compared in the end [reading]", "dump": "before", "needed": "no"}
