@@ -16,6 +16,7 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar, overload
 
 from eurobot_od.device.objects import NO_VALUES, TELL_NOBODY, Objects, OnRead, OnTold, OnWrite
 from eurobot_od.errors import FieldError, MappingError, Refused
+from eurobot_od.frame import Frame
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import SLICES, carries_nothing
 from eurobot_od.od.values import REALS, Address, Value
@@ -43,6 +44,9 @@ class Application(NamedTuple):
 
     Single objects are bound by their addresses: a `given` value replaces the file's, a `measured` one is asked for, and
     a new one is `told`.
+
+    `overheard` gets each frame that somebody else sends under an identifier that is this device's own: of its TPDOs, of
+    its heartbeat. Without it the device does not listen to them.
     """
 
     readers: Mapping[str, Callable[[], Message]] = MappingProxyType({})
@@ -51,6 +55,7 @@ class Application(NamedTuple):
     given: Mapping[Address, Value] = NO_VALUES
     measured: Mapping[Address, Callable[[], Value]] = MappingProxyType({})
     told: Mapping[Address, OnTold] = TELL_NOBODY
+    overheard: Callable[[Frame], object] | None = None
 
 
 NO_APPLICATION = Application()

@@ -170,6 +170,7 @@ class Device:
         answers = {self.objects.cob_id((index, 2)) for index in clients}
         # Where a file gives two services the same identifier, the later one in this table gets it: NMT is never lost.
         ears: dict[int | None, Ear] = {
+            **dict.fromkeys(self._own_identifiers(), self._overhear),
             **self._error_control.ears,
             **dict.fromkeys(answers, lambda frame, _: Reaction([], answer=frame)),
             **dict.fromkeys(self.pdos.received, self._pdo.receive),
@@ -189,6 +190,16 @@ class Device:
         self.identifiers = sorted({*self._ears, *self._remote_ears})
         self._pdo.restart(self._now)
         self._sync_and_time.restart(self._now)
+
+    def _own_identifiers(self) -> list[int]:
+        """Return the identifiers that nobody else may use, if the application wants to hear of those who do."""
+        sent = (each.cob_id for each in self.pdos.sent.values())
+        return [] if self._application.overheard is None else [*sent, ERROR_CONTROL_BASE + self.node_id]
+
+    def _overhear(self, frame: Frame, _: float) -> Reaction:
+        if self._application.overheard is not None:
+            self._application.overheard(frame)
+        return Reaction([])
 
     @property
     def service_identifiers(self) -> list[int]:

@@ -42,10 +42,11 @@ from functools import partial
 from math import inf
 from typing import Any, ClassVar, NamedTuple
 
-from eurobot_od.device.bound import BoundObject, seconds
+from eurobot_od.device.bound import Application, BoundObject, seconds
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script, Timer, shielded
-from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.errors import NoAnswer, RemoteError, StateError
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import Message, MessageT, OutOfRange
 from eurobot_od.robot.model import messages
@@ -54,12 +55,14 @@ from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 from eurobot_od.robot.nodes import flows, recovery
 from eurobot_od.robot.nodes.agreement import NodeMismatch, SdoClientParameter, number_in
+from eurobot_od.robot.nodes.doubts import GotoConfirms, jumps
 from eurobot_od.robot.nodes.estimate import DriveAnswer, Seen, Sighting, Track, Twins
 from eurobot_od.robot.nodes.flows import GotoReport, Standstill
 from eurobot_od.robot.nodes.node import (
     DEVIATION,
     KEEP_PLACE,
     LEAVING,
+    PLACE_AGE,
     START_STATE,
     TIME_LEFT,
     UNKNOWN,
@@ -75,6 +78,7 @@ from eurobot_od.robot.nodes.node import (
     Objects,
     Readiness,
     StartState,
+    age,
     milliseconds_until,
 )
 from eurobot_od.support.texts import one_line
@@ -163,10 +167,15 @@ class Core(CallingNode, CoreSettings):
         self._lost = ""
         self._twins = Twins()
         self._place: Place | None = None
+        self._place_seen: float | None = None
         self._deviation: int | None = None
         self._tells_deviation = True
         self._telling: Flow[Any] | None = None
         self._recalling: Flow[Any] | None = None
+        self._confirms: GotoConfirms | None = None
+        self._asked_until = 0.0
+        self._has_jumped = self._is_shutdown_ours = self._is_recovering = False
+        self._warned: set[str] = set()
         self._astray = False
         self._match: Timer | None = None
         self._match_end: float | None = None
@@ -491,6 +500,7 @@ class Core(CallingNode, CoreSettings):
             self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
             # After a shutdown nothing less is repeated: a drive that has missed it would not hold its safe state.
             self._stopped = messages.EmergencyShutdown() if self.shut_down else stop
+            self._is_shutdown_ours = self.shut_down
             if self._standing is None:
                 self.end(self._keeping_on, StateError("watched anew"))
                 self._standing = self.begin(self._see_standing(self.standstill_wait))
@@ -546,7 +556,7 @@ class Core(CallingNode, CoreSettings):
                 self._halt(messages.StopDrive())
             raise
         # A caller who configures the start has put the robot at its start place, wherever it was seen before.
-        self._place, self._astray = None, False
+        self._place, self._astray, self._has_jumped = None, False, in_place and self._has_jumped
         return seconds
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
@@ -557,6 +567,8 @@ class Core(CallingNode, CoreSettings):
         except BaseException:
             self._lost = self._lost or before
             raise
+        finally:  # confirms may come late, and two nodes confirm
+            self._asked_until = self.now + self.configuration_wait * self.configuration_transmissions
         self.configuration, self.shut_down, self._tells_deviation = configuration, False, True
         # The safe state is over, so a late goto is answered with a plain stop again.
         self._stopped = None if self._stopped is None else messages.StopDrive()
@@ -588,7 +600,7 @@ class Core(CallingNode, CoreSettings):
         for frame in self.device.first_heartbeat():  # from now on the drive has to miss us
             self.put(frame)
         started, confirmed = self.now, None
-        self._deviation = None
+        self._deviation, self._confirms = None, GotoConfirms(started, self.confirm_wait, self.transmissions)
 
         def run_out_of_time(_: float) -> None:
             self._stop(messages.StopDrive(), Outcome.TIMED_OUT)
@@ -637,7 +649,17 @@ class Core(CallingNode, CoreSettings):
 
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         """Check the nodes again after one was lost, and make sure that the drive knows where it is."""
-        self._astray = True
+        self._astray = self._is_recovering = True
+        try:
+            yield from self._recover_nodes(configuration)
+        finally:
+            self._is_recovering = False
+        self._lost = ""
+        yield from self._find_place(configuration, self._place)
+        if self._is_in_match:
+            self._start_clock()  # a drive that has booted has forgotten it
+
+    def _recover_nodes(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         yield from flows.check_nodes(self, self.without)
         here = yield from flows.drive_position(self)
         # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
@@ -649,22 +671,21 @@ class Core(CallingNode, CoreSettings):
             yield from self._configure(configuration)
         else:
             yield from flows.tell_others(self, configuration)
-        self._lost = ""
-        yield from self._find_place(configuration, self._place)
-        if self._is_in_match:
-            self._start_clock()  # a drive that has booted has forgotten it
 
     def _find_place(
         self, configuration: messages.StartConfigurationSet, there: Place | None
     ) -> Script[messages.KalmanPositionResponse]:
         try:
             here = yield from recovery.find_place(
-                self, there, self.facts.start(configuration.team_colour), self._seen_by_navigation
+                self,
+                there,
+                self.facts.start(configuration.team_colour),
+                0.0 if self._has_jumped else float(self.displacement),
             )
         except recovery.PlaceLost:
             self._lost = recovery.LOST_PLACE  # so that the next goto looks again
             raise
-        self._astray = False
+        self._astray = self._has_jumped = False
         return here
 
     def _recover_all(self, watched: bool) -> Script[messages.KalmanPositionResponse]:
@@ -701,11 +722,6 @@ class Core(CallingNode, CoreSettings):
             self._end_match_at(self.now + memory.time_left)
             if not self.match_over:
                 yield from self._miss_navigation()  # a match goes on without one
-
-    def _seen_by_navigation(self, since: float) -> Place | None:
-        """Return where the navigation has seen us since a time in s; None if it has not."""
-        sighting = self.positions.get(messages.NaviPositionResponse)
-        return None if sighting is None or sighting.time < since else sighting.position[:3]
 
     def _miss_navigation(self) -> Script[None]:
         """Ask a navigation that has been silent for long during a match whether it is there."""
@@ -869,6 +885,62 @@ class Core(CallingNode, CoreSettings):
         """Stop the drive as soon as the bus is back; the next goto begins with a recovery."""
         self._lose("the bus was lost")
 
+    # What nobody has asked for
+
+    def _application(self, dictionary: Dictionary) -> Application:
+        """Return what the application gives the objects; the core listens for others who speak in its name."""
+        return super()._application(dictionary)._replace(overheard=self._overheard)
+
+    def _overheard(self, frame: Frame) -> None:
+        """Take in a frame that somebody else has sent under an identifier of the core's."""
+        try:
+            message = self.device.protocol.decode(*frame)
+        except RemoteError:  # the heartbeat of a second core, or a message that is damaged
+            self._distrust("another node uses the core's identifiers; switch it off")
+            return
+        if isinstance(message, messages.EmergencyShutdown):
+            self._stop(message, Outcome.STOPPED, "somebody else sent Emergency Shutdown")
+        elif isinstance(message, messages.StopDrive | messages.EmergencyStop) and self.is_commanding:
+            self._stop(messages.StopDrive(), Outcome.STOPPED, f"somebody else sent {self._name_of(message)}")
+        elif isinstance(message, messages.GotoXY | messages.StartConfigurationSet):
+            self._distrust(f"somebody else sent {self._name_of(message)}")
+
+    def _name_of(self, message: Message) -> str:
+        return self.device.protocol.name(type(message))
+
+    def _distrust(self, why: str) -> None:
+        """Stop for what the core has not asked for; the next goto begins with a recovery."""
+        if why not in self._warned:
+            self._warned.add(why)
+            self.alarm(why)
+        self.readiness.configured = self.readiness.configured and self.configuration is None
+        self._lose(why)
+
+    def _confirmed_goto(self) -> None:
+        if self._confirms is not None and self.is_commanding and not self._confirms.is_asked_for(self.now):
+            self._distrust("the drive has confirmed a goto that the core did not send")
+        else:
+            self._stop_late_goto()
+
+    def _confirmed_configuration(self) -> messages.EmergencyShutdown | None:
+        asked = self._configuring is not None or self.now <= self._asked_until
+        if self.shut_down and self._configuring is None and self._is_shutdown_ours:
+            # A start configuration from before a shutdown, confirmed after it, has ended the safe state.
+            return messages.EmergencyShutdown()
+        if self.configuration is not None and not asked and not self._is_recovering:
+            self.shut_down = False  # the one before this core's time
+            self._distrust("somebody else has configured the start")
+        return None
+
+    def _look_for_jump(self, position: messages.KalmanPositionResponse) -> None:
+        """Stop if the drive says a place that it cannot have driven to."""
+        before = self.positions.get(messages.KalmanPositionResponse)
+        if before is None or self._astray or not self.is_commanding:
+            return
+        if jumps(before.position[:3], position[:3], self.now - before.time):
+            self._has_jumped = True
+            self._distrust(f"the drive's place has jumped from {before.position[:2]} to {position[:2]}")
+
     # Messages
 
     def _look_for_twins(self, answer: DriveAnswer) -> None:
@@ -887,14 +959,16 @@ class Core(CallingNode, CoreSettings):
         self._halt(self._stopped)
 
     def _saw(self, position: messages.PositionResponse) -> None:
+        if isinstance(position, messages.KalmanPositionResponse):
+            self._look_for_jump(position)
         sighting = self.positions[type(position)] = Sighting(position, self.now)
         self._tracks[position.source].saw(sighting)
         if isinstance(position, messages.KalmanPositionResponse):
             self._look_for_twins(position)
             # While the drive is astray its answer may be its start place, which must not replace where it was really
             # seen.
-            if position.x is not None and not self._astray:
-                self._place = position[:3]
+            if position.x is not None and not self._astray and not self._has_jumped:
+                self._place, self._place_seen = position[:3], self.now
         else:
             self._heard = self.now
 
@@ -909,13 +983,11 @@ class Core(CallingNode, CoreSettings):
         DEVIATION: lambda core: UNKNOWN if core._deviation is None else core._deviation,
         TIME_LEFT: lambda core: milliseconds_until(core._match_end, core.now),
         START_STATE: lambda core: core._start_state(),
+        PLACE_AGE: lambda core: age(core._place_seen, core.now),
     }
     HANDLERS: ClassVar[Handlers] = {
-        messages.GotoConfirm: lambda core, _: core._stop_late_goto(),
+        messages.GotoConfirm: lambda core, _: core._confirmed_goto(),
         messages.GotoStateResponse: _told_state,
-        # A start configuration from before a shutdown, confirmed after it, has ended the safe state.
-        messages.StartConfigurationConfirm: lambda core, _: (
-            messages.EmergencyShutdown() if core.shut_down and core._configuring is None else None
-        ),
+        messages.StartConfigurationConfirm: lambda core, _: core._confirmed_configuration(),
         **dict.fromkeys((each.response for each in messages.POSITIONS), _saw),
     }

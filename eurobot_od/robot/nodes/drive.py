@@ -51,6 +51,7 @@ from eurobot_od.robot.nodes.node import (
     DEVIATION,
     KEEP_PLACE,
     NO_MATCH,
+    PLACE_AGE,
     START_STATE,
     TIME_LEFT,
     UNKNOWN,
@@ -59,6 +60,7 @@ from eurobot_od.robot.nodes.node import (
     KeepPlace,
     Objects,
     StartState,
+    age,
     milliseconds_until,
 )
 
@@ -407,6 +409,7 @@ class Drive(FollowingNode):
         DEVIATION: lambda self: self._deviation("worst", 1.0),
         "Position deviation.Heading deviation": lambda self: self._deviation("heading", 0.1),
         START_STATE: lambda self: self._start_state(),
+        PLACE_AGE: lambda self: age(self.estimate.seen_at, self.now),
         TIME_LEFT: lambda self: milliseconds_until(self._match_end, self.now),
     }
     HANDLERS: ClassVar[Handlers] = {

@@ -145,7 +145,8 @@ class Estimate:
     """Where the drive believes the robot is; `tuning` may be exchanged at any time.
 
     A `pose` to begin with is only assumed, as a drive that has booted believes in its start place wherever it stands:
-    two full positions that agree replace it, where a measured pose takes three.
+    two full positions that agree replace it, where a measured pose takes three. `seen_at` is when a position last
+    agreed, in s, None before.
     """
 
     def __init__(self, tuning: Tuning, pose: Pose | None = None) -> None:
@@ -154,7 +155,7 @@ class Estimate:
         self._assumed = True
         self._rival: Belief | None = None
         self._agreeing, self._due = 0, 0.0
-        self._seen_at: float | None = None
+        self.seen_at: float | None = None
         self._bumped_at = -math.inf
         self._repeated: tuple[Fix, Pose] | None = None
         self._odometer = deque([(-math.inf, Pose(0.0, 0.0, 0.0))])
@@ -187,7 +188,7 @@ class Estimate:
             self._odometer.popleft()
         self._belief = self._belief and self._belief.moved(odometry, self.tuning)
         # The root, as random errors add up by their squares.
-        if self._belief and self._seen_at is not None and now - self._seen_at > UNSEEN:
+        if self._belief and self.seen_at is not None and now - self.seen_at > UNSEEN:
             self._belief = self._belief.loosened(BUMPS * math.sqrt(abs(odometry.distance) / METRE))
         self._rival = self._rival and self._rival.moved(odometry, self.tuning)
 
@@ -210,7 +211,7 @@ class Estimate:
         belief = self._gated(self._belief, fix, travel) or self._overruled(fix, travel, now)
         if belief is None:
             return False
-        self._belief, self._rival, self._agreeing, self._seen_at = belief, None, 0, now
+        self._belief, self._rival, self._agreeing, self.seen_at = belief, None, 0, now
         # A place alone does not confirm the heading, and a wrong heading leads further astray with every step.
         self._assumed = self._assumed and fix.angle is None
         return True

@@ -211,6 +211,15 @@ class StartState(IntEnum):
     """Configured or not, the drive holds its safe state."""
 
 
+PLACE_AGE = "Start state.Place age"
+"""The object by which the drive says when a navigation position last agreed with its place, ms ago."""
+
+
+def age(then: float | None, now: float) -> int:
+    """Return the value of the object `PLACE_AGE`; `then` is None if it never was."""
+    return UNKNOWN if then is None else min(round((now - then) * 1000), UNKNOWN - 1)
+
+
 TIME_LEFT, NO_MATCH = "Match clock.Time left", 0xFFFF_FFFF
 """The object with the time to the end of the match, ms; its value while no match was started."""
 

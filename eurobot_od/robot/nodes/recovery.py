@@ -6,7 +6,6 @@ is sent that could make it forget them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -19,8 +18,10 @@ from eurobot_od.robot.nodes.flows import CONFIGURED, drive_position
 from eurobot_od.robot.nodes.node import (
     KEEP_PLACE,
     NO_MATCH,
+    PLACE_AGE,
     START_STATE,
     TIME_LEFT,
+    UNKNOWN,
     CoreSettings,
     KeepPlace,
     StartState,
@@ -105,11 +106,6 @@ LOOKS = 3
 """How often the navigation is asked for a drive that has booted. It believes the navigation when two positions agree,
 and one of them may be unknown or wrong."""
 
-AGREEING = 50.0
-"""Drive and navigation agree on a place if their positions are this near, mm."""
-
-UNSEEN: Place = (None, None, None)
-
 LOST_PLACE = "the drive has lost its place"
 
 
@@ -126,17 +122,28 @@ def keep_place(core: CoreSettings) -> Script[None]:
         yield from drive_position(core)  # raises NoAnswer: a drive that is not there is not one without SDO
 
 
+def _is_confirmed(core: CoreSettings, since: float) -> Script[bool]:
+    """Return whether drive and navigation have agreed on the place since a time in s."""
+    with suppress(NoAnswer):
+        age = yield from _asked_drive(core, PLACE_AGE)
+        return age is not None and age != UNKNOWN and age / 1000 <= core.now - since
+    return False  # a drive without SDO
+
+
 class PlaceLost(StateError):
     """The drive is not where it was last seen, and the navigation does not see it where it says that it is."""
 
 
 def find_place(
-    core: CoreSettings, there: Place | None, start: Place, seen: Callable[[float], Place | None]
+    core: CoreSettings,
+    there: Place | None,
+    start: Place,
+    displacement: float,
 ) -> Script[messages.KalmanPositionResponse]:
     """Have the navigation look where the drive is, and check that it is where it was last seen (`there`), if it was.
 
-    `seen` returns the navigation's last place of ours since a time in s. Raises NoAnswer; PlaceLost if the drive is
-    elsewhere, or so near its `start` place that it may just have begun there, and the navigation does not agree.
+    Raises NoAnswer; PlaceLost if the drive is farther than the `displacement` in mm away, or so near its `start` place
+    that it may just have begun there, and no position of the navigation has agreed with it since.
     """
     began = core.now
     for _ in range(LOOKS):
@@ -146,9 +153,9 @@ def find_place(
     here = yield from drive_position(core)
     if there is None:
         return here
-    moved = not is_near(there, here[:3], core.displacement, ANY_ANGLE)
+    moved = not is_near(there, here[:3], displacement, ANY_ANGLE)
     unseen = is_near(start, here[:3], AT_START, ANY_ANGLE) and not is_near(start, there, AT_START, ANY_ANGLE)
-    if (moved or unseen) and not is_near(seen(began) or UNSEEN, here[:3], AGREEING, ANY_ANGLE):
+    if (moved or unseen) and not (yield from _is_confirmed(core, began)):
         text = f"it was last seen at {there[:2]}, says {here[:2]} now, and the navigation does not see it there"
         raise PlaceLost(
             f"{LOST_PLACE}: {text}; whoever has put the robot at its start place says so: configure_start()"
