@@ -261,11 +261,15 @@ def test_no_goto_leaves_with_a_node_of_another_dialect(other: str, checked: bool
     assert bench.sent(GotoXY) == []
 
 
-def test_a_core_that_boots_starts_anew() -> None:
+def test_a_core_that_boots_starts_anew_if_the_drive_has_booted_too() -> None:
     bench = Bench()
     bench.configure()
+    bench.drive.reset()
     bench.core.restart(bench.now)
-    assert refused(bench.core) == f"no goto yet: {NOT_CHECKED}; {NOT_CONFIGURED}"
+    call = bench.core.goto(*GOTO)  # not refused yet: the drive is asked what it remembers
+    bench.run(1.0)
+    assert str(call.exception(0)) == f"no goto yet: {NOT_CHECKED}; {NOT_CONFIGURED}"
+    assert bench.sent(GotoXY) == []
 
 
 def test_a_configuration_that_fails_takes_the_one_before_with_it() -> None:

@@ -1082,7 +1082,7 @@ def test_18_an_answer_about_the_goto_before_is_tolerated(half: Bench) -> None:
     call = half.core.goto(*GOAL)
     half.run(0.002)
     half.say("drive", GotoConfirm(), within=0.21)
-    half.arrive(FAR)
+    half.arrive(GOAL._replace(x=GOAL.x - 100))
     half.run(0.11)
     assert not call.done()
     half.say("drive", GotoStateResponse(900), within=0.11)
