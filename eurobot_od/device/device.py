@@ -38,7 +38,7 @@ from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, RESTRICTED, Address, Value, owner
+from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NMT_COB_ID, RESTRICTED, Address, Value, owner
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message
 from eurobot_od.pdo.protocol import Protocol
