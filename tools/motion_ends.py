@@ -15,7 +15,6 @@ import argparse
 import asyncio
 import json
 import multiprocessing
-import os
 import random
 import signal
 import socket
@@ -362,40 +361,43 @@ def measure_all(
 ) -> Iterator[tuple[tuple[str, str, str], Measured]]:
     """Measure each combination, with a drive of its own for each, and a new server where the last one was ended."""
     port = free_port()
-    channel, server = share(port), None
+    channel = share(port)
     dictionary = Dictionary.load(EDS, NODE, "servo")
-    for key in ((end, condition, mode) for end in names for condition in conditions for mode in modes):
-        for _ in range(ATTEMPTS):
-            drive = Lossy(dictionary)
-            with Live.node(open_bus("virtual", channel), drive):
-                server = server or Server(port)
-                page = browser.page()
-                page.size(1600)
-                page.open(server.address + "#drives")
-                found = measured(Scene(drive, server, page), *key, channel)
-                send_only(page, "Page.close")
-            # A server that was ended, or that still stops a drive that is gone, does not meet the next one.
-            if key[0] in SERVER_ENDS or found.trouble:
-                server.close()
-                server = None
-            if not found.trouble.startswith("not measured"):
-                break
-        yield key, found
-    if server is not None:
-        server.close()
+    with ExitStack() as servers:
+        server: Server | None = None
+        for key in ((end, condition, mode) for end in names for condition in conditions for mode in modes):
+            for _ in range(ATTEMPTS):
+                drive = Lossy(dictionary)
+                with Live.node(open_bus("virtual", channel), drive):
+                    if server is None:
+                        server = Server(port)
+                        servers.callback(server.close)
+                    page = browser.page()
+                    page.size(1600)
+                    page.open(server.address + "#drives")
+                    found = measured(Scene(drive, server, page), *key, channel)
+                    send_only(page, "Page.close")
+                # A server that was ended, or that still stops a drive that is gone, does not meet the next one.
+                if key[0] in SERVER_ENDS or found.trouble:
+                    servers.close()
+                    server = None
+                if not found.trouble.startswith("not measured"):
+                    break
+            yield key, found
 
 
-def busy(parent: int) -> None:
-    """Load a core as long as the process `parent` lives: one that is killed ends nobody."""
+def busy() -> None:
+    """Load a core as long as the tool lives: one that is killed ends nobody."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    while os.getppid() == parent:
+    parent = multiprocessing.parent_process()
+    while parent is not None and parent.is_alive():
         sum(range(10000))
 
 
 @contextmanager
 def load(cores: int) -> Iterator[None]:
     """Keep some cores busy."""
-    workers = [multiprocessing.Process(target=busy, args=(os.getpid(),), daemon=True) for _ in range(cores)]
+    workers = [multiprocessing.Process(target=busy, daemon=True) for _ in range(cores)]
     for each in workers:
         each.start()
     try:
@@ -436,6 +438,7 @@ def main() -> int:
     asked = parser.parse_args()
     # A shell has a program in the background ignore Ctrl-C, and the server would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended"))  # with browser, server and load
     results: dict[tuple[str, str, str], Measured] = {}
     with load(asked.load), running() as browser:
         for key, found in measure_all(browser, asked.ends, asked.condition or CONDITIONS, asked.mode or MODES):

@@ -1,0 +1,29 @@
+"""The tool that measures how motions end leaves nothing behind."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TOOLS = Path(__file__).parents[2] / "tools"
+
+LOADS = """
+import time
+from motion_ends import load
+with load(2):
+    print("loaded", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.posix
+def test_what_loads_the_machine_does_not_outlive_the_tool() -> None:
+    with subprocess.Popen([sys.executable, "-c", LOADS], cwd=TOOLS, stdout=subprocess.PIPE) as tool:
+        assert tool.stdout is not None
+        assert tool.stdout.readline() == b"loaded\n"
+        tool.kill()
+        # The end of the output: whoever still had it would be alive.
+        assert tool.communicate(timeout=30) == (b"", None)
