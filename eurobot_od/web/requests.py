@@ -29,6 +29,7 @@ from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import BusError, DriveError, EurobotError, LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import (
     ALL_NODES,
@@ -268,27 +269,27 @@ class Requests:
         # An SDO request names its object, whatever is mapped.
         if reason or frame.cob_id == NMT_COB_ID or SDO_REQUEST_BASE < frame.cob_id <= SDO_REQUEST_BASE + NODE_IDS[-1]:
             return reason
-        async with self._one_order:
-            unknown = await asyncio.to_thread(self._read_mappings)
+        unread = [each for each in self.session.decoder.dictionaries if self._is_unread(each.node_id)]
+        unknown = [await self._read_mapping(each) for each in unread]
         # Each answer was on the bus, and is part of what it has shown.
-        return self.guard.of_frame(frame) or unknown
+        return self.guard.of_frame(frame) or "; ".join(filter(None, unknown))
 
-    def _read_mappings(self) -> str:
-        """Read the PDO parameters of nodes that were not asked yet; return why what they obey is not known."""
-        reasons = []
-        for each in self.session.decoder.dictionaries:
-            if each.node_id not in self.guard.guarded - self._read_from:
-                continue
-            if each.node_id in self._silent and not self.drives.has_heard(each.node_id):
-                continue
-            try:
-                pdo_parameters(self._orders.node(each.node_id), each)
-                self._read_from.add(each.node_id)
-            except RemoteError as error:
-                self._silent.add(each.node_id)
-                if self.drives.has_heard(each.node_id):  # else it is not there
-                    reasons.append(f"which frames {each.name} obeys now is not known: {error}")
-        return "; ".join(reasons)
+    def _is_unread(self, node_id: int) -> bool:
+        is_there = node_id not in self._silent or self.drives.has_heard(node_id)
+        return is_there and node_id in self.guard.guarded - self._read_from
+
+    async def _read_mapping(self, each: Dictionary) -> str:
+        """Read the PDO parameters of a node; return why what it obeys is not known."""
+        try:
+            async with self._one_order:
+                await asyncio.to_thread(pdo_parameters, self._orders.node(each.node_id), each)
+        except RemoteError as error:
+            self._silent.add(each.node_id)
+            # Who was never heard is not there.
+            is_there = self.drives.has_heard(each.node_id)
+            return f"which frames {each.name} obeys now is not known: {error}" if is_there else ""
+        self._read_from.add(each.node_id)
+        return ""
 
     async def _message(self, said: Arguments) -> Frame:
         """Return the frame of a message, with its fields as a person writes them."""

@@ -20,6 +20,7 @@ from eurobot_od.client.lifeline import LOST_AFTER
 from eurobot_od.client.motion import AxisAddress, AxisObjects, MotionEnd
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.faults import DRIVE_FAULTS
+from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError
 from eurobot_od.frame import Frame
@@ -493,6 +494,14 @@ def test_the_guard_reads_what_the_drive_has_mapped(tmp_path: Path) -> None:
     """RPDO 3 had been moved before the server began: one click turned the drive."""
     with bench(tmp_path, given={(0x1402, 1): 0x6A0}) as scene:
         assert scene.ask(**MOVED)["asks"] == "it carries 0x6040:0 to servo, which commands a drive"
+
+
+def test_a_drive_that_does_not_say_what_it_obeys_has_to_be_confirmed(tmp_path: Path) -> None:
+    with bench(tmp_path) as scene:
+        assert scene.ask(do="read", node="servo", object="0x1000")["ok"], "it is there"
+        assert scene.ask(do="nmt", command="stop", node="servo")["ok"], "it answers no SDO then"
+        until(lambda: scene.drive.device.state is NmtState.STOPPED)
+        assert scene.ask(**MOVED)["asks"].startswith("which frames servo obeys now is not known: ")
 
 
 def test_the_guard_hears_what_another_master_maps(tmp_path: Path) -> None:
