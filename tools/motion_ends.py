@@ -326,6 +326,9 @@ def begin(scene: Scene, mode: str) -> None:
         assert time.monotonic() < end, f"it does not begin to turn: {page.text('#toast')}"
         time.sleep(0.005)
     time.sleep(0.3)
+    before = scene.place
+    time.sleep(0.05)
+    assert abs(scene.place - before) >= MOVES_FROM, f"it has stopped before: {page.text('#toast')}"
 
 
 def standstill(scene: Scene) -> Measured:

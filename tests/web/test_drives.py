@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -445,13 +445,16 @@ def test_what_is_sent_raw_is_void_once_it_is_stopped(jogged: Jogged) -> None:
     assert not sent
 
 
-async def turned_by_frames(opened: aiohttp.ClientWebSocketResponse, scene: Bench) -> None:
-    """Have the server send RPDO 3 again and again until the drive turns."""
+SENT = {"frame": f"405#{JOGS_BY_RPDO.data.hex()}", "sure": True}
+
+
+async def turned_by(opened: aiohttp.ClientWebSocketResponse, scene: Bench, **sent: Any) -> None:
+    """Have the server send RPDO 3, and wait until the drive turns."""
     for words in (
         {"do": "drive", "node": "servo", "axis": 1, "command": "enable"},
         {"do": "write", "node": "servo", "object": "0x6060", "value": "3", "sure": True},
         {"do": "nmt", "command": "start", "node": "servo", "sure": True},
-        {"do": "cycle", "key": "a", "period": 20, "frame": f"405#{JOGS_BY_RPDO.data.hex()}", "sure": True},
+        {**SENT, **sent},
     ):
         assert "error" not in await answer(opened, json.dumps({"id": 1, **words}))
     while scene.velocity <= 0:
@@ -472,7 +475,7 @@ def test_what_is_sent_again_and_again_ends_at_rest(tmp_path: Path, end: dict[str
     """A page that was closed left its last target in the drive, and a halt met the next frame."""
 
     async def act(opened: aiohttp.ClientWebSocketResponse) -> None:
-        await turned_by_frames(opened, scene)
+        await turned_by(opened, scene, do="cycle", key="a", period=20)
         if end is not None:
             await answer(opened, json.dumps({"id": 1, **end}))
             while abs(scene.velocity) > 0.001:
@@ -484,6 +487,44 @@ def test_what_is_sent_again_and_again_ends_at_rest(tmp_path: Path, end: dict[str
         talk(scene.served, act)
         until(lambda: abs(scene.velocity) < 0.001)
         until(lambda: scene.drive.device.objects.kept((0x60FF, 0)) == 0)
+
+
+def test_what_a_page_has_sent_ends_with_it(tmp_path: Path) -> None:
+    with bench(tmp_path) as scene:
+        talk(scene.served, lambda opened: turned_by(opened, scene, do="send frame"))
+        until(lambda: abs(scene.velocity) < 0.001)
+
+
+class Killed(BaseException):
+    """The program is gone."""
+
+
+@rows(
+    "order",
+    [
+        lambda drives: drives.jog(AXIS, 1000),
+        lambda drives: drives.command(AXIS, "move", {"position": 10_000_000, "velocity": 500}),
+    ],
+)
+def test_the_drive_stands_after_whatever_frame_the_program_is_killed(order: Callable[[Drives], object]) -> None:
+    turned = []
+    for frames in range(1, 26, 3):
+        with jogging() as scene:
+            send, left = scene.network.master.send, iter(range(frames))
+
+            def counted(cob_id: int, data: bytes, send: Any = send, left: Iterator[int] = left) -> None:
+                if next(left, None) is None:
+                    raise Killed
+                send(cob_id, data)
+
+            scene.network.master.send = counted  # type: ignore[method-assign]
+            with suppress(Killed):
+                order(scene.drives)
+                scene.pass_time(5, held=True)
+            turned.append(abs(scene.velocity) > 0)
+            scene.network.sleep(LOST_AFTER + 0.5)
+            assert abs(scene.velocity) < 0.001
+    assert any(turned)
 
 
 MOVED = {"do": "send frame", "frame": "6A0#0600E8030000"}
