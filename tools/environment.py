@@ -20,6 +20,9 @@ FOLDER = ROOT / ".venv"
 PYTHON = FOLDER / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 OLDEST = (3, 11)
 
+LOCK = Path(__file__).resolve().parent / "constraints.txt"
+"""The versions of all packages for CI and the nightly, on each system; CONTRIBUTING.md says how to renew them."""
+
 UNFINISHED = "unfinished"
 """File in an environment that is being made; one that still has it was broken off, and is made anew."""
 
@@ -65,8 +68,14 @@ def prepare(extras: str = "") -> Path:
 
 
 def wanted() -> str:
-    """Return what stands for the packages that `pyproject.toml` names now."""
-    return hashlib.sha256((ROOT / "pyproject.toml").read_bytes()).hexdigest()
+    """Return what stands for the packages that `pyproject.toml` names now, in CI in these versions."""
+    files = [ROOT / "pyproject.toml", *([LOCK] if locked() else [])]
+    return hashlib.sha256(b"".join(each.read_bytes() for each in files)).hexdigest()
+
+
+def locked() -> list[str]:
+    """Return pip's options for the versions that CI has been green with; a user gets the newest."""
+    return ["--constraint", str(LOCK)] if os.environ.get("CI") == "true" else []
 
 
 def is_current(stamp: Path) -> bool:
@@ -79,7 +88,8 @@ def _install(extras: str) -> None:
     if not PYTHON.is_file() or (FOLDER / UNFINISHED).exists():
         _create()
     target = f"{ROOT}[{extras}]" if extras else str(ROOT)
-    command = [str(PYTHON), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--editable", target]
+    command = [str(PYTHON), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *locked()]
+    command += ["--editable", target]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if "No module named pip" in result.stderr:
         sys.exit(f"{FOLDER} has no pip; remove it and try again")

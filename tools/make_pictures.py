@@ -19,7 +19,8 @@ from rich.text import Text
 from eurobot_od.frame import Frame
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.scene.files import seen_match
+from eurobot_od.robot.scene.files import SeenMatch, seen_match
+from eurobot_od.robot.scene.one_goto import longest, picture
 from eurobot_od.robot.scene.scene import sheet
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import Controls, Size, Traffic, screen
@@ -46,9 +47,6 @@ WIDTH, HEIGHT = 150, 36
 STEP_WIDTH = 132
 BITRATE = 500_000
 
-FIELD_ALONE = "30 230 3240 2190"
-"""The part of the picture that is the field: 190, 300 is its corner, 3000 by 2000 mm its size."""
-
 LEGIBLE = 43
 """Size of its texts: 11 px at a width of 830 px."""
 
@@ -65,18 +63,20 @@ text {{ font-family: "DejaVu Sans Mono", Menlo, Consolas, monospace; font-size: 
 """The terminal as rich draws it, without its web font."""
 
 
-def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
-    """Play the match; return its frames, the picture of the field, and the decoder of its dialect."""
+def play() -> tuple[list[tuple[float, Frame]], SeenMatch]:
+    """Play the match; return its frames, and what was seen of it."""
     frames: list[tuple[float, Frame]] = []
     _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
     match = seen_match(frames, OPTIONS, world)
-    return frames, sheet(match.recording, match.facts, f"Match, seed {OPTIONS.seed}"), match.decoder
+    return frames, match
 
 
-def field_alone(drawing: str) -> str:
-    """Return the field without what is beside it, its texts large enough for a page that is 830 px wide."""
-    cropped = re.sub(r'viewBox="[^"]*"', f'viewBox="{FIELD_ALONE}"', drawing, count=1)
-    return re.sub(r'font-size="(28|31|36|38)"', f'font-size="{LEGIBLE}"', cropped)
+def one_goto(match: SeenMatch) -> str:
+    """Return the match's longest goto, its texts large enough for a page that is 830 px wide."""
+    goto = longest(match.recording.gotos, match.recording.path)
+    assert goto is not None, "no goto was reached"
+    drawing = picture(match.recording, match.facts, goto)
+    return re.sub(r'font-size="(28|31|36|38)"', f'font-size="{LEGIBLE}"', drawing)
 
 
 def monitor(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
@@ -109,11 +109,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Make the pictures of the documentation.")
     parser.add_argument("--folder", type=Path, default=DOCS, help="where to (default: docs)")
     folder: Path = parser.parse_args(arguments).folder
-    frames, field, decoder = play()
+    frames, match = play()
     for name, text in (
-        ("match.svg", field),
-        ("field.svg", field_alone(field)),
-        ("monitor.svg", monitor(frames, decoder)),
+        ("match.svg", sheet(match.recording, match.facts, f"Match, seed {OPTIONS.seed}")),
+        ("field.svg", one_goto(match)),
+        ("monitor.svg", monitor(frames, match.decoder)),
         ("red-step.svg", red_step()),
     ):
         (folder / name).write_text(text, encoding="utf-8")

@@ -83,7 +83,9 @@ REFUSED = (
     (r"/bit_rates/ 500", "every node has to have the bit rate of the network"),
     (r".*/range/ 0", "the default is 0, and a table with a default outside the range is refused"),
     (r".*/codes/.* [01]", "a field of one bit has no third number, and none stands for two codes"),
-    (r"/objects/Goto XY/fields/(X position|Barriers)/bits .*", "all 64 bits of the frame are used"),
+    (r"/objects/Goto XY/fields/Barriers/bits .*", "all 64 bits of the frame are used"),
+    (r"/objects/Goto XY/fields/.*/bits .*", "the barriers, which a frame may leave out, have to begin on a byte"),
+    (r"/dialects/canopen/reserved/Goto XY/Barriers .*", "the same"),
 )
 
 

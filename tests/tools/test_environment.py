@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import subprocess
 import sys
+import tomllib
 import venv
 from pathlib import Path
+from typing import Any
 
 import environment
 import pytest
@@ -53,6 +56,22 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Checkout:
     monkeypatch.setattr(environment, "FOLDER", folder)
     monkeypatch.setattr(environment, "PYTHON", folder / environment.PYTHON.relative_to(environment.PYTHON.parents[1]))
     return Checkout(tmp_path)
+
+
+@pytest.mark.parametrize(("ci", "is_locked"), [("true", True), ("", False)])
+def test_only_ci_installs_the_locked_versions(checkout: Checkout, ci: str, is_locked: bool, monkeypatch: Any) -> None:
+    monkeypatch.setenv("CI", ci)
+    environment.prepare()
+    assert (f"--constraint {environment.LOCK}" in checkout.calls.read_text()) is is_locked
+
+
+def test_the_lock_has_what_pyproject_names_and_no_path() -> None:
+    lines = environment.LOCK.read_text(encoding="utf-8").splitlines()
+    assert all(re.fullmatch(r"[a-z0-9][a-z0-9._-]*==[^ @/]+( ; .*)?", each) for each in lines)
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    names = {re.split(r"[^A-Za-z0-9_.-]", each)[0].lower() for each in wanted}
+    assert names <= {each.partition("==")[0] for each in lines}
 
 
 def test_sets_up_once(checkout: Checkout) -> None:

@@ -97,10 +97,14 @@ def always_zero(bits: PlacedNumber) -> TableField:
 
 @dataclass(frozen=True)
 class Record:
-    """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order."""
+    """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order.
+
+    From the field `optional` on a frame may leave them out.
+    """
 
     index: Annotated[PlacedNumber, Within(0x2000, 0x2FFF, form="0x{:04X}")]
     fields: Annotated[dict[PlacedText, TableField], filled]
+    optional: PlacedText | None = None
 
 
 @dataclass(frozen=True)
@@ -435,6 +439,36 @@ def codes_with_one_number(table: Table) -> Iterator[Problem]:
                 yield Problem(number.place, f"codes '{first[number]}' and '{name}' are both {number}")
 
 
+def tails_that_begin_within_a_byte(table: Table) -> Iterator[Problem]:
+    """Check that a frame may end before an object's optional fields: they begin on a byte.
+
+    Bytes in the other order are those of a robot that there was; its table says what it was like.
+    """
+    for dialect in table.dialects.values():
+        for name, each in table.objects.items():
+            if each.optional is not None and name not in dialect.most_significant_first:
+                yield from _within_a_byte(dialect, name, each, each.optional)
+
+
+def _within_a_byte(dialect: DialectRow, name: PlacedText, plain: Record, optional: PlacedText) -> Iterator[Problem]:
+    fields, reserved = dialect.form_of(name, plain).fields, dialect.reserved.get(name, {})
+    if optional not in fields:
+        yield Problem(optional.place, f"unknown field '{optional}'")
+        return
+    begin = 0
+    for field_name, each in fields.items():
+        begin += reserved.get(field_name, 0)
+        if field_name == optional:
+            break
+        begin += each.bits
+    if begin % 8:
+        more = f"{(reserved.get(optional, 0) - begin) % 8} reserved bits"
+        what = f"'{optional}' is optional and begins at bit {begin % 8} of byte {begin // 8}; a dialect with {more}"
+        yield Problem(
+            reserved[optional].place if optional in reserved else optional.place, f"{what} before it has it on a byte"
+        )
+
+
 CHECKS = (
     fingerprints_without_room,
     identifiers_of_services,
@@ -445,6 +479,7 @@ CHECKS = (
     fields_that_do_not_hold,
     fields_that_would_carry_nothing,
     messages_too_long,
+    tails_that_begin_within_a_byte,
     traffic_that_does_not_hold,
 )
 

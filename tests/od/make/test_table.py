@@ -119,6 +119,16 @@ INVALID = {
         "identifier: ^0x701",
         "identifier 0x701 is CANopen's own: the heartbeat of node 1",
     ),
+    "optional tail within a byte": (
+        "  Target:\n    index: 0x2000\n",
+        "  Target:\n    index: 0x2000\n    optional: ^Speed\n",
+        "'Speed' is optional and begins at bit 4 of byte 1; a dialect with 4 reserved bits before it has it on a byte",
+    ),
+    "unknown optional field": (
+        "  Target:\n    index: 0x2000\n",
+        "  Target:\n    index: 0x2000\n    optional: ^Pace\n",
+        "unknown field 'Pace'",
+    ),
     "two codes of one number": (
         "codes: {unknown: 0xFFF}",
         "codes: {unknown: 0xFFF, lost: ^0xFFF}",
