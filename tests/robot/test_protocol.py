@@ -414,7 +414,7 @@ def test_a_value_that_its_bits_cannot_hold_is_not_sent(
 
 def test_the_codec_follows_the_table(tmp_path: Path) -> None:
     table = (ROOT / "eds" / "protocol.yaml").read_text().replace("{Barriers: 6}", "{Barriers: 4}")
-    wider, count = re.subn(r"(Goto XY:.*\n.*\n.*\n *X position: \{bits: )12", r"\g<1>14", table)
+    wider, count = re.subn(r"(Goto XY:.*\n.*\n.*\n.*\n *X position: \{bits: )12", r"\g<1>14", table)
     assert count == 1
     write_files(make_files(read_table(wider, "protocol.yaml")), tmp_path)
     protocol = EurobotProtocol.load(tmp_path / "canopen")

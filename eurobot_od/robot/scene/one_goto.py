@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import dist
+from typing import Any
 
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import OURS, Outcome, Passage
@@ -89,7 +90,7 @@ def _robot(facts: Facts, look: Look, place: PathPoint) -> Iterator[str]:
     x, y = on_paper(facts.field, place.x, place.y)
     yield look.at((x, y), place.angle)
     name = "our robot" if look.name == OURS else look.name
-    edge = {"stroke": style.PAPER, "stroke_width": 12, "paint_order": "stroke"}
+    edge: dict[str, Any] = {"stroke": style.PAPER, "stroke_width": 12, "paint_order": "stroke"}
     yield style.label((x, y + look.radius + WORDS), name, look.colour, WORDS * 0.8, **edge)
 
 
