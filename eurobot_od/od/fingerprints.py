@@ -5,9 +5,9 @@ one for each message of the table, whether the node has it or not. Why not an ob
 number (0x1018:3) is raised by a person, who may forget it; the date and time of 0x1020 are a configuration tool's,
 which any write to the node resets. Both stay what they are.
 
-A fingerprint covers name, identifier, order and bits of what is mapped, and its units and codes. Ranges are not in it:
-whoever receives a value sees that it is out of range. The upper 11 bits are the identifier, so that messages can be
-told apart without their names.
+A fingerprint covers name and identifier, the names, order and bits of what is mapped, and its units and codes. Ranges
+are not in it: whoever receives a value sees that it is out of range. The upper 11 bits are the identifier, so that
+messages can be told apart without their names.
 """
 
 from __future__ import annotations
@@ -36,8 +36,13 @@ HASH_BITS = 21
 
 
 class MappedPart(NamedTuple):
-    """One entry of a mapping, as far as it decides how a frame is read; `signed` is None for bits without a value."""
+    """One entry of a mapping, as far as it decides how a frame is read.
 
+    Bits without a value have no `name`, and their `is_signed` is None. Names count: two fields of one width that have
+    changed places have the same entries.
+    """
+
+    name: str
     entry: int
     is_signed: bool | None
     is_real: bool
@@ -47,7 +52,7 @@ class MappedPart(NamedTuple):
     def text(self) -> str:
         """The same in one text."""
         codes = sorted(self.meaning.codes.items())
-        return f"{self.entry:08X} {self.is_signed} {self.is_real} {self.meaning.unit} {codes}"
+        return f"{self.name} {self.entry:08X} {self.is_signed} {self.is_real} {self.meaning.unit} {codes}"
 
 
 def fingerprint(name: str, identifier: int, parts: Iterable[MappedPart]) -> int:
@@ -69,7 +74,8 @@ def of_pdo(pdo: Pdo) -> int:
 def _part(mapped: Mapped) -> MappedPart:
     signed = None if mapped.is_padding else mapped.type.is_signed
     entry = MappingEntry(*mapped.address, mapped.bits).number
-    return MappedPart(entry, signed, mapped.type in REALS, mapped.meaning)
+    name = "" if mapped.is_padding else mapped.variable.name
+    return MappedPart(name, entry, signed, mapped.type in REALS, mapped.meaning)
 
 
 def in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[str, int]:

@@ -208,8 +208,13 @@ class ObjectLayout:
     @property
     def mapped(self) -> list[MappedPart]:
         """The mapping as far as it decides how a frame is read."""
-        wholes = (None if carries_nothing(each.field) else self.fields[each.field] for each in self.parts)
-        return [mapped_part(entry, whole) for entry, whole in zip(self.targets, wholes)]
+        return [self._mapped_part(entry, part) for entry, part in zip(self.targets, self.parts)]
+
+    def _mapped_part(self, entry: int, part: Slice) -> MappedPart:
+        if carries_nothing(part.field):
+            return MappedPart("", entry, None, is_real=False, meaning=NO_MEANING)
+        name, whole = part.field if self.is_whole(part) else part.name, self.fields[part.field]
+        return MappedPart(name, entry, whole.is_signed, whole.type is FieldType.REAL32, whole.meaning)
 
     @property
     def begins(self) -> dict[PlacedText, int]:
@@ -220,13 +225,6 @@ class ObjectLayout:
     def is_whole(self, part: Slice) -> bool:
         """Tell whether a part is a whole field."""
         return part.field in self.fields and part.bits == self.fields[part.field].bits
-
-
-def mapped_part(entry: int, whole: TableField | None) -> MappedPart:
-    """Return an entry of a mapping with what its numbers mean; bits without a value are of no field."""
-    if whole is None:
-        return MappedPart(entry, None, is_real=False, meaning=NO_MEANING)
-    return MappedPart(entry, whole.is_signed, whole.type is FieldType.REAL32, whole.meaning)
 
 
 def layouts(table: Table, dialect: DialectRow) -> dict[PlacedText, ObjectLayout]:

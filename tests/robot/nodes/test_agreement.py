@@ -64,6 +64,11 @@ def loaded(folder: Path, dialect: str, name: str) -> Dictionary:
     return Dictionary.load(folder / dialect / f"{name}.eds")
 
 
+POSITIONS = """\
+      X position: {bits: 12, range: [0, 3000], default: 0, unit: mm}
+      Y position: {bits: 12, range: [0, 2000], default: 0, unit: mm}"""
+"""Two fields of one width: in the other order, each takes the other's bits."""
+
 CHANGES = [
     # what is changed, whose file has the change, and what is said about Goto XY, Goto State, ...
     (
@@ -81,6 +86,7 @@ CHANGES = [
     ("bits: 24", "bits: 25", "drive", "Goto State Response"),
     ("yellow: 0, red: 1", "yellow: 1, red: 0", "navigation", "Start Configuration Set (0x2C0): its codes"),
     ("3000], default: 0, unit: mm}", "3000], default: 0, unit: 2 mm}", "drive", "Goto XY (0x008): its codes, units"),
+    (POSITIONS, "\n".join(reversed(POSITIONS.split("\n"))), "drive", "Goto XY (0x008): its codes, units or name"),
     ("Enemies: {bits: 2", "Enemies: {bits: 3", "navigation", "Start Configuration Set"),
 ]
 
