@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from importlib import import_module
-from itertools import chain
+from itertools import chain, islice
 from pathlib import PurePath
 from typing import Any, BinaryIO, NamedTuple, cast
 
@@ -40,8 +40,8 @@ _ASC = rb"date |base +(?:hex|dec)|[ \t]*\d+\.\d+ +(?:\d+ +[0-9A-Fa-f]+x? +|CANFD
 _TRC = rb";\$|[ \t]*\d+\)?[ \t]+[\d.,]+[ \t]+(?:\d[ \t]+)?(?:[RT]x|DT|[0-9A-F]{4,8})[ \t]+(?:\d[ \t]+)?[0-9A-F]"
 _CARBUS = rb"@ TEXT @|\d+,\d+\t\d+\t[0-9A-Fa-f]+\t[0-9A-Fa-f]+\t\d\t"
 _COLUMNS = (
-    rb"(?i:(?=[^\n]*(?:\b|_)(?:can[ _]?id|id|identifier|addr|address|cob[ _-]?id)\b)"
-    rb"(?=[^\n]*(?:\b(?:data|payload|[db][01]|byte ?[01])|bytes\b))[^\n]*[,;\t][^\n]*\n)"
+    rb"(?i:(?=[^\n]*(?:\b|_)(?:(?:can|frame)[ _]?id|id|identifier|addr|address|cob[ _-]?id)\b)"
+    rb"(?=[^\n]*(?:\b(?:data|payload|[db][01]|byte ?[01a])|bytes\b))[^\n]*[,;\t][^\n]*\n)"
 )
 """Patterns that do not fit into a row: a log may also begin in its middle, as people paste a part of it."""
 
@@ -50,7 +50,7 @@ FORMATS: Mapping[str, LogFormat] = {
     "candump": LogFormat("lines", "CandumpFormat"),
     "console": LogFormat("lines", "ConsoleFormat", _CONSOLE),
     "old": LogFormat("pasted", "OldFormat", rb"[ \t]*<0x[0-9A-Fa-f]+>[ \t]+\["),
-    "message": LogFormat("pasted", "MessageFormat", rb"[ \t]*Timestamp:[ \t]*[\d.]+[ \t]+ID:"),
+    "message": LogFormat("pasted", "MessageFormat", rb"[^\n]*\bTimestamp:[ \t]*[\d.]+[ \t]+ID:"),
     "asc": LogFormat("lines", "AscFormat", _ASC),
     "trc": LogFormat("lines", "TrcFormat", _TRC),
     "crtd": LogFormat("pasted", "CrtdFormat", rb"\d+\.\d+ \d*(?:[RT](?:11|29)|C[A-Z]{2}) "),
@@ -111,6 +111,9 @@ PACKED = b"\x1f\x8b"
 
 BEGINNING = 1024
 """Number of first bytes that are looked at."""
+
+MOST_STRANGE = 3
+"""Most lines before the first frame that may be anything: a paste often begins with the command that was typed."""
 
 
 MANY = 1 << 11
@@ -201,7 +204,8 @@ def _said_by(beginning: bytes, name: object) -> str:
 
     Standard input and other files without a name are read as candump's. Raises LocalError for a name without one.
     """
-    found = CONTENT.match(beginning)
+    starts = (0, *islice((each.end() for each in re.finditer(rb"\n", beginning)), MOST_STRANGE))
+    found = next(filter(None, (CONTENT.match(beginning, start) for start in starts)), None)
     if found is not None and found.lastgroup is not None:
         return found.lastgroup
     if not isinstance(name, str) or name == "<stdin>":

@@ -16,7 +16,7 @@ from eurobot_od.traffic.formats.lines import LineFormat, matched
 
 
 MESSAGE = re.compile(
-    rb"\s*Timestamp:\s*(?P<time>[\d.]+)\s+ID:\s*(?P<identifier>[0-9a-f]{1,8})\s+(?P<format>[SX])(?:\s+[RT]x)?"
+    rb"Timestamp:\s*(?P<time>[\d.]+)\s+ID:\s*(?P<identifier>[0-9a-f]{1,8})\s+(?P<format>[SX])(?:\s+[RT]x)?"
     rb"(?P<flags>(?:\s+(?:E|R|F|BS|EI))*)\s+(?:DLC?):\s*(?P<length>\d+)(?P<data>(?:\s+[0-9a-f]{2}\b)*)"
     rb"(?:\s+'.*')?(?:\s+Channel:\s*(?P<channel>\S+))?\s*",
     re.IGNORECASE | re.DOTALL,
@@ -24,13 +24,13 @@ MESSAGE = re.compile(
 
 
 class MessageFormat(LineFormat):
-    """Reads what a program prints of python-can's messages; other lines are the program's own."""
+    """Reads what a program prints of python-can's messages, also behind a logger's words; other lines are its own."""
 
     def comment(self, line: bytes) -> bool:
-        return not line.strip().startswith(b"Timestamp:")
+        return b"Timestamp:" not in line
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        found = matched(MESSAGE.fullmatch(line))
+        found = matched(MESSAGE.fullmatch(line[line.index(b"Timestamp:") :]))
         data, flags = bytes.fromhex(found["data"].decode()), found["flags"].split()
         is_error, is_remote, is_fd = (each in flags for each in (b"E", b"R", b"F"))
         said = int(found["identifier"], 16), data, int(found["length"]), found["format"] in b"Xx"
@@ -136,8 +136,11 @@ NAMES: Mapping[str, Sequence[str]] = {
 }
 """What a column is, by its name without spaces, signs, units and `(hex)`."""
 
-OCTET = re.compile(r"(?:d|b|data|byte|databyte|db)(\d)")
+OCTET = re.compile(r"(?:d|b|data|byte|databyte|db)(\d)|byte([a-h])")
 UNIT = re.compile(r"[(\[_ ]\s*(ms|us|µs|ns|s|sec|seconds|hex|dec)\s*[)\]]?$", re.IGNORECASE)
+SMALLER_UNIT = 1e11
+"""A time from here on is in a smaller unit than s: ms, us or ns since 1970, as programs write it without saying so."""
+
 PER_SECOND = {"ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
 TRUE = ("1", "true", "yes", "x", "ext", "extended", "29", "rtr", "remote")
 
@@ -161,7 +164,7 @@ class ColumnsFormat(LineFormat):
         words = [each.strip() for each in self._split(line)]
         units = [found[1].lower() if (found := UNIT.search(each)) else "" for each in words]
         names = [re.sub(r"[^a-z0-9]", "", UNIT.sub("", each).lower()) for each in words]
-        octets = {int(found[1]): place for place, name in enumerate(names) if (found := OCTET.fullmatch(name))}
+        octets = {found[1] or found[2]: place for place, name in enumerate(names) if (found := OCTET.fullmatch(name))}
         for what, known in NAMES.items():
             place = next((names.index(name) for name in known if name in names), None)
             if place is not None:
@@ -208,7 +211,10 @@ class ColumnsFormat(LineFormat):
         total = 0.0
         for each in larger:
             total = (total + int(each)) * 60
-        return (total + entries.seconds(float(seconds.replace(",", ".")))) / self._per_second
+        total = (total + float(seconds.replace(",", "."))) / self._per_second
+        while total >= SMALLER_UNIT:
+            total /= 1000
+        return entries.seconds(total)
 
 
 # candump of long ago, `<0x18eeff01> [8] 00 11 22 33 44 55 66 77`; it says neither time nor channel

@@ -163,3 +163,29 @@ def test_what_python_can_prints_of_all_kinds_of_messages_is_read() -> None:
 def test_the_start_of_a_measurement_of_fd_hardware_is_not_damage() -> None:
     text = "date Mon Jan 1 10:00:00 2024\nbase hex timestamps absolute\n   0.000000 CANFD Start of measurement\n"
     assert read(text + SAMPLES["asc"][0]) == [STATUS]
+
+
+PASTED: dict[str, tuple[str, str, list[Raw]]] = {
+    "the command that was typed": ("console", "me@box:~$ candump can0\n  can0  701   [1]  00\n", [BOOT]),
+    "a program's own words": ("console", "main: starts\n (1.5)  can0  TX - -  701   [1]  00\nmain: ends\n", [BOOT]),
+    "a logger's words": (
+        "message",
+        "DEBUG:can.bus:sending: Timestamp:        0.000000        ID: 0701    S          DLC: 1    00\n",
+        [BOOT],
+    ),
+    "bytes from the last to the first": ("columns", "timestamp,id,len,b1,b0\n1751721260813,0x181,2,0x02,0x37\n", []),
+    "bytes by letters": ("columns", "No,Frame_ID,Data_Length,ByteA,ByteB\n1,0x701,1,00,\n", [BOOT]),
+}
+
+
+@pytest.mark.parametrize(("form", "text", "frames"), PASTED.values(), ids=PASTED)
+def test_pasted_parts_of_a_log_are_read(form: str, text: str, frames: list[Raw]) -> None:
+    file = io.BufferedReader(io.BytesIO(text.encode()))  # type: ignore[arg-type]
+    assert formats.form_of(file) == form
+    read = [raw for *_, raw in formats.read(file, form) if isinstance(raw, Frame)]
+    assert read == (frames or [Frame(0x181, b"\x37\x02")])
+
+
+def test_a_time_in_ms_since_1970_is_one() -> None:
+    ((_, time, _, _),) = formats.read(io.BytesIO(b"timestamp,id,data\n1751721260813,0x701,00\n"), "columns")
+    assert time == 1751721260.813
