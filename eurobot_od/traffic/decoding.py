@@ -291,6 +291,8 @@ def is_followed(meaning: Meaning) -> bool:
 
 def _writes_setting(end: SdoEnd, data: bytes) -> bool:
     """Return whether a frame asks for, or confirms, the write of an object that says what other frames mean."""
+    if data[2] >> 4 != SHOWN.start >> 12:  # nearly all others, known by one byte
+        return False
     command = end.command(data)
     is_write = command is not None and command.names_object and command.direction == WRITE
     return is_write and in_force.is_followed(Initiate.of(data).address)
@@ -403,8 +405,7 @@ class Following:
         said = self._transfers.take(time, channel, end, meaning.raw.data)
         if end.is_answer:
             self._heard[channel].add(end.server)
-            where = f"at line {self._request_lines.get(key) or line}" if line else f"at {time:.6f} s"
-            self._confirm(channel, end.server, said, f"by SDO {where}")
+            self._confirm(channel, end.server, said, (self._request_lines.get(key) or line) if line else time)
         else:
             self._request_lines[key] = line
             self._leave(channel, said.ended)
@@ -422,8 +423,8 @@ class Following:
         if ended and ended.end and ended.address and not ended.is_upload and ended.address[0] in SHOWN:
             self._unconfirmed[channel, ended.end.server].add(ended.address)
 
-    def _confirm(self, channel: str, server: int, said: Said, how: str) -> None:
-        """Take in what an answer shows: of a write only what the device has confirmed."""
+    def _confirm(self, channel: str, server: int, said: Said, place: int | float) -> None:
+        """Take in what an answer shows: of a write, asked for at a line or a time in s, only what is confirmed."""
         # A device that answers has taken, or refused, what was asked before: the log does not have its answer.
         unseen = self._unconfirmed.pop((channel, server), set())
         ended = said.ended
@@ -435,7 +436,8 @@ class Following:
         for address in unseen:
             self._news(channel, self._in_force(channel).forget(server, address))
         if ended and is_confirmed and ended.address and ended.content is not None and ended.address[0] in SHOWN:
-            written = "" if ended.is_upload else how
+            where = f"by SDO at line {place}" if isinstance(place, int) else f"by SDO at {place:.6f} s"
+            written = "" if ended.is_upload else where
             self._news(channel, self._in_force(channel).show(server, ended.address, ended.content, written))
 
     def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:
@@ -491,8 +493,8 @@ class Following:
 
 EVERYTHING = Window()
 
-Known: TypeAlias = tuple[Any, tuple[Defect, ...], Meaning]
-"""What is known of a frame without those before it: its row, its defects, its meaning."""
+Known: TypeAlias = tuple[Any, tuple[Defect, ...]]
+"""What is known of a frame: its row and its defects."""
 
 
 class InUse:
@@ -504,7 +506,7 @@ class InUse:
         def known(raw: Raw) -> Known:
             meaning = decoder.remembered(raw)
             row = output.row(meaning) if wanted is None or wanted(meaning) else None
-            return row, meaning.defects, meaning
+            return row, meaning.defects
 
         self.known, self.decoder = known, decoder
         bindings = decoder.protocol.bindings if wanted is None else ()
@@ -623,11 +625,15 @@ class DecodedLog:
 
     def _row(self, batch: Batch, place: int, span: DecoderSpan, in_use: InUse) -> Any:
         """Return the row of an entry that is decoded by itself, and note what is wrong with it."""
-        row, defects, meaning = in_use.known(batch.raw(place))
-        _, said = span.followed.get(place, (0.0, meaning))
-        if said is not meaning:
-            wanted = self._asked.wanted
-            row, defects = self._asked.output.row(said) if wanted is None or wanted(said) else None, said.defects
+        followed = span.followed.get(place)
+        row, defects = self._said(followed[1], in_use) if followed else in_use.known(batch.raw(place))
         if defects:
             self._defects[place] = defects
         return row
+
+    def _said(self, said: Meaning, in_use: InUse) -> Known:
+        """Return the row and the defects of a followed frame: most say by themselves what they mean."""
+        if said is in_use.decoder.remembered(said.raw):
+            return in_use.known(said.raw)
+        wanted = self._asked.wanted
+        return self._asked.output.row(said) if wanted is None or wanted(said) else None, said.defects

@@ -180,7 +180,7 @@ PASTED: dict[str, tuple[str, str, list[Raw]]] = {
 
 @pytest.mark.parametrize(("form", "text", "frames"), PASTED.values(), ids=PASTED)
 def test_pasted_parts_of_a_log_are_read(form: str, text: str, frames: list[Raw]) -> None:
-    file = io.BufferedReader(io.BytesIO(text.encode()))  # type: ignore[arg-type]
+    file = io.BufferedReader(io.BytesIO(text.encode()))
     assert formats.form_of(file) == form
     read = [raw for *_, raw in formats.read(file, form) if isinstance(raw, Frame)]
     assert read == (frames or [Frame(0x181, b"\x37\x02")])
