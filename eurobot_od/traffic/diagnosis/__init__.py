@@ -81,7 +81,7 @@ class WatchedBus:
             SDO: (self.sdo, self.drives),
             SYNC_NAME: (SyncWatcher(bus),),
             TIME_NAME: (TimeWatcher(bus),),
-            LSS: (LssWatcher(bus),),
+            LSS: (LssWatcher(bus, self.nodes),),
         }
         self._messages: list[Watcher] = [
             self.pdos,

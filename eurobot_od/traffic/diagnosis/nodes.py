@@ -353,6 +353,11 @@ class NodesWatcher(Watcher):
                 found.append(f"{self.bus.node(node_id).name}, silent since {beats.last:.3f} s")
         return found
 
+    def pause(self, until: float) -> None:
+        """Take in that nothing is sent until a time in s, as the bit rate changes."""
+        for beats in self.beating:
+            beats.restart(until)
+
     # Guarding
 
     def _is_beat(self, time: float, node: ObservedNode, frame: Frame) -> bool:
@@ -492,10 +497,11 @@ CAUSES = {
 
 
 class LssWatcher(Watcher):
-    """Watches that devices do not stay in LSS configuration state."""
+    """Watches that devices do not stay in LSS configuration state, and when the bit rate changes."""
 
-    def __init__(self, bus: ObservedBus) -> None:
+    def __init__(self, bus: ObservedBus, nodes: NodesWatcher) -> None:
         super().__init__(bus)
+        self._nodes = nodes
         self._configured: Occurrences | None = None
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -505,6 +511,9 @@ class LssWatcher(Watcher):
         if not frame.is_remote and frame.data[0] == (Lss.SELECTED if is_answer else Lss.SWITCH_GLOBAL):
             is_configured = is_answer or frame.data[1] == LssState.CONFIGURATION
             self._configured = Occurrences.once(self.bus.at()) if is_configured else None
+        elif not frame.is_remote and not is_answer and frame.data[0] == Lss.ACTIVATE_BIT_TIMING:
+            # Nobody sends for the delay before the switch, and for the same one after it (CiA 305).
+            self._nodes.pause(time + 2 * int.from_bytes(frame.data[1:3], "little") / 1000)
 
     def end(self, time: float) -> None:
         if self._configured:

@@ -267,6 +267,18 @@ DEFECTS = [
         log(beats(until=2.9), beats(node=6, until=3)),
         ("arm",),
     ),
+    RuleDefect(  # the bit rate changes: nothing comes for twice the delay, and no longer
+        BusRule.HEARTBEAT_LOST,
+        log(beats(until=1), at("7E5#1564000000000000", start=1.05), every(0.1, "080#", until=3.5)),
+        2.3,
+        log(
+            beats(until=1),
+            at("7E5#15E8030000000000", start=1.05),
+            beats(start=3.0, until=3.5),
+            every(0.1, "080#", until=3.5),
+        ),
+        ("arm",),
+    ),
     RuleDefect(
         BusRule.HEARTBEAT_LATE,
         without(beats(), 1.0, 1.05),
