@@ -189,6 +189,14 @@ def not_run(results: Iterable[SuiteResult]) -> Iterator[str]:
             yield one_line(f"{result.file.stem}: NOT FINISHED: {result.name}: ended by '{result.ended}', which is red")
 
 
+def remarks(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield a line for each green step that did not compare everything, with what it left out."""
+    for result in results:
+        for step in result.steps:
+            if step.status is Status.PASSED and step.reason is not None:
+                yield one_line(f"{result.file.stem}: {result.name}: {step.reason.what}")
+
+
 def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
     """Yield a line for each suite behind which a node does not have what it had before, with how to restore it."""
     for result in results:

@@ -238,9 +238,10 @@ class Runner:
     async def _judge(self, step: Step, action: StepAction) -> tuple[Status, StepReason | None]:
         """Do a step as often as it says, and return how it ended."""
         try:
+            self._tester.remark = ""
             for _ in range(step.repeat):
                 await self._step_runner.do(action)
-            return Status.PASSED, None
+            return Status.PASSED, StepReason(self._tester.remark) if self._tester.remark else None
         except Skipped as skipped:
             return Status.SKIPPED, skipped.reason
         except Failed as failed:

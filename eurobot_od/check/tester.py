@@ -67,7 +67,8 @@ class BenchTester:
     answer the last question, those from `edge` on came after the last step. `started` is the node that NMT has just
     started, `taken` are objects that took what they should refuse, `dumped` is what a dump has read, and `reported`
     what is red once for a node. `answers` are what the tester answers by itself, by COB-ID. `missed` says that a frame
-    which was waited for did not come, `asked_again` how many SDO requests were asked a second time.
+    which was waited for did not come, `process_data` which objects of a dump are not compared, `remark` what a green
+    step has left out, `asked_again` how many SDO requests were asked a second time.
     """
 
     def __init__(self, timeout: float, decoder: Decoder, bench: Bench, reported: set[suite.Report]) -> None:
@@ -77,6 +78,8 @@ class BenchTester:
         self.started: int | None = None
         self.mark, self.edge = 0, len(bench.trace)
         self.dumped: dict[str, str] = {}
+        self.process_data: set[str] = set()
+        self.remark = ""
         self.taken: set[Address] = set()
         self.answers: dict[int, Sent] = {}
         self.is_asking = self.missed = False

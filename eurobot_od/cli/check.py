@@ -101,7 +101,8 @@ class CheckReport:
         else:
             unfinished = report.not_run(results) if checks.made.is_wanted else ()
             sys.stdout.writelines(
-                f"{line}\n" for line in (*report.changed(results), *unfinished, *report.failures(results))
+                f"{line}\n"
+                for line in (*report.changed(results), *report.remarks(results), *unfinished, *report.failures(results))
             )
             print(report.summary(results))
         if self.junit is not None:

@@ -19,7 +19,7 @@ from eurobot_od.errors import NoAnswer
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import COMMANDS, ERROR_FIELD, ERROR_REGISTER, ERRORS
-from eurobot_od.od.values import DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, label
+from eurobot_od.od.values import DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, Address, PdoDirection, label
 from eurobot_od.od.words import error_words
 from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import code_and_reason
@@ -94,11 +94,16 @@ class BootUp(NamedTuple):
 
 
 class Dump(NamedTuple):
-    """Read many objects, and keep what they have, or see that it is what was kept."""
+    """Read many objects, and keep what they have, or see that it is what was kept.
+
+    `process_data` are those that the device's own application writes: they are read, but not compared. So are those
+    that change while nobody writes them.
+    """
 
     node: NodeServices
     variables: tuple[ODVariable, ...]
     equal: bool
+    process_data: frozenset[Address] = frozenset()
 
     def __str__(self) -> str:
         return f"dump of {amount(len(self.variables), 'object')}"
@@ -108,6 +113,29 @@ class Dump(NamedTuple):
         if self.equal and not tester.dumped:
             raise Skipped("nothing was read before")
         tester.ask()
+        dump = await self._values(tester)
+        if not self.equal:
+            again = await self._values(tester)
+            sent = {objects.label(each) for each in self.variables if objects.address_of(each) in self.process_data}
+            tester.dumped, tester.process_data = again, sent | {each for each in dump if dump[each] != again[each]}
+            return
+        before = {each: tester.dumped.get(each, "not read") for each in dump}
+        differing = [each for each in dump if before[each] != dump[each]]
+        # Errors can be cleared, but not brought back.
+        same = {each for each in dump if dump[each] < before[each] and each.startswith(label(ERRORS))}
+        left_out = [each for each in differing if each in tester.process_data and each not in same]
+        off = [
+            Mismatch(each, before[each], dump[each])
+            for each in differing
+            if each not in same and each not in tester.process_data
+        ]
+        if off:
+            raise Failed(f"{amount(len(off), 'object')} not as before", mismatches=off)
+        if left_out:
+            tester.remark = f"not as before, but process data, which is not compared: {', '.join(left_out)}"
+
+    async def _values(self, tester: BenchTester) -> dict[str, str]:
+        """Read the objects; one that is refused has the abort in place of its value."""
         dump = {}
         for variable in self.variables:
             try:
@@ -118,17 +146,7 @@ class Dump(NamedTuple):
                 dump[objects.label(variable)] = code_and_reason(error.code)
             except sdo.OddAnswer as error:
                 dump[objects.label(variable)] = str(error)
-        if not self.equal:
-            tester.dumped = dump
-            return
-        before = {each: tester.dumped.get(each, "not read") for each in dump}
-        # Errors can be cleared, but not brought back.
-        same = {each for each in dump if dump[each] < before[each] and each.startswith(label(ERRORS))}
-        off = [
-            Mismatch(each, before[each], dump[each]) for each in dump if before[each] != dump[each] and each not in same
-        ]
-        if off:
-            raise Failed(f"{amount(len(off), 'object')} not as before", mismatches=off)
+        return dump
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
@@ -143,7 +161,10 @@ class Dump(NamedTuple):
             kept = (each for each in steady if each.index not in COMMANDS or objects.address_of(each) == ERRORS)
             seen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
             chosen = (each for each in seen if objects.data_type(each) is not DOMAIN)
-            return Dump(NodeServices.of(node), tuple(chosen), is_equal)
+            # What a TPDO carries out of the device, its own application writes.
+            pdos = node.read_pdos(node.default, lambda _: None)
+            sent = (entry.address for each in pdos if each.direction is PdoDirection.TPDO for entry in each.mapping)
+            return Dump(NodeServices.of(node), tuple(chosen), is_equal, frozenset(sent))
 
         return ActionRow(shapes.services.service("when", when, make))
 

@@ -10,7 +10,7 @@ import pytest
 
 from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
-from eurobot_od.check.report import Status, StepResult, changed
+from eurobot_od.check.report import Status, StepResult, changed, remarks
 from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.suite import Report
 from eurobot_od.device.faults import Leaving
@@ -377,3 +377,22 @@ def test_errors_that_the_suite_caused_are_cleared_behind_it() -> None:
     result = run_simulated(asked, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
     assert any("EMCY" in each.name and each.status is Status.PASSED for each in result.steps)
     assert device.device.emergencies.history == []
+
+
+class Application(SimulatedDevice):
+    """Changes an object of its own whenever it is asked for it."""
+
+    written: Address = (0x2006, 0)
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id == SDO_REQUEST_BASE + NODE_ID and frame.data[:3] == b"\x40\x06\x20":
+            self.device.objects.values[self.written] = 1 - self.device.objects.raw(self.written)
+        return super().receive(frame, now)
+
+
+def test_what_the_application_writes_is_not_compared_and_named() -> None:
+    (asked,) = suites(MODULE, Tier.READING, "emcy")
+    result = run_simulated(asked, RunOptions(keep_going=True), of_kind(Application))
+    assert not result.failed
+    (line,) = remarks([result])
+    assert line.endswith("but process data, which is not compared: 0x2006:0 Enabled")
