@@ -363,7 +363,7 @@ def test_the_diagnosis_is_told_without_control(tmp_path: Path) -> None:
 
         said = talk(served, diagnosis)
     assert said["verdict"].startswith("1 error in 1 frame")
-    assert [each[0] for each in said["incidents"][0]["facts"]] == ["Seen", "Likely", "To do", "Source"]
+    assert [each[0] for each in said["incidents"][0]["facts"]] == ["Seen", "Frames", "Likely", "To do", "Source"]
 
 
 def test_an_object_that_is_watched_is_read_and_comes_with_the_snapshots(tmp_path: Path) -> None:
