@@ -28,20 +28,27 @@ from importlib import import_module
 from itertools import product
 from typing import Annotated, NamedTuple
 
+from environment import ROOT
 from live_network import LiveNetwork
 
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import ON_TIME, Simulation, processing_time
 from eurobot_od.cli.options import Campaign, counted
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summary
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import stage, strategy
 from eurobot_od.robot.match.referee import Observer, Referee
+from eurobot_od.robot.model.messages import GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
-from eurobot_od.robot.nodes import ROLES, Core, Drive, Node
+from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.nodes import ROLES, Core, Drive
 from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline, equip
@@ -99,6 +106,27 @@ PAUSES = {f"pause {seconds:g} s, navigation dead": seconds for seconds in (0.2, 
 """What core, drive or bus do after the navigation has died: only the drive knows the place then, and the match has to
 go on. With a pause of 1 s the drive gives up its goto, and the core only hears of no goto. One of 3 s may end
 in Emergency Shutdown, after which a start configuration has to come, in which the drive keeps its place."""
+
+RESETS = {"reset": 1, "reset all": 0}
+"""NMT resets, and whom they are for: the core alone, or every node."""
+
+SECOND = "second core"
+"""Another core is switched on."""
+
+STRAY = "stray"
+"""Somebody else sends the message once."""
+
+DEAD = ", navigation dead"
+"""The navigation has died before."""
+
+BEGINNINGS = (*RESETS, SECOND, *(each + DEAD for each in (*RESETS, "rebooted", SECOND)))
+"""What happens to the core, with the navigation alive and dead; `NODE_FATES` has its reboot with a living one."""
+
+GOES_ON = (*PAUSES, "reset", "reset" + DEAD, "rebooted" + DEAD)
+"""After this the match has to go on: the drive remembers what the core has forgotten."""
+
+STRANGER = 9
+"""The node-ID of who sends what nobody expects."""
 
 FREEZES = {"frozen 5 s": FROZEN, **PAUSES}
 """How long a node hangs that is itself again afterwards."""
@@ -169,7 +197,7 @@ class Trial:
         self.cell, self.files = cell, files(cell.dialect)
         emergency = MUSHROOM_AT if cell.what == MUSHROOM else None
         # Judged is what is lost, and not what beacons take for something else or who pushes whom.
-        self.duration = 2 * DURATION if cell.how in PAUSES else DURATION  # there must be time to go on
+        self.duration = 2 * DURATION if cell.how in GOES_ON else DURATION  # there must be time to go on
         self.options = MatchOptions(
             seed=cell.seed,
             duration=self.duration,
@@ -187,6 +215,9 @@ class Trial:
         self.drive.chassis = self.wheels
         for node in nodes:
             self._attach(node, stage.BOOT_TIMES[node.name])
+        self.stranger = Node(Dictionary.load(ROOT / "docs" / "io.eds", STRANGER))
+        if self._cause in (*RESETS, STRAY):
+            self.network.attach(self.stranger, 0.0, 0.0)
         self.off_until = 0.0
         self.without_core = False
         self.reached: list[float] = []
@@ -194,6 +225,11 @@ class Trial:
         self.last = ""
         self.off = 0.0
         self.playing: asyncio.Task[None] | None = None
+
+    @property
+    def _cause(self) -> str:
+        """What goes wrong, without what became of the navigation before."""
+        return self.cell.how.removesuffix(DEAD)
 
     def _clock(self) -> float:
         return self.network.now
@@ -237,7 +273,13 @@ class Trial:
     def _go_wrong(self) -> None:
         how, now = self.cell.how, self.network.now
         self.driven_before = self.wheels.driven
-        if self.cell.what == BUS:
+        if self._cause == SECOND:
+            self.network.attach(Core(self.files.dictionaries["core"]), now, processing_time(self.cell.seed, SECOND))
+        elif self._cause in RESETS:
+            self.stranger.put(Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, RESETS[self._cause]])))
+        elif self._cause == STRAY:
+            self.stranger.put(self._stray_frame())
+        elif self.cell.what == BUS:
             self.off_until = now + PAUSES.get(how, OFF)
             self.network.cut(self.off_until)
         elif how in FREEZES:
@@ -246,14 +288,24 @@ class Trial:
             self._miss_core_until(end)
         else:
             self.network.detach(self.stations[self.cell.what])
-            self._miss_core_until(now + BOOTING if how == "rebooted" else float("inf"))
-            if how == "rebooted":
+            self._miss_core_until(now + BOOTING if self._cause == "rebooted" else float("inf"))
+            if self._cause == "rebooted":
                 role, dictionary = ROLES[self.cell.what], self.files.dictionaries[self.cell.what]
                 node = role(dictionary)
                 equip([node], self.world.vehicle(), self.options.errors, f"{self.cell.seed} again")
                 if isinstance(node, Drive):
                     node.chassis = self.wheels
                 self._attach(node, now + BOOTING)
+
+    def _stray_frame(self) -> Frame:
+        """Return a frame of the message: a goto to the middle, our own team's start; zeros in every other one."""
+        protocol = self.files.protocol
+        commands = (GotoXY(1500, 1000, 0, 50), StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0))
+        for each in commands:
+            if self.cell.what == protocol.name(type(each)):
+                return protocol.encode(each)
+        binding = protocol.binding(self.cell.what)
+        return Frame(binding.cob_id, binding.pack(dict.fromkeys(binding.layout.fields, 0)))
 
     def _miss_core_until(self, time: float) -> None:
         if self.cell.what != "core":
@@ -266,7 +318,7 @@ class Trial:
 
     def _core_is_back(self) -> None:
         self.without_core = False
-        if self.cell.how == "rebooted":
+        if self._cause == "rebooted":
             self.playing = asyncio.ensure_future(self._play(BEGIN + self.duration - self.network.now))
 
     # The match
@@ -294,7 +346,7 @@ class Trial:
         if self.cell.how in MESSAGE_FATES:
             self._spoil_message()
         else:
-            if self.cell.how in PAUSES:
+            if self.cell.how in PAUSES or self.cell.how.endswith(DEAD):
                 await asyncio.sleep(BEGIN + NAVIGATION_DIES)
                 self.network.detach(self.stations["navigation"])
             await asyncio.sleep(self.cell.time - self.network.now)
@@ -316,7 +368,7 @@ class Trial:
         }
         went_on = any(time > self.cell.time for time in self.reached)
         drove_on = went_on or self.wheels.driven - self.driven_before > DROVE_ON
-        wrong[f"the match does not go on: {self.last}"] = self.cell.how in PAUSES and not drove_on
+        wrong[f"the match does not go on: {self.last}"] = self.cell.how in GOES_ON and not drove_on
         text = "; ".join(text for text, is_so in wrong.items() if is_so)
         return Result(self.cell, self.wheels.seconds, self.wheels.distance, went_on, text)
 
@@ -338,6 +390,11 @@ def cells(dialect: str, times: int) -> Iterator[Cell]:
         for number in range(times):
             yield Cell(what, how, BEGIN + DURATION * number / times, number + 1, dialect)
     span = PAUSE_UNTIL - PAUSE_FROM
+    strange = [("core", how) for how in BEGINNINGS]
+    strange += [(name, STRAY + dead) for name in files(dialect).protocol.names() for dead in ("", DEAD)]
+    for what, how in strange:
+        for number in range(times):
+            yield Cell(what, how, BEGIN + PAUSE_FROM + span * number / times, number + 1, dialect)
     for what, how in product(("core", "drive", BUS), PAUSES):
         for number in range(times):
             yield Cell(what, how, BEGIN + PAUSE_FROM + span * number / times, number + 1, dialect)
@@ -351,7 +408,7 @@ def table(results: Iterable[Result]) -> Iterator[str]:
     rows: dict[str, dict[str, list[Result]]] = {}
     for each in results:
         rows.setdefault(each.cell.what, {}).setdefault(each.cell.how, []).append(each)
-    spoiled = {what: fates for what, fates in rows.items() if what not in (*ROLES, BUS)}
+    spoiled = {what: fates for what, fates in rows.items() if fates.keys() & {*MESSAGE_FATES}}
     yield f"| message | {' | '.join(MESSAGE_FATES)} |"
     yield "|---" * (1 + len(MESSAGE_FATES)) + "|"
     for what, fates in spoiled.items():
@@ -359,8 +416,8 @@ def table(results: Iterable[Result]) -> Iterator[str]:
     yield ""
     yield "| lost | matches | worst | matches that went on |"
     yield "|---|---|---|---|"
-    for what in [each for each in rows if each not in spoiled]:
-        for how, found in rows[what].items():
+    for what, fates in rows.items():
+        for how, found in ((how, found) for how, found in fates.items() if how not in MESSAGE_FATES):
             yield f"| {what} {how} | {len(found)} | {_figures(found)} | {sum(each.went_on for each in found)} |"
 
 

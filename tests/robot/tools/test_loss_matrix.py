@@ -6,8 +6,9 @@ import loss_matrix
 import pytest
 from loss_matrix import BOUND, Cell
 
+from eurobot_od.device.timers import START, Script
 from eurobot_od.robot import dialects
-from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.nodes import Core, Drive
 from tests.rows import rows
 
 KINDS = (
@@ -23,6 +24,9 @@ KINDS = (
     Cell("drive", "rebooted", 5.0),
     Cell("navigation", "frozen 5 s", 9.0),
     Cell("bus", "off 1 s", 5.0),
+    Cell("core", "reset, navigation dead", 8.0),
+    Cell("core", "second core", 8.0),
+    Cell("Start Configuration Set", "stray, navigation dead", 8.0),
 )
 
 
@@ -37,7 +41,15 @@ def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
 
 def test_every_message_and_every_loss_has_its_cells() -> None:
     cells = list(loss_matrix.cells(dialects.DEFAULT, 3))
-    assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3 + 3 * 6 * 3
+    assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3 + 3 * 6 * 3 + (7 + 23 * 2) * 3
+
+
+def test_a_core_that_asks_nobody_after_a_reset_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nothing(_: Core) -> Script[None]:
+        yield START
+
+    monkeypatch.setattr(Core, "_recall", nothing)
+    assert "does not go on" in loss_matrix.attempt(Cell("core", "reset, navigation dead", 8.0)).wrong
 
 
 def test_a_match_goes_on_after_the_drive_was_frozen() -> None:
