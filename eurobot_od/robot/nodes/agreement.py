@@ -130,6 +130,14 @@ def _number(core: CoreSettings, channel: SdoClientParameter, address: Address) -
 
 
 def _what_differs(core: CoreSettings, channel: SdoClientParameter) -> Script[str]:
+    """Name the messages that differ, as far as the node answers."""
+    try:
+        return (yield from _messages_that_differ(core, channel))
+    except NoAnswer:
+        return "nobody knows which, as it answers no SDO any more"
+
+
+def _messages_that_differ(core: CoreSettings, channel: SdoClientParameter) -> Script[str]:
     device = core.device
     theirs = yield from _numbers(core, channel, lambda n: (FINGERPRINTS, FIRST + n))
     found = fingerprints.differences(fingerprints.in_force(device.dictionary, device.objects.value), theirs)

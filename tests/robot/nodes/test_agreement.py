@@ -202,6 +202,59 @@ def test_what_a_drive_maps_is_asked_again_after_a_loss(tmp_path: Path) -> None:
         again.result(0)
 
 
+LOST_SDO = [
+    # what the drive maps, how many of its answers come before its SDO is lost, and what is said
+    ("Speed: {bits: 8", 0, "drive (node 2) answers no SDO, so nobody knows how it maps"),
+    ("Speed: {bits: 7", 0, "drive (node 2) answers no SDO, so nobody knows how it maps"),
+    ("Speed: {bits: 7", 1, "maps messages differently: nobody knows which, as it answers no SDO any more"),
+    ("Speed: {bits: 7", 8, "maps messages differently: nobody knows which, as it answers no SDO any more"),
+]
+
+
+@pytest.mark.parametrize("lost", [False, True])
+@rows("speed, answers, text", LOST_SDO)
+def test_a_drive_whose_sdo_is_lost_for_a_while_is_not_driven_until_it_is_compared(
+    tmp_path: Path, speed: str, answers: int, text: str, lost: bool
+) -> None:
+    old, new = made(TABLE, tmp_path / "old"), made(changed(TABLE, "Speed: {bits: 8", speed), tmp_path / "new")
+    network, gotos = Simulation(), list[float]()
+    network.observers.append(lambda now, frame: gotos.append(now) if frame.cob_id == 0x008 else None)
+    core = Core(loaded(old, CANOPEN, "core"))
+    first = Drive(loaded(old if lost else new, CANOPEN, "drive"))
+    stations = [network.attach(each) for each in (first, Navigation(loaded(old, CANOPEN, "navigation")))]
+    network.attach(core)
+    if lost:  # a core that has driven, and whose drive is exchanged
+        network.run(0.5)
+        core.check_nodes()
+        core.configure_start(TeamColour.RED)
+        network.run(2.0)
+        network.detach(stations[0])
+        network.run(4.0)
+        network.attach(Drive(loaded(new, CANOPEN, "drive")))
+    network.disturb = losing_sdo(answers)
+    network.run(5.0)
+    refused = core.goto(600, 1800, 0, 50) if lost else core.check_nodes()
+    network.run(20.0)
+    with pytest.raises(NodeMismatch, match=re.escape(text)):
+        refused.result(0)
+    assert not gotos
+    network.disturb = losing_sdo(10_000)  # it answers again
+    again = core.check_nodes()
+    network.run(30.0)
+    assert ("Speed has 7 bits there" in str(again.exception(0))) == ("7" in speed)
+    assert not gotos
+
+
+def losing_sdo(answers: int) -> Callable[[float, Frame], tuple[float, ...]]:
+    """Return a disturbance that loses all SDO answers of the drive but the first ones."""
+    left = iter(range(answers))
+
+    def lose(_: float, frame: Frame) -> tuple[float, ...]:
+        return () if frame.cob_id == 0x582 and next(left, None) is None else (0.0,)
+
+    return lose
+
+
 @pytest.mark.parametrize("dialect", [CANOPEN, OF_2014])
 def test_a_teams_own_node_with_other_bits_is_not_driven_with(tmp_path: Path, dialect: str) -> None:
     folders = [
