@@ -84,6 +84,7 @@ REFUSED = (
     (r"/bit_rates/ 500", "every node has to have the bit rate of the network"),
     (r".*/range/ 0", "the default is 0, and a table with a default outside the range is refused"),
     (r".*/codes/.* [01]", "a field of one bit has no third number, and none stands for two codes"),
+    (r"/nodes/drive/settings/Match clock/fields/Time left/bits 32", "its code needs all bits that a number may have"),
     (r"/objects/Goto XY/fields/(X position|Barriers)/bits .*", "all 64 bits of the frame are used"),
 )
 
@@ -155,7 +156,7 @@ def before(dialect: str) -> Mapping[str, str]:
 def changes(number: Number, dialect: str) -> Iterator[dict[str, str]]:
     """Yield what is made with other numbers, without those that the rules of a table refuse."""
     old = int(TABLE[number.start : number.end], 0)
-    for new in (old + 1, old - 1, old + 0x20, old + 5, old + 300, 800):
+    for new in (old + 1, old - 1, old + 0x20, old + 5, old + 300, 800, 2 * old):
         with suppress(YamlError, MappingError):
             yield products(number.replaced(new), dialect)
 
