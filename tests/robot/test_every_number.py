@@ -156,7 +156,7 @@ def before(dialect: str) -> Mapping[str, str]:
 def changes(number: Number, dialect: str) -> Iterator[dict[str, str]]:
     """Yield what is made with other numbers, without those that the rules of a table refuse."""
     old = int(TABLE[number.start : number.end], 0)
-    for new in (old + 1, old - 1, old + 0x20, old + 5, old + 300, 800, 2 * old):
+    for new in (old + 1, old - 1, old + 0x20, old + 5, old + 300, 800, 2 * old or 1):
         with suppress(YamlError, MappingError):
             yield products(number.replaced(new), dialect)
 
