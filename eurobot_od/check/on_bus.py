@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from types import FrameType
 from typing import Any, NamedTuple, TypeAlias
 
 import can
@@ -24,11 +26,13 @@ from eurobot_od.check.bench import SeenFrame, Trace
 from eurobot_od.check.report import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
+from eurobot_od.controller import Report
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.errors import BusError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.support import extras
 
 POWER_UP = 0.1
 """Seconds after which all nodes are up; then the suite begins, and the programs of the nodes."""
@@ -170,7 +174,19 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
                 program.stop()
             await asyncio.sleep(0)  # a cancelled task ends only when the loop has its turn
 
-    return loop.run(network, main())
+    return replace(loop.run(network, main()), raised=tuple(dict.fromkeys(raised(network.reports))))
+
+
+def raised(reports: Sequence[Report]) -> Iterator[str]:
+    """Yield what nodes have raised, and in which line of somebody's code: a suite only sees that no answer comes."""
+    for each in reports:
+        if each.error is not None:
+            yield f"{each.name} has failed: {extras.complaint(each.error, each.name, is_foreign)}"
+
+
+def is_foreign(frame: FrameType) -> bool:
+    """Return whether a line of a traceback is not ours."""
+    return not str(frame.f_globals.get("__name__")).startswith("eurobot_od.")
 
 
 # A real bus

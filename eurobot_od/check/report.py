@@ -81,7 +81,7 @@ class SuiteResult:
     """How a suite ended; `skipped` says why it was not run at all, `error` what ended it before its time.
 
     `ended` is the name of the red step after which the others were not done, `asked_again` the number of SDO requests
-    that were answered only the second time, or not at all.
+    that were answered only the second time, or not at all. `raised` is what simulated nodes have raised, each once.
     """
 
     file: Path
@@ -93,6 +93,7 @@ class SuiteResult:
     error: str = ""
     ended: str = ""
     asked_again: int = 0
+    raised: tuple[str, ...] = ()
 
     def count(self, *statuses: Status) -> int:
         """Return how many steps ended in one of some ways."""
@@ -190,8 +191,9 @@ def not_run(results: Iterable[SuiteResult]) -> Iterator[str]:
 
 
 def remarks(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield a line for each green step that did not compare everything, with what it left out."""
+    """Yield a line for what a simulated node has raised, and for each green step that did not compare everything."""
     for result in results:
+        yield from (one_line(f"{result.file.name}: {result.name}: {each}") for each in result.raised)
         for step in result.steps:
             if step.status is Status.PASSED and step.reason is not None:
                 yield one_line(f"{result.file.stem}: {result.name}: {step.reason.what}")
@@ -266,6 +268,7 @@ def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
             "seconds": round(result.seconds, 6),
             "skipped": result.skipped or None,
             "error": result.error or None,
+            "raised": [*result.raised],
             "steps": [
                 {
                     "section": step.section.value,

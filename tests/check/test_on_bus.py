@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
-from eurobot_od.check.report import Status
+from eurobot_od.check.report import Status, as_data, remarks
 from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.shapes import Networks
 from eurobot_od.device.node import Node
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from tests.check.suites import document, results, suite
 from tests.kit import plant
@@ -55,6 +57,24 @@ def test_a_program_begins_anew_with_each_boot_of_its_node() -> None:
     boot = "- nmt: reset\n- heartbeat: boot-up\n- wait: 1 s\n"
     run_simulated(suite(document(2 * boot)), RunOptions(), nodes)
     assert len(begun) == 1 + 2
+
+
+class Broken(Node):
+    """Fails with each frame that it hears."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        super().receive(frame, now)
+        raise IndexError("no such floor")
+
+
+def test_what_a_node_has_raised_is_told_once_with_its_line() -> None:
+    def nodes(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: object) -> list[NodeUnderTest]:
+        return [NodeUnderTest(Broken(each)) for each in dictionaries.values()]
+
+    result = run_simulated(suite(document(2 * "- send: Place Request\n- wait: 1 s\n")), RunOptions(), nodes)
+    (line,) = remarks([result])
+    assert re.fullmatch(r"suite.yaml: a suite: lift has failed: .*test_on_bus.py:\d+: IndexError: .*", line)
+    assert as_data([result])[0]["raised"] == [*result.raised]
 
 
 def test_the_same_seed_gives_the_same_frames() -> None:
