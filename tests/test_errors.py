@@ -21,6 +21,7 @@ from eurobot_od.errors import (
     MappingError,
     NamedObject,
     NoAnswer,
+    NodeClassError,
     NodeFailed,
     NodeRefused,
     ProgramError,
@@ -88,6 +89,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     ),
     (ListenerError("lamp: too late"), LocalError, "lamp: too late"),
     (StateError("not now"), LocalError, "not now"),
+    (NodeClassError("lift.py:3", "Lift has no such table"), LocalError, "lift.py:3: Lift has no such table"),
     # a file's
     (FileError("a.yaml", "is empty"), EurobotError, "a.yaml: is empty"),
     (YamlError("a.yaml", ["a.yaml:1:2: one", "a.yaml:3:4: two"]), FileError, "a.yaml:1:2: one\na.yaml:3:4: two"),

@@ -111,5 +111,6 @@ def test_the_changelog_names_the_lowest_versions_of_pyproject(project: dict[str,
 
 
 @pytest.mark.parametrize("file", ["README.md", "CHANGELOG.md", "docs/api.md"], ids=lambda each: each)
-def test_no_page_speaks_of_a_version_before_the_first(file: str) -> None:
-    assert not re.search(r"\d\.\d\.\d\s*(rc|a|b)\d|come from rc", (ROOT / file).read_text("utf-8"))
+def test_no_page_speaks_of_a_version_before_the_first(file: str, project: dict[str, Any]) -> None:
+    text = (ROOT / file).read_text("utf-8").replace(project["project"]["version"], "")
+    assert not re.search(r"\d\.\d\.\d\s*(rc|a|b)\d|come from rc", text)

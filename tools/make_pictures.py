@@ -47,7 +47,7 @@ WIDTH, HEIGHT = 150, 36
 STEP_WIDTH = 132
 BITRATE = 500_000
 
-LEGIBLE = 43
+LEGIBLE = 44
 """Size of its texts: 11 px at a width of 830 px."""
 
 WINDOW = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}">

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.options import BusOptions, Json, check_node_id, give
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import DictionaryError, LocalError, UnknownName, look_up
+from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName, look_up
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sarif, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
@@ -180,6 +180,9 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
 
     is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)
     described = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
+    for each in described.nodes:
+        if not each.file:
+            raise FileError(files[0], f"node {each.name} names no file, and lint asks no library")
     devices = [(each, load(read_bytes(each.file), each.file, each.patch)) for each in described.nodes]
     members = [
         NetworkNode(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id or 0)

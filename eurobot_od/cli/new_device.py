@@ -15,6 +15,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import all_objects, limits
 from eurobot_od.od.units import RAW, scale_of
 from eurobot_od.od.values import label
+from eurobot_od.support.files import write_whole
 
 FILES = Path(__file__).with_name("new_device_files")
 """What a device package is made of; each file has `.new` at the end of its name, as it is no part of this package."""
@@ -51,10 +52,10 @@ def new_device(
     for path, text in _texts(name, module, Dictionary.load(eds, 5)).items():
         file = folder / path
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
+        write_whole(file, text.encode())
         print(file)
     shutil.copyfile(eds, folder / module / eds.name)
-    (folder / module / "__init__.py").write_text(f'"""{name}, a device package for eurobot-od."""\n', encoding="utf-8")
+    write_whole(folder / module / "__init__.py", f'"""{name}, a device package for eurobot-od."""\n'.encode())
     print("\ntry it:", f"cd {folder}", "pip install -e .", "pytest", sep="\n  ")
 
 

@@ -85,8 +85,11 @@ class Node:
 
     def _fingerprint(self, sub: int) -> Value:
         """Return a fingerprint by how messages are mapped now, whatever the file says (see `od.fingerprints`)."""
-        found = [*fingerprints.in_force(self.device.dictionary, self.device.objects.value).values()]
-        return fingerprints.of_all(found) if sub == fingerprints.OF_ALL else found[sub - fingerprints.FIRST]
+        now = self.device.dictionary, self.device.objects.value
+        found = fingerprints.in_force(*now)
+        if sub == fingerprints.OF_ALL:
+            return fingerprints.of_all(found.values())
+        return fingerprints.own_in_force(*now).get([*found][sub - fingerprints.FIRST], fingerprints.NOT_MAPPED)
 
     def controller(self, report: Reporter | None, clock: Callable[[], float]) -> Controller:
         """Return a CAN controller for the node, with the listeners and mailboxes of its kind; a hook for subclasses."""

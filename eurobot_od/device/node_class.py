@@ -151,8 +151,17 @@ def hidden_members(kind: type, node: type) -> Iterator[tuple[str, str]]:
     bases = [base for base in kind.__mro__[1:] if issubclass(base, node)]
     for name, member in vars(kind).items():
         owner = next((base for base in bases if name in vars(base)), None)
-        if owner is not None and not name.startswith("__") and isinstance(vars(owner)[name], FunctionType):
+        is_replaced = name in LIFE and isinstance(member, FunctionType) and is_stand_in(kind)
+        if owner is None or name.startswith("__") or is_replaced:
+            continue
+        if isinstance(vars(owner)[name], FunctionType):
             yield from ((name, what) for what in hides(owner, name, member))
+
+
+def is_stand_in(kind: type) -> bool:
+    """Return whether a class replaces how a node starts or receives, and has no handlers and objects that need it."""
+    acts = any(getattr(kind, table, None) for table in TABLES if table != "CATALOGUE")
+    return not acts and bool({"start", "receive"} & vars(kind).keys())
 
 
 def hides(owner: type, name: str, member: object) -> Iterator[str]:

@@ -34,6 +34,9 @@ MOST_MESSAGES = 0xFE - 1
 HASH_BITS = 21
 """Bits of a fingerprint below the identifier."""
 
+NOT_MAPPED = 0
+"""What a node answers for a message of its table that it has no PDO for: whoever moves that one need not tell it."""
+
 
 class MappedPart(NamedTuple):
     """One entry of a mapping, as far as it decides how a frame is read.
@@ -83,10 +86,15 @@ def in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[
 
     Empty for a device whose file has no fingerprints.
     """
-    own = {pdo.name: of_pdo(pdo) for pdo in dictionary.read_pdos(value, lambda _: None)}
     members = dictionary.members.get(FINGERPRINTS, {})
     said = {each.name: dictionary.number((FINGERPRINTS, sub)) or 0 for sub, each in members.items() if sub >= FIRST}
+    own = own_in_force(dictionary, value)
     return {name: own.get(name, number) for name, number in said.items()}
+
+
+def own_in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[str, int]:
+    """Return the fingerprints of a node's own PDOs by name, as these values map them now."""
+    return {pdo.name: of_pdo(pdo) for pdo in dictionary.read_pdos(value, lambda _: None)}
 
 
 class MessageDifference(NamedTuple):
@@ -102,7 +110,9 @@ class MessageDifference(NamedTuple):
 
 
 def differences(ours: dict[str, int], theirs: Sequence[int]) -> list[MessageDifference]:
-    """Return the messages whose fingerprints differ."""
+    """Return the messages whose fingerprints differ; what the other node does not map is no difference."""
+    unmapped = theirs.count(NOT_MAPPED)
+    theirs = [each for each in theirs if each != NOT_MAPPED]
     by_identifier = {each >> HASH_BITS: each for each in theirs}
     odd = {name: each for name, each in ours.items() if by_identifier.get(each >> HASH_BITS) != each}
     moved = {each & (1 << HASH_BITS) - 1: each >> HASH_BITS for each in theirs if each not in ours.values()}
@@ -111,5 +121,8 @@ def differences(ours: dict[str, int], theirs: Sequence[int]) -> list[MessageDiff
         there = moved.get(each & (1 << HASH_BITS) - 1)
         same = each >> HASH_BITS in by_identifier and there is None
         found.append(MessageDifference(name, each >> HASH_BITS if same else there, same))
+    # Which messages it does not map has no name on the bus: as many as are missing.
+    missing = [each for each in found if each.identifier is None]
+    found = [each for each in found if each not in missing or len(missing) > unmapped]
     known = {each >> HASH_BITS for each in ours.values()} | {each.identifier for each in found}
     return found + [MessageDifference("", each) for each in by_identifier if each not in known]

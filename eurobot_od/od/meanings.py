@@ -18,7 +18,7 @@ HEAD = "Units and codes (object | unit | plain values | codes):"
 RESERVED_SIGNS = "|,=;#"
 """What stands between the parts of a line, or begins a comment for some tools, and so is in none of them."""
 
-LINE = re.compile(r"0x([0-9A-F]{4}):(\d+) \| *([^|]*)\| *(?:(-?\d+)\.\.(-?\d+))? *\| *([^|]*)")
+LINE = re.compile(r"([0-9A-F]{4}):(\d+) \| *([^|]*)\| *(?:(-?\d+)\.\.(-?\d+))? *\| *([^|]*)")
 SCALE = re.compile(r"(\d+(?:\.\d+)?)(?: +(.+))?")
 
 
@@ -49,7 +49,7 @@ class ObjectMeaning(NamedTuple):
         plain = f"{self.plain.low}..{self.plain.high}" if self.plain else ""
         codes = ", ".join(f"{name}={number}" for name, number in self.codes.items())
         index, sub = address
-        return f"0x{index:04X}:{sub} | {self.unit} | {plain} | {codes}".rstrip()
+        return f"{index:04X}:{sub} | {self.unit} | {plain} | {codes}".rstrip()
 
 
 NO_MEANING = ObjectMeaning()

@@ -81,7 +81,7 @@ OPENS_TO_WRITE = re.compile(
 )
 
 
-@rows("folder", ["cli", "export", "web"])
+@pytest.mark.parametrize("folder", ["cli", "export", "web"])
 def test_no_command_writes_a_file_but_whole(folder: str) -> None:
     files = (ROOT / "eurobot_od" / folder).rglob("*.py")
     lines = [f"{file.name}: {line}" for file in files for line in file.read_text().splitlines()]

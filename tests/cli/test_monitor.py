@@ -12,7 +12,6 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.traffic.formats import read
-from tests.rows import rows
 
 LOG = """\
 (10.000000) can0 182#
@@ -69,7 +68,7 @@ def test_nobody_can_be_asked_in_a_log(log: Path, capsys: pytest.CaptureFixture[s
     assert capsys.readouterr().err == "eurobot-od: --ask is for a bus: a log has no devices to ask\n"
 
 
-@rows("speed", ["0", "-1", "fast"])
+@pytest.mark.parametrize("speed", ["0", "-1", "fast"])
 def test_no_speed(speed: str) -> None:
     with pytest.raises(SystemExit) as ended:
         cli.main(["monitor", "--speed", speed])

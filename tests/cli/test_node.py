@@ -123,7 +123,7 @@ def test_what_a_master_has_stored_survives_a_restart(
         second.send_signal(signal.SIGTERM)
 
 
-@rows("node_id", ["0", "128", "-1"])
+@pytest.mark.parametrize("node_id", ["0", "128", "-1"])
 def test_a_node_id_out_of_range_is_refused(capsys: pytest.CaptureFixture[str], node_id: str) -> None:
     said = run(capsys, "node", "lift", "--node-id", node_id)
     assert (said.status, said.out) == (2, "")

@@ -540,7 +540,8 @@ CANOPEN_NAMES = {"connect", "disconnect", "check", "nodes", "add_node", "send_me
 @pytest.mark.parametrize("pair", [(Network, AsyncNetwork), (RemoteDevice, AsyncRemoteDevice)])
 def test_both_kinds_of_networks_have_the_same_names_and_arguments(pair: tuple[type, type]) -> None:
     blocking, awaited = ({name: each for name, each in vars(kind).items() if name[0] != "_"} for kind in pair)
-    assert set(blocking) - set(awaited) - CANOPEN_NAMES == {"sleep"} & set(blocking)
+    only_blocking = {"sleep", "add"}  # an event loop has its own sleep; `add` may ask the bus before it returns
+    assert set(blocking) - set(awaited) - CANOPEN_NAMES == only_blocking & set(blocking)
     for name in set(blocking) & set(awaited):
         one, other = (inspect.unwrap(getattr(kind, name)) for kind in pair)
         assert not callable(one) or [*inspect.signature(one).parameters] == [*inspect.signature(other).parameters]

@@ -206,7 +206,7 @@ MALFORMED = [
     ("", "1:1: the file is empty"),
     ("panel.eds", "1:1: expected a mapping, `key: value`, found 'panel.eds'"),
     ("nodes: {}\n", ": it names no nodes"),
-    ("nodes:\n  panel: {node_id: 1}\n", "2:10: key 'file' is missing"),
+    ("nodes:\n  panel: {node_id: 1}\n", ": node panel names no file, and lint asks no library"),
     (
         "nodes: {panel: {file: panel.eds, node_id: 128}}",
         "node_id = '128' is not allowed; allowed: whole numbers 1..127",

@@ -174,8 +174,8 @@ TEMPLATE_OF_LIMITS = (
 )
 
 
-@rows(
-    "made, limits",
+@pytest.mark.parametrize(
+    ("made", "limits"),
     [
         (process(limited(f"<allowedValues>{ONE_TO_THREE}</allowedValues>")), ("1", "3")),  # as the schema has it
         (process(limited(ONE_TO_THREE)), ("1", "3")),  # as some editors write it
@@ -187,6 +187,7 @@ TEMPLATE_OF_LIMITS = (
         (process(limited('<allowedValues><value value="5"/></allowedValues>')), ("5", "5")),
         (process(limited("<allowedValues/>")), ("", "")),
     ],
+    ids=["schema", "below the parameter", "template", "values and a range", "one value", "none"],
 )
 def test_limits_are_the_lowest_and_the_highest_allowed_value(made: bytes, limits: tuple[str, str]) -> None:
     document = read(made)
@@ -197,7 +198,10 @@ NO_ACCESS = process('<parameter uniqueID="P" access="noAccess"><UINT/></paramete
 NO_ACCESS_IN_EDS = (DEVICE_TYPE + variable("2000", "Value", "UNSIGNED16", "7")).replace("=rw\n", "=UNKNOWN\n").encode()
 
 
-@rows("made", [NO_ACCESS, xdd_text(Dictionary.read(NO_ACCESS, Path("a.xdd"), 5)).encode(), NO_ACCESS_IN_EDS])
+WRITTEN_BACK = xdd_text(Dictionary.read(NO_ACCESS, Path("a.xdd"), 5)).encode()
+
+
+@pytest.mark.parametrize("made", [NO_ACCESS, WRITTEN_BACK, NO_ACCESS_IN_EDS], ids=["XDD", "written back", "EDS"])
 def test_an_object_without_sdo_access_stays_and_no_sdo_reaches_it(made: bytes) -> None:
     dictionary = Dictionary.read(made, Path("a.xdd"), 5)
     value = dictionary.variable((0x2000, 0))
@@ -213,8 +217,8 @@ def test_an_object_without_sdo_access_stays_and_no_sdo_reaches_it(made: bytes) -
 DECLARED = '<?xml version="1.0" encoding="{}"?>\n'
 
 
-@rows(
-    "encoding, name",
+@pytest.mark.parametrize(
+    ("encoding", "name"),
     [
         ("GB2312", "设备类型"),
         ("gbk", "设备类型"),

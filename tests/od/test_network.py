@@ -131,7 +131,7 @@ WRONG = [
     ("nodelist.cpj", "[Other]\n", " not a nodelist: it has no [Topology]"),
     ("nodelist.cpj", "[Topology]\nNode4Present=1\n", " line 1: node 4 has no Node4DCFName"),
     ("network.yaml", "nodes: {}\n", " it names no nodes"),
-    ("network.yaml", "nodes:\n  a: {}\n", "2:6: key 'file' is missing"),
+    ("network.yaml", "nodes:\n  a: {}\n", " node a has neither `file` nor `node_id`"),
     ("network.toml", "", " not a network: neither a folder nor one of .yaml, .yml, .cpj"),
 ]
 

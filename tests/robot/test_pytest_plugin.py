@@ -58,7 +58,7 @@ def test_a_red_step_says_what_was_expected_and_the_rest_is_skipped(pytester: pyt
             "*expected  Goto State Response: time 5 ms",
             "*came      Goto State Response  time=unknown",
             "*last frames*",
-            "SKIPPED*a step before failed",
+            "SKIPPED*is red, and ends the suite",
         ]
     )
 

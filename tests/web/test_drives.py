@@ -324,7 +324,7 @@ def test_an_order_is_refused_while_its_axis_is_being_stopped(jogged: Jogged) -> 
         jogged.drives.jog(AXIS, 500)
 
 
-@rows("stop", ["halt", "quick stop", "disable"])
+@pytest.mark.parametrize("stop", ["halt", "quick stop", "disable"])
 def test_nothing_turns_when_it_is_enabled_after_a_stop(jogged: Jogged, stop: str) -> None:
     """It turned at 1000 with nothing held: the target was still in the drive."""
     for value, target in ((1000, "velocity"), (50, "torque")):

@@ -64,6 +64,7 @@ async def drill(core: Core) -> None:
 
     Ends early if a node does not answer during the startup: that blocks it. A stop is watched until the robot stands.
     """
+    core.trusts_without_sdo = True  # the tester, which plays drive and navigation, answers no SDO
     with suppress(NoAnswer):
         await core.check_nodes()
         await core.configure_start(TeamColour.RED, enemies=1, confederates=1, enemy_1_diameter=ENEMY_DIAMETER)

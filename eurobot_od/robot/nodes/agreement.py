@@ -120,17 +120,20 @@ def compare(core: CoreSettings, node: str) -> Script[None]:
         )
     if theirs != core.device.number((FINGERPRINTS, OF_ALL)):
         what = yield from _what_differs(core, channel)
-        raise NodeMismatch(node, channel.node_id, f"maps messages differently: {what}", theirs)
+        if what:
+            raise NodeMismatch(node, channel.node_id, f"maps messages differently: {what}", theirs)
 
 
 def _number(core: CoreSettings, channel: SdoClientParameter, address: Address) -> Script[int | None]:
     """Ask for a number; None if the node has another answer. Raises NoAnswer."""
-    answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, QUESTIONS)
+    # A node that may have no SDO is not waited for as one that has: the startup has its times.
+    attempts = 1 if core.trusts_without_sdo else QUESTIONS
+    answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, attempts)
     return number_in(answer, address)
 
 
 def _what_differs(core: CoreSettings, channel: SdoClientParameter) -> Script[str]:
-    """Name the messages that differ, as far as the node answers."""
+    """Name the messages that differ, as far as the node answers; nothing if it maps its own as we do."""
     try:
         return (yield from _messages_that_differ(core, channel))
     except NoAnswer:
@@ -145,7 +148,7 @@ def _messages_that_differ(core: CoreSettings, channel: SdoClientParameter) -> Sc
     for each in found[:NAMED]:
         texts.append((yield from _difference(core, channel, each)))
     more = len(found) - NAMED
-    return "; ".join(texts + ([f"and {more} more"] if more > 0 else [])) or "their number, or their order"
+    return "; ".join(texts + ([f"and {more} more"] if more > 0 else []))
 
 
 def _numbers(core: CoreSettings, channel: SdoClientParameter, address: Callable[[int], Address]) -> Script[list[int]]:

@@ -78,7 +78,9 @@ def _asked_drive(core: CoreSettings, name: str) -> Script[int | None]:
     if channel is None:
         return None
     address = core.device.dictionary.address(name)
-    answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, core.transmissions)
+    # A drive of which a setting says that it may have no SDO is not waited for as one that has.
+    attempts = 1 if core.trusts_without_sdo else core.transmissions
+    answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, attempts)
     return number_in(answer, address)
 
 

@@ -182,7 +182,7 @@ LEAST_SILENCE = 1.0
 
 
 @dataclass
-class Stream:
+class PeriodicStream:
     """The frames of one identifier: their name, the last one and the interval before it in s, how many were even."""
 
     name: str
@@ -196,13 +196,13 @@ class StreamWatcher(Watcher):
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
-        self._streams: dict[int, Stream] = {}
+        self._streams: dict[int, PeriodicStream] = {}
 
     def take(self, time: float, meaning: Meaning) -> None:
         cob_id = meaning.raw[0]
         stream = self._streams.get(cob_id)  # type: ignore[arg-type]
         if stream is None:
-            self._streams[cob_id] = Stream(meaning.name, time)  # type: ignore[index]
+            self._streams[cob_id] = PeriodicStream(meaning.name, time)  # type: ignore[index]
             return
         interval, stream.last = time - stream.last, time
         if abs(interval - stream.period) <= EVEN * stream.period:
@@ -218,7 +218,7 @@ class StreamWatcher(Watcher):
                 stream.even = 0
                 self._stopped(cob_id, stream)
 
-    def _stopped(self, cob_id: int, stream: Stream) -> None:
+    def _stopped(self, cob_id: int, stream: PeriodicStream) -> None:
         node = self.bus.nodes.get(cob_id & NODE_IDS[-1])  # as nearly all PDOs have it in their COB-ID
         is_told = self.bus.commanded > stream.last - LEAST_SILENCE
         if not is_told and node and node.state is NmtState.OPERATIONAL and not node.is_lost:

@@ -16,7 +16,7 @@ from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.faults import generated
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
-from eurobot_od.od import Dialects
+from eurobot_od.od import Dialects, meanings
 from eurobot_od.od.make import read_table, text
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.pdo.protocol import Protocol
@@ -34,7 +34,7 @@ TABLE = HERE / "protocol.yaml"
 def _made() -> Path:
     """Return the folder of the EDS files; several test processes may make it at once."""
     table = TABLE.read_text("utf-8")
-    code = b"".join(Path(each.__file__ or "").read_bytes() for each in (text,))
+    code = b"".join(Path(each.__file__ or "").read_bytes() for each in (text, meanings))
     folder = Path(gettempdir(), f"plant-{getpass.getuser()}-{sha256(code + table.encode()).hexdigest()[:16]}")
     if not folder.is_dir():
         fresh = Path(mkdtemp(dir=folder.parent))

@@ -298,7 +298,7 @@ def emergencies(master: Master) -> list[bytes]:
     return [frame.data[:2] for frame in master.sent() if frame.cob_id == 0x080 + master.device.node_id]
 
 
-@rows("role", ["drive", "navigation"])
+@pytest.mark.parametrize("role", ["drive", "navigation"])
 @rows("numbers, why", [(numbers, why) for numbers, _, why in CONTRADICTIONS])
 def test_a_contradictory_configuration_is_refused_and_told_once(
     role: str, numbers: tuple[int, int, int, int], why: str
@@ -323,7 +323,7 @@ def test_of_a_configuration_that_is_refused_no_part_is_kept(dialect: str) -> Non
     assert master.values_of("Start configuration") == before
 
 
-@rows("role", ["drive", "navigation"])
+@pytest.mark.parametrize("role", ["drive", "navigation"])
 @rows("numbers, why", AGREEING)
 def test_a_configuration_that_agrees_is_confirmed(role: str, numbers: tuple[int, int, int, int], why: str) -> None:
     master = Master(role)
