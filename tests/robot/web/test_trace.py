@@ -14,8 +14,9 @@ from eurobot_od import cli
 from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.frame import Frame
 from eurobot_od.traffic.formats import read
+from tests.robot.web.scene import live_page
 from tests.web.browser import Page
-from tests.web.scene import channel, live_page
+from tests.web.scene import channel
 
 PLACE = "x=197 mm, y=1802 mm, angle=359 deg, source=internal"
 LINES = "[...document.querySelectorAll('.trace .lines .line')]"
