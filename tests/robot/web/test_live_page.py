@@ -148,7 +148,9 @@ def plan_of(core: Core) -> Iterator[None]:
         thread.join(LONG)
 
 
-@pytest.mark.xfail(reason="a core that was reset takes a goto of the page for one of a second core, and stops it")
+@pytest.mark.xfail(
+    strict=False, reason="a core that was reset takes a goto of the page for one of a second core, and stops it"
+)
 def test_stop_ends_a_whole_plan_until_go(tmp_path: Path, window: Page) -> None:
     name, window.may_lose_its_server = channel(), True
     with robot(name) as (core, world), live_page(name, tmp_path) as served, plan_of(core):
