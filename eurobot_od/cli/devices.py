@@ -229,6 +229,7 @@ class Devices:
         from eurobot_od.client.configure import all_pdo_parameters
         from eurobot_od.client.description import scan
         from eurobot_od.client.master import Master
+        from eurobot_od.od.profiles import profile_shown
         from eurobot_od.pdo.in_force import made
 
         asked, learned = list[Dictionary](), list[Dictionary]()
@@ -240,7 +241,8 @@ class Devices:
                     if described := self.found_description(found):
                         asked.append(described)
                     else:
-                        learned += made(found.node_id, all_pdo_parameters(master.node(found.node_id)))
+                        parameters = all_pdo_parameters(master.node(found.node_id))
+                        learned += made(found.node_id, parameters, profile_shown(found.device_type or 0, ()))
                 except RemoteError as error:
                     complain(f"node {found.node_id}: {error}")
             known = (*(self.load_and_complain() if self.are_known else ()), *asked)

@@ -162,38 +162,6 @@ KNOWN = (
 )
 
 
-_U8, _U16, _I8, _I16, _I32 = (values.DATA_TYPES[code] for code in (0x05, 0x06, 0x02, 0x03, 0x04))
-
-PROFILE_OBJECTS: Mapping[int, tuple[str, DataType]] = {
-    0x1001: ("Error register", _U8),
-    0x6000: ("Read input 8-bit", _U8),
-    0x6200: ("Write output 8-bit", _U8),
-    0x6401: ("Read analogue input 16-bit", _I16),
-    0x6411: ("Write analogue output 16-bit", _I16),
-    0x603F: ("Error code", _U16),
-    0x6040: ("Controlword", _U16),
-    0x6041: ("Statusword", _U16),
-    0x6042: ("vl target velocity", _I16),
-    0x6044: ("vl velocity actual value", _I16),
-    0x6060: ("Modes of operation", _I8),
-    0x6061: ("Modes of operation display", _I8),
-    0x6064: ("Position actual value", _I32),
-    0x606C: ("Velocity actual value", _I32),
-    0x6071: ("Target torque", _I16),
-    0x6077: ("Torque actual value", _I16),
-    0x6078: ("Current actual value", _I16),
-    0x607A: ("Target position", _I32),
-    0x6081: ("Profile velocity", UNSIGNED32),
-    0x60B1: ("Velocity offset", _I32),
-    0x60B2: ("Torque offset", _I16),
-    0x60F4: ("Following error actual value", _I32),
-    0x60FD: ("Digital inputs", UNSIGNED32),
-    0x60FE: ("Digital outputs", UNSIGNED32),
-    0x60FF: ("Target velocity", _I32),
-}
-"""What is usually mapped, for a device without a file: names and types of CiA 301, 401 and 402."""
-
-
 def known_type(index: int, sub: int) -> DataType | None:
     """Return the type that the standard gives to a variable; None where it says nothing."""
     return next((each.type for each in KNOWN if index in each.indices and sub in each.subs), None)

@@ -73,6 +73,7 @@ def _word(
 # Profiles
 
 DRIVE: Mapping[Address, ValueMeaning] = {
+    (cia402.ERROR_CODE, 0): ValueMeaning(lambda _, value: f"0x{value:04X} {error_words(value, {}, cia402.PROFILE)}"),
     (cia402.CONTROLWORD, 0): _word(DriveCommand, "no command", cia402.CONTROL_BITS, cia402.MODE_CONTROL_BITS),
     (cia402.STATUSWORD, 0): _word(State, "no state", cia402.STATUS_BITS, cia402.MODE_STATUS_BITS),
     (cia402.MODE, 0): _coded(cia402.MODE_WORDS),

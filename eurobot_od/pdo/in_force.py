@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od import standard, values
+from eurobot_od.od import cia402, profiles, standard, values
 from eurobot_od.od.dictionary import Dictionary, sdo_channels
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.profiles import variable_text
 from eurobot_od.od.values import (
     ALL_NODES,
     UNSIGNED8,
@@ -139,6 +140,7 @@ class InForce:
         self._files = {each.node_id: each for each in dictionaries}
         self._named, self._describe = dict(self._files), describe
         self._identities: dict[int, dict[Address, int]] = {}
+        self._objects: dict[int, set[int]] = {}
         self._present: dict[int, Dictionary] = {}
         self._learned: dict[int, tuple[Dictionary, ...]] = {}
         self._stored: dict[int, DeviceInForce] = {}
@@ -146,6 +148,8 @@ class InForce:
             self._learned[each.node_id] = (*self._learned.get(each.node_id, ()), each)
             # After a start, too: nothing is known of what it has then, and most have the same.
             self._stored.setdefault(each.node_id, DeviceInForce()).shown.update(_numbers(each))
+            if (device_type := each.number(standard.DEVICE_TYPE)) is not None:
+                self._identities[each.node_id] = {standard.DEVICE_TYPE: device_type}
         self._devices = {node_id: stored.copy(is_started=False) for node_id, stored in self._stored.items()}
         self._all_started = False
 
@@ -167,6 +171,11 @@ class InForce:
     def shown(self, node_id: int) -> Mapping[Address, int]:
         """Return what a device has shown that it has by now."""
         return self._devices[node_id].shown if node_id in self._devices else {}
+
+    def profile(self, node_id: int) -> int:
+        """Return the device profile that a device has shown by 0x1000, or by its objects; 0: none."""
+        device_type = self._identities.get(node_id, {}).get(standard.DEVICE_TYPE, 0)
+        return profiles.profile_shown(device_type, self._objects.get(node_id, ()))
 
     def renumber(self, identity: Mapping[int, int], node_id: int) -> Dictionary | None:
         """Take in that the device of an identity, by its parts as LSS_IDENTITY counts them, has a new node-ID.
@@ -206,10 +215,19 @@ class InForce:
             octets: its value as an SDO carries it
             written: where it was written, such as "by SDO at line 2"; empty for what the device has answered to a read
         """
-        device = self._device(node_id)
+        device, profile = self._device(node_id), self.profile(node_id)
+        is_news = self._show(node_id, device, address, octets, written)
+        if profile == self.profile(node_id) or node_id in self._files:
+            return is_news
+        self._changed(node_id)  # its objects have names now
+        return True
+
+    def _show(self, node_id: int, device: DeviceInForce, address: Address, octets: bytes, written: str) -> bool:
         if address[0] == standard.IDENTITY or address == standard.DEVICE_TYPE:
             return self._identified(node_id, address, octets)
-        if address[0] == standard.STORE:
+        if address[0] in profiles.AREA:
+            self._has_object(node_id, address[0])
+        elif address[0] == standard.STORE:
             if octets == standard.SIGNATURES[standard.STORE]:
                 self._stored[node_id] = device.copy(is_started=True)
         elif address[0] == standard.RESTORE:
@@ -220,11 +238,17 @@ class InForce:
             self._doubt(node_id, address, value, is_written=bool(written))
             if address[1] == values.COB_ID and address[0] in values.COMMUNICATIONS:
                 self._move(node_id, address[0], value, written)
+            if address[0] in values.MAPPINGS and address[1]:
+                self._has_object(node_id, MappingEntry.of(value).index)
             device.shown[address] = value
             device.unknown.discard(address)
             # A device is made anew when it matters, and not at each of the dozen writes that map one PDO.
             return before != self._said_by(node_id, address) and self._changed(node_id)
         return False
+
+    def _has_object(self, node_id: int, index: int) -> None:
+        if index in profiles.AREA:
+            self._objects.setdefault(node_id, set()).add(cia402.on_first_axis(index))
 
     def _identified(self, node_id: int, address: Address, octets: bytes) -> bool:
         """Take in what a device is; return whether it has another description now."""
@@ -326,7 +350,8 @@ class InForce:
         file, device = self._files.get(node_id), self._device(node_id)
         present = device.present(file)
         if file is None:
-            known, self._learned[node_id] = self._learned.get(node_id, ()), made(node_id, present)
+            profile = self.profile(node_id)
+            known, self._learned[node_id] = self._learned.get(node_id, ()), made(node_id, present, profile)
             return known != self._learned[node_id]
         before = self._present.get(node_id, file)
         now = self._present[node_id] = completed(file, present).configured(present)
@@ -397,13 +422,15 @@ def _numbers(device: Dictionary) -> dict[Address, int]:
     return {address: number for address, number in numbers.items() if number is not None}
 
 
-def made(node_id: int, shown: Mapping[Address, Value]) -> tuple[Dictionary, ...]:
+def made(node_id: int, shown: Mapping[Address, Value], profile: int = 0) -> tuple[Dictionary, ...]:
     """Return a dictionary of the services that are shown, and of each PDO whose whole mapping is.
 
-    Each has its own, as they are shown one by one: a device of 64 PDOs would be read 64 times.
+    Each has its own, as they are shown one by one: a device of 64 PDOs would be read 64 times. Each says in 0x1000
+    which `profile` the device has; 0: it is not known.
     """
     numbers = {address: value for address, value in shown.items() if isinstance(value, int)}
-    texts = filter(None, ("".join(_services(numbers)), *_pdos(numbers)))
+    head = profiles.device_type_text(profile) if profile else ""
+    texts = filter(None, (head + "".join(_services(numbers)), *(head + each for each in _pdos(numbers, profile))))
     return tuple(filter(None, (_read(node_id, each) for each in texts)))
 
 
@@ -420,7 +447,7 @@ def _services(shown: Mapping[Address, int]) -> Iterator[str]:
     for index in dict.fromkeys(index for index, _ in SERVICES):
         kept = {sub: shown[index, sub] for at, sub in SERVICES if at == index and (index, sub) in shown}
         if list(kept) == [0]:
-            yield _variable(f"{index:X}", f"0x{index:04X}", UNSIGNED32.code, f"DefaultValue={kept[0]}\n")
+            yield variable_text(f"{index:X}", f"0x{index:04X}", UNSIGNED32.code, f"DefaultValue={kept[0]}\n")
         elif kept:
             yield _record(index, f"0x{index:04X}", {0: max(kept)} | kept)
     for index in sorted(SDO_CHANNELS.intersection(at for at, _ in shown) - {standard.SDO_REQUESTS[0]}):
@@ -428,7 +455,7 @@ def _services(shown: Mapping[Address, int]) -> Iterator[str]:
         yield _record(index, f"0x{index:04X}", {0: max(kept, default=0)} | kept)
 
 
-def _pdos(shown: Mapping[Address, int]) -> Iterator[str]:
+def _pdos(shown: Mapping[Address, int], profile: int) -> Iterator[str]:
     for records in values.COMMUNICATION_RECORDS.values():
         # Few of the 512 are there, and all are looked for at each change.
         for index in sorted({each - values.MAPPING_OFFSET for each, _ in shown}.intersection(records)):
@@ -444,27 +471,29 @@ def _pdos(shown: Mapping[Address, int]) -> Iterator[str]:
             for entry in (MappingEntry.of(shown[mapping, sub]) for sub in subs):
                 objects[entry.address] = max(entry.bits, objects.get(entry.address, 0))
             for each in dict.fromkeys(at for at, _ in objects if at not in values.DUMMIES):
-                text += _mapped(each, {sub: bits for (at, sub), bits in objects.items() if at == each})
+                text += _mapped(each, {sub: bits for (at, sub), bits in objects.items() if at == each}, profile)
             yield text
 
 
 def _record(index: int, name: str, subs: Mapping[int, int]) -> str:
     each = ((sub, (UNSIGNED32 if sub else UNSIGNED8).code, f"DefaultValue={value}\n") for sub, value in subs.items())
-    members = "".join(_variable(f"{index:X}sub{sub:X}", f"{sub}", code, default) for sub, code, default in each)
+    members = "".join(variable_text(f"{index:X}sub{sub:X}", f"{sub}", code, default) for sub, code, default in each)
     return f"[{index:X}]\nParameterName={name}\nObjectType=9\nSubNumber={len(subs)}\n{members}"
 
 
-def _mapped(index: int, bits: Mapping[int, int]) -> str:
-    """Write an object that a PDO maps, by the standard's or a profile's name, or else by its index."""
-    name, type_ = standard.PROFILE_OBJECTS.get(index, ("", None))
+def _mapped(index: int, bits: Mapping[int, int], profile: int = 0) -> str:
+    """Write an object that a PDO maps, by its device's profile, or else by its index."""
+    found = {sub: profiles.object_of(profile, (index, sub)) for sub in bits}
 
     def code(sub: int) -> int:
+        type_ = each.type if (each := found[sub]) else None
         fits = type_ is not None and type_.bits == bits[sub]
         return type_.code if fits and type_ else next(each.code for each in UNSIGNED if each.bits >= bits[sub])
 
+    names = {sub: each.name if each else f"0x{index:04X}" for sub, each in found.items()}
     if list(bits) == [0]:
-        return _variable(f"{index:X}", name or f"0x{index:04X}:00", code(0))
-    members = (_variable(f"{index:X}sub{sub:X}", f"{name or f'0x{index:04X}'}:{sub:02X}", code(sub)) for sub in bits)
+        return variable_text(f"{index:X}", names[0] if found[0] else f"0x{index:04X}:00", code(0))
+    members = (variable_text(f"{index:X}sub{sub:X}", f"{names[sub]}:{sub:02X}", code(sub)) for sub in bits)
     return f"[{index:X}]\nParameterName=0x{index:04X}\nObjectType=9\nSubNumber={len(bits)}\n{''.join(members)}"
 
 
@@ -472,7 +501,3 @@ UNSIGNED = sorted(
     (each for each in values.DATA_TYPES.values() if each.is_integer and not each.is_signed and each.bits),
     key=lambda each: each.bits,
 )
-
-
-def _variable(section: str, name: str, type_: int, more: str = "") -> str:
-    return f"[{section}]\nParameterName={name}\nObjectType=7\nDataType={type_}\nAccessType=rw\nPDOMapping=1\n{more}"

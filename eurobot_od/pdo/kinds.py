@@ -370,8 +370,11 @@ class Worded(Quantity):
         self._says, self._words = says, codes
 
     def text(self, value: Any) -> str:
-        raw = value if isinstance(value, OutOfRange) else round(self.scale.raw(value))
-        return with_words(super().text(value), self._says(int(raw)))
+        return with_words(super().text(value), self.words(value))
+
+    def words(self, value: Any) -> str:
+        """Return what a value says; empty if nobody says anything of it."""
+        return self._says(int(value if isinstance(value, OutOfRange) else round(self.scale.raw(value))))
 
     def named_values(self) -> Mapping[int, str]:
         return self._words
@@ -610,6 +613,18 @@ def plain(message: Message) -> dict[str, Any]:
     """Return a message's fields as numbers, None (unknown), or the words that a person writes."""
     fields = zip(kinds(type(message)).items(), message)
     return {name: None if value is None else kind.plain(value) for (name, kind), value in fields}
+
+
+@cache
+def _worded(message_type: type[Message]) -> Mapping[str, Worded]:
+    return {name: kind for name, kind in kinds(message_type).items() if isinstance(kind, Worded)}
+
+
+def worded(message: Message) -> dict[str, str]:
+    """Return what the values of a message's fields say, where its maker or its device's profile has words for them."""
+    values = ((name, kind, getattr(message, name)) for name, kind in _worded(type(message)).items())
+    said = ((name, kind.words(value)) for name, kind, value in values if value is not None)
+    return {name: words for name, words in said if words}
 
 
 def describe(message: Message, own: Mapping[str, Kind]) -> str:

@@ -254,13 +254,18 @@ class ErrorWords(NamedTuple):
         dictionaries: Iterable[Dictionary],
         catalogue: Catalogue,
         nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
+        learned: Iterable[Dictionary] = (),
     ) -> ErrorWords:
-        """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own."""
+        """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own.
+
+        What is `learned` of devices without files says which profile they have.
+        """
         devices = tuple(dictionaries)
         own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
         said = {each.node_id: {**each.error_words, **nodes.get(each.node_id, {})} for each in devices}
         nodes = {**nodes, **said}
-        return cls(catalogue.errors, nodes, {each.node_id: profile_of(each.objects) for each in devices}, own)
+        profiles = {each.node_id: profile_of(each.objects) for each in (*learned, *devices)}
+        return cls(catalogue.errors, nodes, profiles, own)
 
     def of(self, node_id: int) -> Callable[[int], str]:
         """Return a function that puts the error codes of a node into words."""

@@ -20,12 +20,13 @@ from typing import Any, BinaryIO, NamedTuple, TypeAlias
 from eurobot_od.device.nmt import RESETS, TOGGLE, NmtState
 from eurobot_od.frame import Frame, RemoteFrame, identifier_text
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.profiles import AREA
 from eurobot_od.od.standard import ANSWERS
 from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_IDS, Address
 from eurobot_od.pdo import in_force
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.in_force import InForce
-from eurobot_od.pdo.kinds import plain, units
+from eurobot_od.pdo.kinds import plain, units, worded
 from eurobot_od.sdo.wire import Initiate
 from eurobot_od.support.texts import cell, one_line
 from eurobot_od.traffic import formats
@@ -190,6 +191,8 @@ class JsonOutput(Output):
             data["fields"] = _fields(meaning)
         if meaning.message is not None and (own := units(type(meaning.message))):
             data["units"] = own
+        if meaning.message is not None and (said := worded(meaning.message)):
+            data["words"] = said
         if meaning.defects:
             data["damage"] = [{"kind": each.damage.value, "text": each.text} for each in meaning.defects]
         return _json(data)[1:]  # the writer opens the object with the place and the time
@@ -282,6 +285,9 @@ RUNNING = frozenset(bytes([state]) for state in NmtState if state is not NmtStat
 
 SHOWN = range(FIRST, MANUFACTURER[0])
 """The objects of which some say what other frames mean."""
+
+SHOWING = frozenset((*SHOWN, *AREA))
+"""These, and the objects by which a device without a file shows its profile."""
 
 
 def is_followed(meaning: Meaning) -> bool:
@@ -435,7 +441,7 @@ class Following:
             unseen.add(ended.address)  # type: ignore[arg-type]
         for address in unseen:
             self._news(channel, self._in_force(channel).forget(server, address))
-        if ended and is_confirmed and ended.address and ended.content is not None and ended.address[0] in SHOWN:
+        if ended and is_confirmed and ended.address and ended.content is not None and ended.address[0] in SHOWING:
             where = f"by SDO at line {place}" if isinstance(place, int) else f"by SDO at {place:.6f} s"
             written = "" if ended.is_upload else where
             self._news(channel, self._in_force(channel).show(server, ended.address, ended.content, written))

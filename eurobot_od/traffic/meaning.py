@@ -196,7 +196,7 @@ class Decoder:
     @cached_property
     def errors(self) -> ErrorWords:
         """The words for the devices' emergency error codes."""
-        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors)
+        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors, self.learned)
 
     @cached_property
     def unmapped(self) -> Unmapped:

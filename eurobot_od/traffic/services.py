@@ -14,6 +14,7 @@ from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, sdo_channels
 from eurobot_od.od.objects import data_type, measured, physical
+from eurobot_od.od.profiles import dictionary_of
 from eurobot_od.od.standard import LSS_IDENTITY, Lss, LssState
 from eurobot_od.od.units import RAW, scale_of
 from eurobot_od.od.values import ALL_NODES, Address, Value
@@ -310,6 +311,8 @@ def content_fields(dictionary: Dictionary | None, address: Address, octets: byte
     variable = dictionary.variable(address) if dictionary and isinstance(value, (int, float)) else None
     if variable is not None and (unit := scale_of(variable).unit):
         known = {"value": physical(variable, value), "unit": unit}
+    if variable is not None and (said := words(variable, value)):
+        known["words"] = said
     return known | {"content": octets, "size": len(octets)}
 
 
@@ -399,9 +402,9 @@ class KnownNode(NamedTuple):
     dictionary: Dictionary | None = None
 
     @classmethod
-    def unnamed(cls, node_id: int) -> KnownNode:
-        """Return a node of which only the node-ID is known."""
-        return cls(node_id, f"node {node_id}")
+    def unnamed(cls, node_id: int, profile: int = 0) -> KnownNode:
+        """Return a node without a file, which has the objects of its `profile`; 0: that is not known."""
+        return cls(node_id, f"node {node_id}", dictionary_of(profile))
 
 
 Services = dict[int, CanopenService]
@@ -415,14 +418,15 @@ def services(
 ) -> Services:
     """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
 
-    `errors` are the words for the devices' emergency error codes, `master` is the name of who leads the network. What
-    is `learned` of devices without files says where their services are, and nothing else.
+    `errors` are the words for the devices' emergency error codes; they know their profiles, by which objects of devices
+    without files have names. `master` is the name of who leads the network. What is `learned` of devices without files
+    says where their services are.
     """
     known = {each.node_id: KnownNode(each.node_id, each.name, each) for each in dictionaries}
     found = _broadcast({node_id: node.name for node_id, node in known.items()}, master)
     emcy = {}
     for node_id in values.NODE_IDS:
-        node = known.get(node_id, KnownNode.unnamed(node_id))
+        node = known.get(node_id) or KnownNode.unnamed(node_id, errors.profiles.get(node_id, 0))
         said = errors.of(node_id)
         words, fields = partial(emcy_words, said), partial(emcy_fields, said, node_id)
         emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), words, node.name, fields=fields)
@@ -438,7 +442,8 @@ def services(
         found |= _produced(device, found)
         for server, client, request, answer in sdo_channels(device):
             asks = known.get(client, KnownNode.unnamed(client)).name if client else master
-            found |= _sdo(known.get(server, KnownNode.unnamed(server)), request, answer, asks)
+            node = known.get(server) or KnownNode.unnamed(server, errors.profiles.get(server, 0))
+            found |= _sdo(node, request, answer, asks)
     return found
 
 

@@ -191,6 +191,36 @@ def test_what_a_device_without_a_file_was_asked_for_stays_known() -> None:
     assert emcy.name == "EMCY"
 
 
+TYPE, STATE = "601#4000100000000000 581#4300100092010200", "601#4041680000000000 581#4B41680037060000"
+MODE = "601#4061680000000000 581#4F61680001000000"
+NO_MODE = "601#4061680000000000 581#8061680000000206"
+MAPS_STATE = MAPPED.replace("4160", "4168")
+IN_WORDS = "0x6841:00 Statusword (axis 2) = 1591 (Operation enabled, target reached)"
+
+UNDERVOLTAGE = "0x3220 DC link undervoltage"
+
+PROFILES = {
+    "by 0x1000": (f"{TYPE} {STATE}", f"node 1, value of {IN_WORDS}"),
+    "by the objects that it has answered for": (f"{STATE} {MODE} {STATE}", f"node 1, value of {IN_WORDS}"),
+    "not by one of them": (f"{STATE} {NO_MODE} {STATE}", "node 1, value of 0x6841:00 = 37 06"),
+    "not another node": (f"{TYPE} 582#4B41680037060000", "node 2, value of 0x6841:00 = 37 06"),
+    "of a PDO": (f"{TYPE} {MAPS_STATE} {ON} {FRAME}", f"{WITHOUT_A_FILE}, statusword_axis_2=567 (Operation enabled)"),
+    "by what its PDO maps": (f"{MAPS_STATE} {ON} {MODE} {STATE}", f"node 1, value of {IN_WORDS}"),
+    "of an emergency": (f"{TYPE} 081#2032010102030405", f"node 1, {UNDERVOLTAGE}, register 0x01, 01 02 03 04 05"),
+    "after a start": (f"{TYPE} 701#00 {STATE}", f"node 1, value of {IN_WORDS}"),
+}
+
+
+@pytest.mark.parametrize(("lines", "text"), PROFILES.values(), ids=PROFILES)
+def test_objects_of_a_device_without_a_file_have_the_names_of_the_profile_that_it_shows(lines: str, text: str) -> None:
+    assert decoded(lines)[-1].text.partition(", 2 bytes")[0] == text
+
+
+def test_the_profile_that_a_device_was_asked_for_stays_known() -> None:
+    following = Following(Decoder((), learned=made(1, {}, 402)))
+    assert "Statusword (axis 2)" in following(0.0, "", Frame(0x581, bytes.fromhex("4B41680037060000"))).text
+
+
 @contextmanager
 def stopping(what: Any) -> Iterator[None]:
     """Stop a thread's owner at the end, whatever happens."""
