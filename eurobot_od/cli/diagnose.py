@@ -15,11 +15,14 @@ from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, Json, NoReconnect, Seconds, give, write
 from eurobot_od.cli.signature import Option
+from eurobot_od.errors import LocalError
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
 from eurobot_od.lint.findings import LEVELS
 from eurobot_od.support import texts
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident, lines
+from eurobot_od.traffic.diagnosis.questions import Questions
+from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.monitor import BusSource
 
 WORDS = (*LEVELS.values(), "never")
@@ -27,6 +30,12 @@ WORDS = (*LEVELS.values(), "never")
 
 POLL = 0.02
 """Seconds between two looks at a bus."""
+
+LOOK = 0.5
+"""Seconds between two looks for nodes to ask."""
+
+SEND_WAIT = 1.0
+"""Seconds in which the driver has to take a request."""
 
 BEHIND = 0.5
 """Seconds that may lie between a frame and its diagnosis."""
@@ -40,6 +49,7 @@ def diagnose(
     as_json: Json = False,
     report: Annotated[Path | None, Option(metavar="FILE")] = None,
     fail_on: Annotated[str, Option(choices=WORDS)] = "warning",
+    ask: bool = False,
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
@@ -54,20 +64,26 @@ def diagnose(
     duration: how long to listen to a bus (default: until Ctrl-C)
     report: also write a page: .html or .md
     fail_on: lowest level of an incident that is a failure (default: warning)
+    ask: read errors, identity, heartbeat settings and a drive's state of nodes that show trouble, by SDO
 
     $ diagnose run.log --eds 5=motor.eds
     $ diagnose -i socketcan -c can0 --for 10s
+    $ diagnose -i socketcan -c can0 --for 10s --ask
     """
+    if ask and logs:
+        raise LocalError("--ask is for a bus: a log has no devices to ask")
     form = form_of(report) if report else ""  # an unknown suffix ends it before the log is read
     decoder = decoder_for(logs, reading, devices, emcy, dbc)
     makers = [each for package in devices.packages_of(decoder.dictionaries) for each in package.watchers()]
     watchers, promised = [*devices.robot.watchers(), *makers], devices.promised(decoder)
     diagnosis = Diagnosis(decoder, watchers, bus.bitrate or BITRATE, promised)
+    asking = _Asking(diagnosis) if ask else None
     if logs:
         _read(diagnosis, logs, reading)
     else:
-        _listen(diagnosis, bus, duration, no_reconnect)
+        _listen(diagnosis, bus, duration, no_reconnect, asking)
     found = diagnosis.incidents.sorted()
+    found = asking.answered(found) if asking else found
     said = diagnosis.verdict(found)
     data = {"verdict": said, "frames": diagnosis.frames, "incidents": [each.as_data() for each in found]}
     give(as_json, data, [said, *lines(found)], indent=None)
@@ -89,18 +105,57 @@ def _read(diagnosis: Diagnosis, logs: Sequence[str], reading: Reading) -> None:
     diagnosis.end()
 
 
-def _listen(diagnosis: Diagnosis, bus: BusOptions, duration: float, no_reconnect: bool) -> None:
+class _Asking:
+    """Asks nodes that show trouble, on a bus that is listened to; `is_done` once all that is known by then is asked."""
+
+    def __init__(self, diagnosis: Diagnosis) -> None:
+        self._diagnosis = diagnosis
+        self._questions: Questions | None = None
+        self._look_at, self._was_last_look = 0.0, False
+
+    @property
+    def is_done(self) -> bool:
+        return self._questions is None or (self._was_last_look and not self._questions.is_busy)
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        """Take in a frame of the bus."""
+        self._questions = self._questions or self._diagnosis.questions("")
+        if self._questions:
+            self._questions.take(time, meaning)
+
+    def send(self, time: float, source: BusSource, is_last: bool) -> None:
+        """Send what is due at a time in s; `is_last` if it looks for trouble for the last time. Raises BusError."""
+        if self._questions is None:
+            return
+        if time >= self._look_at or is_last > self._was_last_look:
+            self._look_at, self._was_last_look = time + LOOK, is_last
+            self._questions.look(time, self._diagnosis.so_far(time))
+        for frame in self._questions.due(time):
+            source.send(frame, SEND_WAIT)
+
+    def answered(self, found: list[Incident]) -> list[Incident]:
+        """Return incidents with what their nodes have answered."""
+        return list(self._questions.answered(found)) if self._questions else found
+
+
+def _listen(
+    diagnosis: Diagnosis, bus: BusOptions, duration: float, no_reconnect: bool, asking: _Asking | None = None
+) -> None:
     """Listen to a bus until its time is over, or Ctrl-C; what the driver could not deliver is an incident."""
     with closing(BusSource(bus.open(), opener=bus.reopener(no_reconnect))) as source, suppress(KeyboardInterrupt):
         began, origin, now, behind = time.monotonic(), None, 0.0, 0.0
-        while (now := time.monotonic() - began) < duration:
+        while (now := time.monotonic() - began) < duration or (asking and not asking.is_done):
             behind = 0.0
             for at, raw in source.poll():
                 origin = at - now if origin is None else origin  # a driver's clock may start anywhere
                 behind = max(now - (at - origin), 0.0)
-                diagnosis.take(max(at - origin, 0.0), "", raw)
+                meaning = diagnosis.take(max(at - origin, 0.0), "", raw)
+                if asking:
+                    asking.take(max(at - origin, 0.0), meaning)
             diagnosis.tick(now - behind)  # what waits to be taken in is not late
-            time.sleep(min(POLL, max(0.0, duration - now)))
+            if asking:
+                asking.send(now - behind, source, now >= duration)
+            time.sleep(min(POLL, duration - now) if now < duration else POLL)
     if not diagnosis.frames:
         diagnosis.silent()
     diagnosis.end(now - behind)

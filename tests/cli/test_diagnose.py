@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import can
+import canopen
 import pytest
 
 from eurobot_od.cli.diagnose import WORDS
@@ -102,6 +103,7 @@ WRONG = [
     (["--report", "x.pdf"], "unknown document format '.pdf'"),
     (["--fail-on", "info"], "unknown value 'info'; known: error, warning, note, never"),
     (["--eds", "5=missing.eds"], "missing.eds"),
+    (["--ask"], "--ask is for a bus: a log has no devices to ask"),
 ]
 
 
@@ -115,9 +117,9 @@ def test_wrong_input_is_a_line(
 
 
 @contextmanager
-def traffic(data: bytes, identifier: int, **settings: Any) -> Iterator[str]:
+def traffic(data: bytes, identifier: int, channel_name: str = "", **settings: Any) -> Iterator[str]:
     """A bus on which a frame, with one time stamp for ever, is sent again and again."""
-    name, done = channel(), threading.Event()
+    name, done = channel_name or channel(), threading.Event()
     message = can.Message(timestamp=1.0, arbitration_id=identifier, data=data, is_extended_id=False)
 
     def send() -> None:
@@ -150,3 +152,20 @@ def test_a_diagnosis_that_is_behind_the_bus_says_so(capsys: pytest.CaptureFixtur
 def test_a_bus_without_a_frame(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "diagnose", "-i", "virtual", "-c", channel(), "--for", "50ms", *WORKBENCH)
     assert (said.status, said.out.splitlines()[0]) == (1, "1 error in 0 frames, 0 ms. It is no frame came")
+
+
+def test_a_node_that_shows_trouble_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    name = channel()
+    stock = canopen.Network()
+    stock.connect(interface="virtual", channel=name)
+    try:
+        stock.create_node(5, str(MOTOR.with_name("servo.eds")))
+        with traffic(bytes.fromhex("2032010000000000"), 0x085, channel_name=name):
+            words = "diagnose", "-i", "virtual", "-c", name, "--for", "500ms", "--ask", "--json", *WORKBENCH
+            found = json.loads(run(capsys, *words).out)["incidents"]
+    finally:
+        stock.disconnect()
+    (asked,) = (each["asked"] for each in found if each["asked"])
+    assert asked[0] == "0x1001:0 error register 0x00 (no error)"
+    assert "0x1000:0 device type 0x00020192, profile 402" in asked
+    assert asked[-2:] == ["0x6041:0 Statusword 576 (Switch on disabled)", "0x603F:0 Error code 0 (0x0000 no error)"]

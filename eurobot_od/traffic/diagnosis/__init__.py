@@ -28,6 +28,7 @@ from eurobot_od.traffic.diagnosis.drives import DriveWatcher
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Watcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
 from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, StreamWatcher, SyncWatcher, TimeWatcher
+from eurobot_od.traffic.diagnosis.questions import Questions
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.transfers import SdoWatcher
 from eurobot_od.traffic.entries import Damage, Raw
@@ -301,6 +302,11 @@ class Diagnosis:
         """Report what could not be taken in, as a source of frames says it."""
         for note in notes:
             self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note).add(self._at())
+
+    def questions(self, channel: str) -> Questions | None:
+        """Return what asks the nodes of a bus that show trouble; None if no frame came from there."""
+        watched = self._buses.get(channel)
+        return Questions(watched.bus, watched.drives.axes) if watched else None
 
     def so_far(self, time: float) -> list[Incident]:
         """Return the incidents as if a watch ended at a time in s, worst first."""

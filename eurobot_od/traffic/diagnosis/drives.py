@@ -271,6 +271,12 @@ class DriveWatcher(Watcher):
         number = (index - cia402.FIRST_AXIS.start) // cia402.AXIS_STEP + 1
         return self._axes.setdefault((node.node_id, number), ObservedAxis(node, number))
 
+    def axes(self, node_id: int) -> list[int]:
+        """Return the axes of a node, by number: what it has shown, or else the first one; none if it is no drive."""
+        if not self._is_drive(self.bus.node(node_id)):
+            return []
+        return sorted(number for owner, number in self._axes if owner == node_id) or [1]
+
     def _emergency(self, time: float, meaning: Meaning) -> None:
         said = meaning.fields
         if not said.get("code"):

@@ -131,7 +131,7 @@ class IncidentRule(Enum):
         return list(Severity).index(self.severity), self.stage, list(type(self)).index(self)
 
 
-FACTS = "Seen", "Also at", "Frames", "Likely", "To do", "With it", "Source"
+FACTS = "Seen", "Also at", "Frames", "Likely", "Asked", "To do", "With it", "Source"
 """What is said of an incident besides its title."""
 
 
@@ -139,7 +139,7 @@ FACTS = "Seen", "Also at", "Frames", "Likely", "To do", "With it", "Source"
 class Incident:
     """A rule that does not hold: on which bus (empty if there is only one), at `who`, and what exactly.
 
-    What has the same cause `follows` from it.
+    What has the same cause `follows` from it. The node was `asked` for objects, which it answered, or not.
     """
 
     rule: IncidentRule
@@ -149,6 +149,7 @@ class Incident:
     cause: str
     seen: Occurrences = field(default_factory=Occurrences)
     follows: tuple[Incident, ...] = ()
+    asked: tuple[str, ...] = ()
 
     def explains(self, other: Incident) -> bool:
         """Return whether another incident, which is not worse, follows from this one by the table of its rules."""
@@ -175,7 +176,8 @@ class Incident:
         places = dict.fromkeys([*self.seen.places, self.seen.last])
         frames = ", ".join(f"{each.shown} at {each.time:.6f} s" for each in places if each.shown)
         with_it = "; ".join(each.title for each in self.follows)
-        found = when, also, frames, self.cause, self.rule.remedy, with_it, f"{self.rule.clause} [{self.rule.id}]"
+        said, source = "; ".join(self.asked), f"{self.rule.clause} [{self.rule.id}]"
+        found = when, also, frames, self.cause, said, self.rule.remedy, with_it, source
         return [(what, one_line(text)) for what, text in zip(FACTS, found) if text]
 
     def as_data(self) -> dict[str, Any]:
@@ -192,6 +194,7 @@ class Incident:
             "cause": self.cause,
             "remedy": self.rule.remedy,
             "clause": self.rule.clause,
+            "asked": list(self.asked),
             "follows": [each.as_data() for each in self.follows],
         }
 
@@ -305,6 +308,8 @@ class ObservedBus:
         self.frame: Raw | None = None
         self.began = self.now = 0.0
         self.commanded = -inf
+        self.own_question: tuple[int, Address] | None = None
+        """The node and object of the question that this program has asked last."""
         self.numbers = {each.name: each.node_id for each in decoder.dictionaries}
         self._shown = shown
         self.nodes = {

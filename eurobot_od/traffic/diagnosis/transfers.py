@@ -159,7 +159,9 @@ class SdoWatcher(Watcher):
         words = object_words(end.dictionary, address) if address else line.object
         line.before = None
         if address and line.asked is not None and line.seen:
-            if self._is_hasty(line.asked):
+            if self._is_own(node, line.address, address):
+                line.is_shared = True
+            elif self._is_hasty(line.asked):
                 line.is_shared = True
                 self._two_clients(node, line.object, words, time - line.asked, line.seen)
             elif line.address and line.address != address and time - line.asked < RESTLESS:
@@ -173,6 +175,10 @@ class SdoWatcher(Watcher):
         text = f"two clients ask on one channel: {one}, and {duration(after, 6)} later {two}, before the answer"
         both = Occurrences(1, self.bus.at(), [*seen.places[:1], self.bus.at()])
         self._found(BusRule.TWO_CLIENTS, node, text, seen=both)
+
+    def _is_own(self, node: ObservedNode, *addresses: Address | None) -> bool:
+        """Return whether this program itself has asked a node for one of these objects."""
+        return any((node.node_id, each) == self.bus.own_question for each in addresses)
 
     def _is_hasty(self, asked: float) -> bool:
         """Whether no client would have given up waiting for an answer by now; a log without times does not tell."""
@@ -196,6 +202,8 @@ class SdoWatcher(Watcher):
         words = label(address) if address else "a segment"
         if line.owed:
             line.owed -= 1
+            if line.is_shared and self.bus.own_question and self.bus.own_question[0] == node.node_id:
+                return  # another client has begun before our question was answered
             text, cause = f"answers late: {words}", "the node answered after its client had given up"
             self._found(BusRule.SDO_UNASKED, node, text, cause)
         elif line.answered and self._is_second(line, line.answered, time, address, data):
@@ -216,6 +224,8 @@ class SdoWatcher(Watcher):
 
     def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:
         way = "read" if ended.is_upload else "write"
+        if (ended.aborted is not None or not ended.is_whole) and self._is_own(node, ended.address):
+            return  # what comes of it is said with the incident
         if ended.aborted is not None:
             if ended.aborted == AbortCode.TIMEOUT and not is_refused and asked:
                 self._unanswered(node, f"the {way} of {ended.object}", asked)
@@ -287,8 +297,8 @@ class SdoWatcher(Watcher):
         if ended.aborted == AbortCode.TOGGLE_BIT:
             rule = BusRule.SDO_TOGGLE
         cause = when_sent(ended.aborted, index)
-        if ended.address and ended.end and ended.end.dictionary:
-            cause = "; ".join(filter(None, (cause, _by_file(ended.end.dictionary, ended.address, ended.aborted))))
+        if ended.address and node.dictionary:
+            cause = "; ".join(filter(None, (cause, _by_file(node.dictionary, ended.address, ended.aborted))))
         if on_first_axis(index) == MODE and ended.aborted == AbortCode.VALUE:
             cause = "the drive does not have this mode of operation: compare 0x6502"
         by = "aborts" if is_refused else "has its client abort"
@@ -363,6 +373,8 @@ class SdoWatcher(Watcher):
             if line.asked is None or time - line.asked <= PATIENT or not (service and service.end):
                 continue
             node = self.bus.node(service.end.server)
+            if self._is_own(node, line.address):
+                continue
             said = f"does not answer the request for {line.object}", self._why_silent(node)
             if node.heard:
                 self.bus.found(BusRule.SDO_UNANSWERED, node.name, said[0], cause=said[1], seen=line.seen)

@@ -1,0 +1,240 @@
+"""Asks nodes that show trouble what they say of themselves, one object at a time: `diagnose --ask`.
+
+Meanings and times go in, requests come out; who drives it has the bus. Nothing is asked while the transfer of another
+client is open on the bus. If one begins in the middle of a question, that is left to the other, and asked again later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from math import inf
+from typing import TypeAlias
+
+from eurobot_od.device.broadcasts import REGISTER_BITS
+from eurobot_od.errors import RemoteError
+from eurobot_od.frame import Frame
+from eurobot_od.lint.findings import Severity
+from eurobot_od.od import cia402, standard
+from eurobot_od.od.profiles import dictionary_of
+from eurobot_od.od.standard import CONSUMED_HEARTBEATS, ERROR_FIELD, IDENTITY, LSS_IDENTITY
+from eurobot_od.od.values import Address, label
+from eurobot_od.sdo import client as sdo
+from eurobot_od.sdo import wire
+from eurobot_od.support.texts import amount
+from eurobot_od.traffic.diagnosis.incidents import Incident, ObservedBus, ObservedNode
+from eurobot_od.traffic.meaning import Meaning
+from eurobot_od.traffic.services import SDO, SdoEnd, value_words
+
+ANSWER_WAIT = 0.5
+"""Time that a node has for an answer, in s."""
+
+GIVEN_UP = 1.0
+"""Time after the last frame of another client's transfer from which on it counts as given up, in s."""
+
+AGAIN = 10.0
+"""Time after which a node that shows trouble of another kind is asked again, in s."""
+
+MOST_ENTRIES = 8
+"""Most entries of 0x1003, and of 0x1016, that are read."""
+
+TROUBLE = (Severity.ERROR, Severity.WARNING)
+"""A node with such an incident is asked."""
+
+Objects: TypeAlias = Generator[Address, "bytes | None", None]
+"""Yields the objects to read one after the other, and is sent what the node has there; None if it refuses."""
+
+
+def _objects(axes: Callable[[], Sequence[int]]) -> Objects:
+    """Yield what a node in trouble is asked for; `axes` are those of a drive, by number."""
+    yield standard.ERROR_REGISTER
+    yield from _entries(ERROR_FIELD)
+    yield from ((IDENTITY, sub) for sub in range(1, len(LSS_IDENTITY) + 1))
+    yield standard.DEVICE_TYPE
+    yield from _entries(CONSUMED_HEARTBEATS)
+    yield standard.HEARTBEAT_TIME
+    for axis in axes():
+        for index in (cia402.STATUSWORD, cia402.ERROR_CODE):
+            yield index + cia402.AXIS_STEP * (axis - 1), 0
+
+
+def _entries(index: int) -> Objects:
+    count = yield index, 0
+    for sub in range(1, min(_number(count or b""), MOST_ENTRIES) + 1):
+        yield index, sub
+
+
+def _number(content: bytes) -> int:
+    return int.from_bytes(content, "little")
+
+
+ErrorText: TypeAlias = Callable[[int], str]
+"""Puts an error code of a node into words."""
+
+
+def _register_words(register: int, _: ErrorText) -> str:
+    bits = ", ".join(name for bit, name in enumerate(REGISTER_BITS) if register >> bit & 1)
+    return f"error register 0x{register:02X} ({bits or 'no error'})"
+
+
+def _consumer_words(entry: int, _: ErrorText) -> str:
+    return f"waits {entry & 0xFFFF} ms for node-ID {entry >> 16 & 0x7F}"
+
+
+OF_NUMBERS: Mapping[Address, tuple[str, str]] = {
+    (ERROR_FIELD, 0): ("remembered error", "remembered errors"),
+    (CONSUMED_HEARTBEATS, 0): ("entry of consumers", "entries of consumers"),
+}
+"""What sub-index 0 of a list counts."""
+
+OF_OBJECTS: Mapping[int, Callable[[int, ErrorText], str]] = {
+    standard.ERROR_REGISTER[0]: _register_words,
+    ERROR_FIELD: lambda entry, errors: f"0x{entry & 0xFFFF:04X} {errors(entry & 0xFFFF)}",
+    standard.DEVICE_TYPE[0]: lambda number, _: f"device type 0x{number:08X}, profile {number & 0xFFFF}",
+    CONSUMED_HEARTBEATS: _consumer_words,
+    standard.HEARTBEAT_TIME[0]: lambda period, _: f"heartbeat time {period} ms",
+}
+"""What the number of an object says, by its index."""
+
+
+def answer_words(address: Address, content: bytes, errors: ErrorText) -> str:
+    """Write what a node has answered for an object; `errors` has words for its error codes."""
+    index, sub = address
+    if address in OF_NUMBERS:
+        return amount(_number(content), *OF_NUMBERS[address])
+    if index in OF_OBJECTS:
+        return OF_OBJECTS[index](_number(content), errors)
+    if index == IDENTITY:
+        return f"{LSS_IDENTITY[sub - 1]} 0x{_number(content):08X}"
+    drive = dictionary_of(cia402.PROFILE)
+    variable = drive.variable(address) if drive else None
+    return f"{variable.name if variable else ''} {value_words(drive, address, content)}".lstrip()
+
+
+class OpenQuestion:
+    """A question to a node on its SDO channel: its transfer, and the requests of it that the bus has not shown yet."""
+
+    def __init__(self, node: ObservedNode, objects: Objects, address: Address, request: int, time: float) -> None:
+        self.node, self.objects, self.address, self.request = node, objects, address, request
+        self.transfer = sdo.upload(address, ANSWER_WAIT)
+        self.unseen: list[bytes] = []
+        self.add(self.transfer.start(time))
+
+    @property
+    def is_of_list(self) -> bool:
+        """Whether it is about an entry of a list, of which any may be empty."""
+        index, sub = self.address
+        return (index, 0) in OF_NUMBERS and sub > 0
+
+    def add(self, requests: Iterable[bytes]) -> None:
+        """Take in requests that are sent now."""
+        self.unseen += requests
+
+
+class Questions:
+    """The questions to the nodes of a bus that show trouble; `axes` returns the axes that a drive has shown."""
+
+    def __init__(self, bus: ObservedBus, axes: Callable[[int], Sequence[int]]) -> None:
+        self._bus, self._axes = bus, axes
+        self._known: set[tuple[str, str]] = set()
+        self._asked: dict[int, float] = {}
+        self._waiting: dict[int, tuple[ObservedNode, Objects, Address]] = {}
+        self._open: OpenQuestion | None = None
+        self._others: dict[int, float] = {}
+        self._to_send: list[Frame] = []
+        self._answers: dict[str, dict[Address, str]] = {}
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a question waits for its turn, or for its answer."""
+        return bool(self._waiting or self._open or self._to_send)
+
+    def look(self, time: float, found: Iterable[Incident]) -> None:
+        """Take in what is found until a time in s: a node with trouble of a new kind is asked."""
+        for each in found:
+            node = self._bus.named(each.who) if each.who and each.rule.severity in TROUBLE else None
+            if node and (each.who, each.rule.id) not in self._known:
+                self._known.add((each.who, each.rule.id))
+                if time - self._asked.get(node.node_id, -inf) > AGAIN:
+                    self._asked[node.node_id] = time
+                    objects = _objects(partial(self._axes, node.node_id))
+                    self._waiting[node.node_id] = node, objects, next(objects)
+            self.look(time, each.follows)
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        """Take in a frame of the bus, ours among them."""
+        service = self._bus.decoder.services.get(meaning.raw[0]) if meaning.name == SDO else None  # type: ignore[call-overload]
+        if service is None or service.end is None or not isinstance(meaning.raw, Frame) or meaning.raw.is_remote:
+            return
+        end, data, question = service.end, meaning.raw.data, self._open
+        if question and end.channel == question.request and (end.is_answer or data in question.unseen):
+            self._own(time, question, end, data)
+            return
+        if question and end.channel == question.request:
+            self._give_way(question)
+        is_over = meaning.transfer is not None and meaning.transfer.is_whole
+        if is_over or data[0] == wire.ABORT:
+            self._others.pop(end.channel, None)
+        else:
+            self._others[end.channel] = time
+
+    def _own(self, time: float, question: OpenQuestion, end: SdoEnd, data: bytes) -> None:
+        if not end.is_answer:
+            question.unseen.remove(data)
+            return
+        self._send(question, question.transfer.receive(data, time))
+        self._finish(question)
+
+    def _send(self, question: OpenQuestion, requests: list[bytes]) -> None:
+        question.add(requests)
+        self._to_send += (Frame(question.request, each) for each in requests)
+
+    def _give_way(self, question: OpenQuestion) -> None:
+        """Leave a question, into which another client has begun a transfer, for later."""
+        self._open = None
+        self._waiting[question.node.node_id] = question.node, question.objects, question.address
+
+    def _finish(self, question: OpenQuestion) -> None:
+        """Take in the end of a question, if it is one."""
+        if not question.transfer.done:
+            return
+        self._open, content, is_silent = None, None, False
+        try:
+            content = question.transfer.result()
+            text = answer_words(question.address, content, self._bus.decoder.errors.of(question.node.node_id))
+        except RemoteError as error:
+            text, is_silent = str(error), isinstance(error, sdo.Silence)
+        if not (question.is_of_list and content is not None and not any(content)):  # an entry that is not used
+            self._answers.setdefault(question.node.name, {})[question.address] = f"{label(question.address)} {text}"
+        try:
+            if not is_silent:  # else it is not asked for the rest
+                following = question.objects.send(content)
+                self._waiting[question.node.node_id] = question.node, question.objects, following
+        except StopIteration:
+            pass
+
+    def due(self, time: float) -> list[Frame]:
+        """Return the requests to send at a time in s."""
+        if self._open:
+            self._send(self._open, self._open.transfer.tick(time))
+            self._finish(self._open)
+        elif self._waiting and not any(time - last < GIVEN_UP for last in self._others.values()):
+            self._ask(time, *self._waiting.pop(next(iter(self._waiting))))
+        frames, self._to_send = self._to_send, []
+        return frames
+
+    def _ask(self, time: float, node: ObservedNode, objects: Objects, address: Address) -> None:
+        services = self._bus.decoder.services.values()
+        ends = (each.end for each in services if each.end and not each.end.is_answer)
+        channel = next(each.channel for each in ends if each.server == node.node_id)
+        self._open = OpenQuestion(node, objects, address, channel, time)
+        self._bus.own_question = node.node_id, address
+        self._to_send += (Frame(channel, each) for each in self._open.unseen)
+
+    def answered(self, found: Iterable[Incident]) -> Iterator[Incident]:
+        """Yield incidents, of each node the first one with what it has answered."""
+        left = dict(self._answers)
+        for each in found:
+            said = tuple(left.pop(each.who, {}).values())
+            yield replace(each, asked=said) if said else each
