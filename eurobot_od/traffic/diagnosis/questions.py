@@ -164,8 +164,10 @@ class Questions:
 
     def take(self, time: float, meaning: Meaning) -> None:
         """Take in a frame of the bus, ours among them."""
-        service = self._bus.decoder.services.get(meaning.raw[0]) if meaning.name == SDO else None  # type: ignore[call-overload]
-        if service is None or service.end is None or not isinstance(meaning.raw, Frame) or meaning.raw.is_remote:
+        if meaning.name != SDO or not isinstance(meaning.raw, Frame) or meaning.raw.is_remote:
+            return
+        service = self._bus.decoder.services.get(meaning.raw.cob_id)
+        if service is None or service.end is None:
             return
         end, data, question = service.end, meaning.raw.data, self._open
         if question and end.channel == question.request and (end.is_answer or data in question.unseen):
