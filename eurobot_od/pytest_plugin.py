@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from eurobot_od.check.suite import Step, Suite
     from eurobot_od.client.network import Network
     from eurobot_od.client.remote_device import RemoteDevice
-    from eurobot_od.plugin import Plugin
+    from eurobot_od.plugin import Plugins
     from eurobot_od.support.yaml_places import Place
 
 PATTERNS = ("*.check.yaml", "*.check.yml")
@@ -156,12 +156,13 @@ def _network(config: pytest.Config) -> tuple[Path, bool]:
     return path, bool(named or (path.is_file() and read_network(path).nodes))
 
 
-def _robot(config: pytest.Config) -> Plugin:
-    """Return the robot of the environment or of the network file, or else, without devices, the installed one."""
-    from eurobot_od import plugin
+def _plugins(config: pytest.Config) -> Plugins:
+    """Return the plug-ins that count: a robot of the environment, the network file or, without devices, installed."""
+    from eurobot_od.loading import find, packages
+    from eurobot_od.plugin import Plugins
 
     path, names_devices = _network(config)
-    return plugin.find(network=path, alone=names_devices)
+    return Plugins(find(network=path, alone=names_devices), packages())
 
 
 READER: pytest.StashKey[SuiteReader] = pytest.StashKey()
@@ -171,7 +172,7 @@ def _read(config: pytest.Config, file: Path) -> list[Suite]:
     """Read the suites of a file; raises LocalError, FileError."""
     from eurobot_od.check.format import SuiteReader
 
-    known, (path, names_devices) = _robot(config).networks(), _network(config)
+    known, (path, names_devices) = _plugins(config).networks(), _network(config)
     # A warning, which pytest shows at the end: suites that do not need that PDO are run all the same.
     networks = known._replace(refused=lambda error: warnings.warn(f"PDO left out: {error}", stacklevel=2))
     if names_devices:
@@ -194,7 +195,7 @@ def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: 
         result = (
             run_live(suite, options, partial(_open_bus, config))
             if live
-            else _robot(config).simulate(suite, options, faults, seed)
+            else _plugins(config).simulate(suite, options, faults, seed)
         )
     if interrupt.requested:  # the teardown is done; now pytest has to end, too
         raise KeyboardInterrupt
@@ -227,7 +228,7 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
 
         beside = request.path.with_name(file)
         try:
-            path = beside if beside.is_file() else _robot(request.config).suite(file)
+            path = beside if beside.is_file() else _plugins(request.config).suite(file)
             results = [_run(request.config, suite, faults, seed) for suite in _read(request.config, path)]
         except (FileError, LocalError) as error:
             pytest.fail(str(error), pytrace=False)

@@ -35,6 +35,7 @@ LAYERS = (
     {"season"},
     {"check", "web"},
     {"plugin"},
+    {"loading"},
     {"cli", "pytest_plugin"},
     {"robot"},
     {"__main__"},
@@ -179,7 +180,8 @@ ABOUT_BOTH = {
     "test_docs": "all pages, of the robot, too",
     "test_layers": "the house itself",
     "test_packaging": "what is delivered",
-    "test_plugin": "how the robot is found",
+    "test_loading": "how the robot is found",
+    "test_plugin": "what the robot brings",
     "test_without_robot": "the workbench where the robot is missing",
 }
 """Files outside `tests/robot/` that name it, and what for."""

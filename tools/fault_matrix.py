@@ -30,7 +30,7 @@ from eurobot_od.robot.nodes import ROLES
 from eurobot_od.season.campaign import Workers
 from eurobot_od.season.campaign import run as in_blocks
 from eurobot_od.season.results import Results
-from tests.robot.faults import ROBOT
+from tests.robot.faults import PLUGINS
 
 FINE, NOT_FOUND = 0, 1
 
@@ -57,14 +57,14 @@ class Outcome(NamedTuple):
 @cache
 def shipped(dialect: str) -> dict[str, Suite]:
     """Return the shipped suites that are for a dialect, by the names of their files."""
-    suites = SuiteReader(ROBOT.networks(), dialect).read_files(ROBOT.shipped_suites().values())
+    suites = SuiteReader(PLUGINS.networks(), dialect).read_files(PLUGINS.shipped_suites().values())
     return {suite.file.stem: suite for suite in suites if suite.dialect in (None, dialect)}
 
 
 def do(run: Run) -> Outcome:
     """Run a suite."""
     suite = shipped(run.dialect)[run.suite]
-    make_nodes = partial(ROBOT.under_test, faults=[run.fault] if run.fault else [])
+    make_nodes = partial(PLUGINS.under_test, faults=[run.fault] if run.fault else [])
     options = RunOptions(keep_going=True)
     result = run_simulated(suite, options, make_nodes, run.seed)
     return Outcome(run, tuple(step.name for step in result.steps if step.status is not Status.PASSED))
@@ -72,12 +72,12 @@ def do(run: Run) -> Outcome:
 
 def fits(fault: str, node: str) -> bool:
     """Tell whether a node can have a fault."""
-    return issubclass(ROLES[node], ROBOT.find_fault(fault)[0])
+    return issubclass(ROLES[node], PLUGINS.find_fault(fault)[0])
 
 
 def named_red(fault: str, outcome: Outcome) -> bool:
     """Tell whether the first red step is the one that the fault's table names; a group's steps carry its name."""
-    suite, step = ROBOT.find_fault(fault)[1].caught_by
+    suite, step = PLUGINS.find_fault(fault)[1].caught_by
     return (
         outcome.run.suite == suite
         and outcome.red[:1] != ()
@@ -90,7 +90,11 @@ def named_red(fault: str, outcome: Outcome) -> bool:
 
 def robot_faults() -> list[str]:
     """Return the faults that a shipped suite finds."""
-    return [name for name in ROBOT.fault_names() if ROBOT.find_fault(name)[1].caught_by.suite in ROBOT.shipped_suites()]
+    return [
+        name
+        for name in PLUGINS.fault_names()
+        if PLUGINS.find_fault(name)[1].caught_by.suite in PLUGINS.shipped_suites()
+    ]
 
 
 def fault_runs(dialect: str, names: Iterable[str]) -> list[Run]:
@@ -136,7 +140,7 @@ def missed(outcomes: Iterable[Outcome]) -> Iterator[str]:
         by_fault.setdefault(each.run.fault or "", []).append(each)
     for fault, runs in by_fault.items():
         if not any(named_red(fault, each) for each in runs):
-            suite, step = ROBOT.find_fault(fault)[1].caught_by
+            suite, step = PLUGINS.find_fault(fault)[1].caught_by
             red = "; ".join(f"{each.run.suite}: {each.red[0]}" for each in runs if each.red) or "nothing"
             yield f"{fault}: expected red is {suite}: {step!r}; red is {red}"
 
@@ -164,7 +168,7 @@ def run_all(
 ) -> int:
     """Run all shipped suites against all faults; print the matrix for each dialect and what is not as it has to be."""
     for name in fault:
-        ROBOT.find_fault(name)  # complains of a name before the first run
+        PLUGINS.find_fault(name)  # complains of a name before the first run
     names, wrong = [name for name in robot_faults() if name in fault or not fault], list[str]()
     chosen = {each: (fault_runs(each, names), healthy_runs(each, seeds)) for each in dialect or dialects.names()}
     number = sum(len(runs) for both in chosen.values() for runs in both)

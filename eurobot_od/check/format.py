@@ -182,6 +182,6 @@ class SuiteReader:
             folder = self._networks.find(self._dialect)
         if folder not in self._loaded:
             found = self._networks.load(folder)
-            decoder = Decoder(found, self._networks.catalogue, self._networks.refused)
+            decoder = self._networks.decoder(found, self._networks.catalogue, self._networks.refused)
             self._loaded[folder] = decoder, {each.name: each for each in found}
         return self._loaded[folder]

@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from types import FrameType
 from typing import Any, NamedTuple, TypeAlias
 
 import can
@@ -29,6 +28,7 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.controller import Report
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.device.node import Node
+from eurobot_od.device.station import OnError
 from eurobot_od.errors import BusError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -157,7 +157,7 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
     network = Simulation()
     tested = make_nodes({name: suite.dictionaries[name] for name in suite.nodes}, seed, lambda: network.now)
     for number, (node, _) in enumerate(tested):
-        network.attach(node, number * BOOT_STEP, processing_time(seed, node.name))
+        network.attach(node, number * BOOT_STEP, processing_time(seed, node.name), OnError.RESTART)
     # A node needs a dictionary; the tester uses nothing of it, so any will do.
     tester = Tester(next(iter(suite.dictionaries.values())))
     network.attach(tester)
@@ -181,12 +181,7 @@ def raised(reports: Sequence[Report]) -> Iterator[str]:
     """Yield what nodes have raised, and in which line of somebody's code: a suite only sees that no answer comes."""
     for each in reports:
         if each.error is not None:
-            yield f"{each.name} has failed: {extras.complaint(each.error, each.name, is_foreign)}"
-
-
-def is_foreign(frame: FrameType) -> bool:
-    """Return whether a line of a traceback is not ours."""
-    return not str(frame.f_globals.get("__name__")).startswith("eurobot_od.")
+            yield f"{each.name} has failed: {extras.complaint(each.error, each.name, extras.is_foreign)}"
 
 
 # A real bus

@@ -9,7 +9,7 @@ node under test, if there is one only.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -65,7 +65,7 @@ class Networks(NamedTuple):
 
     `find` returns the path for what a suite has as its `dialect`, or that of the default network for None; it raises
     UnknownName. `load` returns the devices of such a path; `refused` gets their PDOs that do not hold. `actions` are
-    those that device packages add to suites.
+    those that device packages add to suites; `decoder` makes what says the frames of reports.
     """
 
     find: Callable[[str | None], Path]
@@ -73,6 +73,7 @@ class Networks(NamedTuple):
     load: Callable[[Path], tuple[Dictionary, ...]] = lambda path: network.load(network.read_network(path).nodes)
     refused: OnRefused = fatal
     actions: Mapping[str, MakeRow] = MappingProxyType({})
+    decoder: Callable[[Iterable[Dictionary], Catalogue, OnRefused], Decoder] = Decoder
 
 
 class Vocabulary(NamedTuple):

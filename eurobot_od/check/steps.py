@@ -12,13 +12,13 @@ from eurobot_od.check.actions.frames import Save, Send
 from eurobot_od.check.actions.objects import SdoRead, SdoWrite
 from eurobot_od.check.shapes import ActionRow, DocumentShapes, MakeRow
 from eurobot_od.check.suite import NodeServices, StepAction
-from eurobot_od.check.tester import BenchTester, Failed
+from eurobot_od.check.tester import BenchTester, Failed, NotPassed
 from eurobot_od.check.values import ObjectValues, Operand
-from eurobot_od.errors import LocalError, RemoteError, look_up
+from eurobot_od.errors import EurobotError, LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.support import texts, yaml_shapes
+from eurobot_od.support import extras, texts, yaml_shapes
 
 
 class StepRunner:
@@ -77,7 +77,12 @@ class OwnAction(NamedTuple):
     async def run(self, tester: BenchTester) -> None:
         """Do it with the tools for it."""
         tester.ask()
-        await self.action.run(StepTools(tester), self.keys)
+        try:
+            await self.action.run(StepTools(tester), self.keys)
+        except (EurobotError, NotPassed):
+            raise
+        except Exception as error:  # the package's mistake makes the step red, and the others go on
+            raise LocalError(extras.complaint(error, self.name, extras.is_foreign)) from None
 
 
 class StepTools:

@@ -1,7 +1,7 @@
 """The programs `eurobot-od` and `canopen-workbench`: find the module of a command, run it, turn errors into one line.
 
-They differ in nothing but the robot where none is named: the installed one, or none. A robot (see `plugin`) has
-commands of its own beside these.
+They differ in nothing but the robot where none is named: the installed one, or none. Plug-ins (see `plugin`) have
+commands of their own beside these.
 
 Rule of this package: a command is a typed function with its name, whose parameters are its options (`signature`). It
 calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None if all is fine. Its module is
@@ -28,8 +28,7 @@ from eurobot_od.cli.signature import Command, Option, Parser, describe, summary
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
-    from eurobot_od.plugin import Command as OwnCommand
-    from eurobot_od.plugin import Plugin
+    from eurobot_od.plugin import Plugin, Plugins
 
 COMMANDS = {
     "show": "show the messages as the EDS files map them, or one message's bits",
@@ -273,9 +272,16 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
 
 
 def _find(robot: str | None) -> Plugin:
-    from eurobot_od import plugin  # most commands need none, or not yet
+    from eurobot_od import loading  # most commands need none, or not yet
 
-    return plugin.find(robot, alone=is_alone())
+    return loading.find(robot, alone=is_alone())
+
+
+def _with_packages(robot: Plugin) -> Plugins:
+    from eurobot_od.loading import packages
+    from eurobot_od.plugin import Plugins
+
+    return Plugins(robot, packages())
 
 
 def robot_of_help(robot: str | None) -> Plugin:
@@ -299,7 +305,7 @@ def with_robot(*, robot_name: RobotName = None) -> None:
 
 
 def find(command: str, robot: str | None = None) -> Command:
-    """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
+    """Import a command, the workbench's or the robot's; raises UnknownName, and as `loading.find`."""
     found: Command = getattr(_module(command, robot), command.replace("-", "_"))
     return found
 
@@ -307,22 +313,15 @@ def find(command: str, robot: str | None = None) -> Command:
 def _module(command: str, robot: str | None) -> ModuleType:
     if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
         return import_module(f"eurobot_od.cli.{MODULES.get(command, command)}")
-    from eurobot_od.plugin import blaming, installed
+    from eurobot_od.loading import ROBOTS, blaming
 
-    own = {**_package_commands(), **_find(robot).commands}
+    own = _with_packages(_find(robot)).commands()
     if command not in own:
-        unknown, robots = errors.UnknownName("command", command, [*COMMANDS, *own]), " or ".join(installed())
+        unknown, robots = errors.UnknownName("command", command, [*COMMANDS, *own]), " or ".join(ROBOTS.installed())
         raise unknown if own else errors.LocalError(f"{unknown} (a robot's commands need --robot {robots})")
     name = own[command].module
     with blaming(f"command {command}", name, name):
         return import_module(name)
-
-
-def _package_commands() -> Mapping[str, OwnCommand]:
-    """Return the commands of device packages: installed ones, and those of the environment."""
-    from eurobot_od.plugin import packages
-
-    return {name: each for package in packages() for name, each in package.commands.items()}
 
 
 class Version(Action):
@@ -344,7 +343,7 @@ def version() -> str:
 
 
 def _overview(robot: Plugin) -> ArgumentParser:
-    own = {name: each.text for name, each in {**_package_commands(), **robot.commands}.items()}
+    own = {name: each.text for name, each in _with_packages(robot).commands().items()}
     width = max(map(len, (*COMMANDS, *own)))
 
     def listed(commands: Mapping[str, str]) -> list[str]:

@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, LibraryFolders, Target
+from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, LibraryFolders, PackagePaths, Target
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
@@ -27,12 +27,13 @@ from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtSta
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError, UnknownName
 from eurobot_od.library.library import Library
+from eurobot_od.loading import packages
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import LssState, node_id_words
 from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
-from eurobot_od.plugin import package_of, packages
+from eurobot_od.plugin import Plugins
 from eurobot_od.support import texts
 from eurobot_od.support.progress import SHORT, Unit, bar
 from eurobot_od.support.texts import columns, one_line
@@ -210,7 +211,7 @@ def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMAN
 
 
 def watch(
-    nodes: Annotated[Sequence[str], Option(metavar="NODE", suggest=lambda robot: robot.nodes)] = (),
+    nodes: Annotated[Sequence[str], Option(metavar="NODE", suggest=lambda plugins: plugins.robot.nodes)] = (),
     *,
     within: Seconds = 2.0,
     guard: Seconds | None = None,
@@ -411,6 +412,7 @@ def lss(
     settings: Settings,
     timeout: Seconds = 0.1,
     library: LibraryFolders = (),
+    package: PackagePaths = (),
     bus: BusOptions,
 ) -> ExitStatus:
     """Find CANopen devices that have no node-ID yet by LSS, and set node-ID and bit rate (CiA 305).
@@ -419,8 +421,9 @@ def lss(
     the one with --identity. `set` is for that one, for the only device on the bus (--alone), or else for the first
     without a node-ID. Exit status 1 if there is no such device.
 
-    action: find: list devices, or print a device's node-ID; set: node-ID, bit rate, and to store them
-    identity: the device with this identity (0x1018)
+    action: find: list the devices without a node-ID and the library's file for each, or print the node-ID of the one
+        of --identity or --alone; set: its node-ID, bit rate, and to store them
+    identity: the device with this identity (0x1018); set: by its maker's procedure if a device package has one
     alone: the device is the only one on the bus
     timeout: longest wait for an answer (100 ms)
 
@@ -433,7 +436,7 @@ def lss(
     wanted = list(settings.services())  # checked before the first frame goes out
     if action == "set" and not wanted:
         raise LocalError("nothing to set: give --node-id, --bit-rate, --store or --activate")
-    if address := action == "set" and identity and package_of(identity, packages()).address:
+    if address := action == "set" and identity and Plugins(packages=packages(package)).for_identity(identity).address:
         return _addressed(address, identity, settings, bus)
     steps = _find(identity, alone, known) if action == "find" else _set(identity, alone, wanted)
     with Master(bus.open(), timeout) as master:

@@ -11,14 +11,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from eurobot_od import plugin
 from eurobot_od.check import report
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.report import StepResult, SuiteResult
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.cli.devices import Devices, complain_of_repairs, completeness, left_out
-from eurobot_od.cli.options import BusOptions, Faults, Json, Output, whole, write
+from eurobot_od.cli.options import BusOptions, Faults, FrameNames, Json, Output, whole, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
@@ -137,7 +136,7 @@ def check(
     _refuse_what_does_not_go_together(checks, {name: given for name, given in of_made.items() if given})
     report.check_files()
     for name in checks.fault:
-        checks.devices.robot.find_fault(name)  # complains of a name before the first suite, not in it
+        checks.devices.plugins.find_fault(name)  # complains of a name before the first suite, not in it
     if checks.made.is_wanted and not (checks.simulate or list or output):
         checks = replace(checks, devices=checks.devices.found_on(checks.bus))
     with left_out() as refused:
@@ -275,13 +274,14 @@ class Checks:
     step: Annotated[Sequence[str], Option(metavar="TEXT")] = ()
     made: Made
     keep_going: bool = False
+    names: FrameNames
     devices: Devices
     bus: BusOptions
 
     def reader(self, refused: OnRefused) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
-        actions = plugin.all_actions(self.devices.package)
-        known = self.devices.robot.networks()._replace(refused=refused, actions=actions)
+        known = self.devices.plugins.networks()
+        known = known._replace(refused=refused, decoder=self.devices.decoder_with(self.names))
         files = self.devices.files()
         if not files:
             return SuiteReader(known, self.devices.dialect)
@@ -303,8 +303,8 @@ class Checks:
         if self.made.is_wanted:
             read = reader.read_texts(self.made.texts(self.devices.load()))
         else:
-            robot = self.devices.robot
-            files = [robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()]
+            plugins = self.devices.plugins
+            files = [plugins.suite(name) for name in self.files] or [*plugins.shipped_suites().values()]
             if not files:
                 raise LocalError("which suites? Name their files, or make them from the device's: --conformance")
             if device := next((each for each in self.files if Path(each).suffix.lower() in SUFFIXES), None):
@@ -340,8 +340,7 @@ class Checks:
         keeps_going, is_chosen_here = self.keep_going or self.made.is_wanted, partial(is_chosen, self.step)
         options = RunOptions(keeps_going, is_chosen_here, self.made.is_wanted, interrupt, show, reported)
         if self.simulate:
-            robot, profile = self.devices.robot, self.made.profile or 0
-            return robot.simulate(suite, options, self.fault, seed, profile, self.devices.package)
+            return self.devices.plugins.simulate(suite, options, self.fault, seed, self.made.profile or 0)
         from eurobot_od.check.on_bus import run_live
 
         return run_live(suite, options, self.bus.open)

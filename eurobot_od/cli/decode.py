@@ -16,7 +16,17 @@ from typing import Annotated, Any, BinaryIO, TypeAlias
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BitRate, BusOptions, DbcFiles, EmcyFiles, Json, Seconds, assigned, positive, whole
+from eurobot_od.cli.options import (
+    NOTHING_NAMED,
+    BitRate,
+    BusOptions,
+    FrameNames,
+    Json,
+    Seconds,
+    assigned,
+    positive,
+    whole,
+)
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
@@ -86,9 +96,7 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             yield io.BufferedReader(Watched(file, lambda _: None))  # the same class, so that no format has a second way
 
 
-def decoder_for(
-    logs: Iterable[str], reading: Reading, devices: Devices, emcy: Iterable[str] = (), dbc: Iterable[str] = ()
-) -> Decoder:
+def decoder_for(logs: Iterable[str], reading: Reading, devices: Devices, names: FrameNames = NOTHING_NAMED) -> Decoder:
     """Return the decoder of logs' frames, with the library's files for devices that say at the beginning what they are.
 
     Raises as `Devices.decoder`.
@@ -100,7 +108,7 @@ def decoder_for(
         for log in filter(os.path.isfile, logs):  # what a pipe says is seen while decoding
             with opened(log, is_watched=False) as file:
                 shown = shown_in(file, reading.format, reading.largest) | shown
-    return devices.decoder(emcy, dbc, shown)
+    return devices.decoder(names, shown)
 
 
 class Watched(io.RawIOBase):
@@ -136,7 +144,7 @@ class Filters:
     GROUP = HelpGroup("filters", "an entry has to pass all that are given")
 
     message: Annotated[Sequence[str], Option(metavar="NAME")] = ()
-    node: Annotated[Sequence[str], Option(metavar="NAME", suggest=lambda robot: robot.nodes)] = ()
+    node: Annotated[Sequence[str], Option(metavar="NAME", suggest=lambda plugins: plugins.robot.nodes)] = ()
     where: Annotated[Sequence[str], Option(metavar="CONDITION")] = ()
 
     def wanted(self, decoder: Decoder) -> Wanted | None:
@@ -163,8 +171,7 @@ def decode(
     bitrate: BitRate = options.BIT_RATE,
     strict: bool = False,
     devices: Devices,
-    emcy: EmcyFiles = (),
-    dbc: DbcFiles = (),
+    names: FrameNames,
 ) -> ExitStatus:
     """Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
 
@@ -182,7 +189,7 @@ def decode(
     $ decode run.log --eds 5=motor.eds
     $ decode run.log --statistics
     """
-    decoder = decoder_for(logs, reading, devices, emcy, dbc)
+    decoder = decoder_for(logs, reading, devices, names)
     several = len(logs) > 1
     if statistics:
         from eurobot_od.traffic.statistics import TrafficOutput  # the usual case starts without the other ones' modules
@@ -221,8 +228,7 @@ def compare(
     as_json: Json = False,
     filters: Filters,
     devices: Devices,
-    emcy: EmcyFiles = (),
-    dbc: DbcFiles = (),
+    names: FrameNames,
 ) -> ExitStatus:
     """Compare two logs that should be the same: which frames are missing, extra or late, or have other values.
 
@@ -241,7 +247,7 @@ def compare(
     from eurobot_od.traffic.compare import compare as differences_of
     from eurobot_od.traffic.decoding import Following
 
-    decoder = decoder_for([first, second], reading, devices, emcy, dbc)
+    decoder = decoder_for([first, second], reading, devices, names)
     fields, wanted = tolerances(tolerance, decoder.protocol), filters.wanted(decoder)
 
     def seen(log: str) -> Iterator[ComparedEntry]:

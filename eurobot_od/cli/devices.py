@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
-from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
+from eurobot_od.cli.options import NOTHING_NAMED, BusOptions, FrameNames, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, MappingError, RemoteError, look_up
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
+from eurobot_od.loading import DEVICES
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
 from eurobot_od.od.maker import read_maker
@@ -26,19 +27,22 @@ from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.pdo.in_force import Describe, nothing_known
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
-from eurobot_od.plugin import Plugin
+from eurobot_od.plugin import NOTHING, Plugin, Plugins
 from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:  # a command that needs no bus does without
     from eurobot_od.client.description import Found
     from eurobot_od.client.master import Master, RemoteNode
+    from eurobot_od.traffic.dbc import ForeignMessage
+    from eurobot_od.traffic.diagnosis.incidents import Watcher
     from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
+    from eurobot_od.web.page import Panel
 
 
 Dialect: TypeAlias = Annotated[
     str | None,
-    Option(metavar="NAME", suggest=lambda robot: robot.dialects.names()),
+    Option(metavar="NAME", suggest=lambda plugins: plugins.robot.dialects.names()),
     f"name of a robot's dialect, or a folder of EDS files (default: the variable {DIALECT_VARIABLE})",
 ]
 
@@ -46,6 +50,14 @@ LibraryFolders: TypeAlias = Annotated[
     Sequence[str],
     Option(metavar="FOLDER", is_file=True),
     f"folder of device files; repeatable (default: the variable {VARIABLE}, `library:` of {DEFAULT}, or your own)",
+]
+
+
+PackagePaths: TypeAlias = Annotated[
+    Sequence[str],
+    Option(metavar="PATH", is_file=True),
+    f"device package: a folder with {DEVICES.file}, a file, or an installed one's name; repeatable (default: the "
+    f"variable {DEVICES.variable}, and those that are installed)",
 ]
 
 
@@ -57,8 +69,6 @@ class Devices:
     network: network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files
     module: modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable
     patch: patch over a device's file: objects in YAML, or a DCF's values; repeatable
-    package: device package: a folder with device.py, or a file; repeatable (default: the installed ones, and those of
-        the variable EUROBOT_OD_PACKAGES)
     library: folder of device files, for nodes whose file is not named (default: your own, see `devices`); repeatable
     """
 
@@ -69,7 +79,7 @@ class Devices:
     module: Annotated[Sequence[str], Option(metavar="[NODE=]MODULES")] = ()
     patch: Annotated[Sequence[str], Option(metavar="[NODE=]FILE", is_file=True)] = ()
     library: LibraryFolders = ()
-    package: Annotated[Sequence[str], Option(metavar="PATH", is_file=True)] = ()
+    package: PackagePaths = ()
     dialect: Dialect = None
     robot_name: RobotName = None
 
@@ -77,10 +87,15 @@ class Devices:
     def robot(self) -> Plugin:
         """The robot that is named, also by the network file, or else, without devices, the installed one.
 
-        Raises as `plugin.find`.
+        Raises as `loading.find`.
         """
-        found = plugin.named(self.robot_name, self._file)
-        return found or (plugin.NO_ROBOT if is_alone() or self.files() else plugin.the_installed())
+        found = loading.named(self.robot_name, self._file)
+        return found or (NOTHING if is_alone() or self.files() else loading.the_installed())
+
+    @cached_property
+    def plugins(self) -> Plugins:
+        """The plug-ins that count: the robot, and the device packages. Raises as `robot`."""
+        return Plugins(self.robot, loading.packages(self.package))
 
     @property
     def _file(self) -> str:
@@ -105,7 +120,7 @@ class Devices:
     def describer(self, known: Iterable[Dictionary]) -> LibraryDevices:
         """Return what describes nodes by what they show of themselves; the `known` ones that nobody named give way."""
         implied = () if self.files() else [each.node_id for each in known]
-        return LibraryDevices(self.known_library, complain, implied, self._without_file)
+        return LibraryDevices(self.known_library, complain, implied, self._without_file, self.worded)
 
     @property
     def master(self) -> str:
@@ -136,26 +151,14 @@ class Devices:
             )
         return self.with_words(network.load(files)) if files else self.robot.dialects.load_all(self.dialect)
 
-    # Device packages
-
-    def packages_of(self, known: Iterable[Dictionary]) -> list[Plugin]:
-        """Return the device packages for some devices, each once."""
-        among = plugin.packages(self.package)
-        found = [plugin.package_of(device.identity, among) for device in known]
-        return [each for number, each in enumerate(found) if each is not plugin.NO_ROBOT and each not in found[:number]]
-
-    def package_of(self, identity: Sequence[int]) -> Plugin:
-        """Return the device package for an identity, an empty one if there is none."""
-        return plugin.package_of(identity, plugin.packages(self.package))
-
     def with_words(self, known: Iterable[Dictionary]) -> tuple[Dictionary, ...]:
         """Return devices with what their packages say of errors, units and values."""
         return tuple(map(self.worded, known))
 
     def worded(self, device: Dictionary) -> Dictionary:
         """Return a device with what its package says of errors, units and values."""
-        words = self.package_of(device.identity).words
-        return device.described_by(read_maker(words)) if words else device
+        words = self.plugins.of(device).words
+        return device.described_by(read_maker(words), over=False) if words else device
 
     @property
     def are_known(self) -> bool:
@@ -177,40 +180,62 @@ class Devices:
             return Protocol.of_devices(known or self.load_and_complain(), self.robot.catalogue(), refused)
 
     def decoder(
-        self, emcy: Iterable[str] = (), dbc: Iterable[str] = (), shown: Mapping[int, Numbers] = MappingProxyType({})
+        self, names: FrameNames = NOTHING_NAMED, shown: Mapping[int, Numbers] = MappingProxyType({})
     ) -> Decoder:
         """Return the decoder of these devices' frames, of CiA 301's without any; complains of PDOs that are left out.
 
-        `emcy` are files with makers' words for error codes, `dbc` name frames of other protocols, besides those of the
-        network file. `shown` is what nodes have shown of their identity: the library describes them. Raises as `load`.
+        `shown` is what nodes have shown of their identity: the library describes them. Raises as `load`.
         """
         known = self.load_and_complain() if self.are_known else ()
         describe = self.describer(known)
         devices = {each.node_id: each for each in known}
         for node_id, numbers in shown.items():
             if found := describe(node_id, numbers, devices.get(node_id)):
-                devices[node_id] = self.worded(found)
-        return self._decoder_of(devices.values(), emcy, dbc, describe=describe)
+                devices[node_id] = found
+        return self._decoder_of(devices.values(), names, describe=describe)
 
     def _decoder_of(
         self,
         known: Iterable[Dictionary],
-        emcy: Iterable[str],
-        dbc: Iterable[str],
+        names: FrameNames,
         learned: Iterable[Dictionary] = (),
         describe: Describe = nothing_known,
     ) -> Decoder:
-        others, devices = (*self._described.dbc, *dbc), tuple(known)
-        decoder = decoder_of(devices, self.robot, self._error_words(emcy), self.master, others, learned, describe)
-        for device in devices:  # a file that the user names counts more than a package
-            decoder.others = {**self.package_of(device.identity).frames(device), **decoder.others}
-        return decoder
+        """Return the decoder of devices; complains of PDOs that are left out."""
+        make = self.decoder_with(names)
+        with left_out() as refused:
+            return make(known, self.robot.catalogue(), refused, learned=learned, describe=describe)
 
-    def _error_words(self, emcy: Iterable[str]) -> dict[int, dict[int, str]]:
+    def decoder_with(self, names: FrameNames) -> Callable[..., Decoder]:
+        """Return the class of a decoder that knows what files and packages say of frames; raises as `read_dbc`."""
+        from eurobot_od.traffic.dbc import read_dbc  # files are shown and exported without
+        from eurobot_od.traffic.meaning import Decoder
+
+        errors, others = self.error_words(names.emcy), read_dbc(self.dbc_files(names))
+        return partial(Decoder, errors=errors, master=self.master, others=others, frames=self.frames_of)
+
+    def dbc_files(self, names: FrameNames) -> list[str]:
+        """Return the files that name frames of other protocols: the network file's, then those of the command line."""
+        return [*self._described.dbc, *names.dbc]
+
+    def frames_of(self, device: Dictionary) -> Mapping[int, ForeignMessage]:
+        """Return what a device sends outside CANopen, as its package says, by COB-ID."""
+        return self.plugins.of(device).frames(device)
+
+    def watchers(self, decoder: Decoder) -> list[type[Watcher]]:
+        """Return what plug-ins watch on a bus with the devices of a decoder."""
+        return [each for plugin in self.plugins.present(decoder.dictionaries) for each in plugin.watchers()]
+
+    def panels(self, decoder: Decoder) -> list[type[Panel]]:
+        """Return the views of the page that plug-ins have for the devices of a decoder."""
+        protocol, plugins = decoder.protocol, self.plugins.present(decoder.dictionaries)
+        return [panel.of(protocol) for each in plugins for panel in each.panels() if panel.fits(protocol)]
+
+    def error_words(self, emcy: Iterable[str]) -> dict[int, dict[int, str]]:
         """Return makers' words for error codes by node-ID, 0 for all: the network file's, and over them `emcy`'s."""
         nodes = (*self._described.nodes, *self.files())
         said = dict.fromkeys(f"{each.node_id}={file}" if each.node_id else file for each in nodes for file in each.emcy)
-        return error_words((*self._described.emcy, *said, *emcy))
+        return read_words((*self._described.emcy, *said, *emcy))
 
     def errors(self, emcy: Iterable[str] = (), found: Dictionary | None = None) -> ErrorWords:
         """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`.
@@ -219,9 +244,9 @@ class Devices:
         """
         devices = {each.node_id: each for each in (self.load() if self.are_known else ())}
         known = (devices | ({found.node_id: found} if found else {})).values()
-        return ErrorWords.of_devices(known, self.robot.catalogue(), self._error_words(emcy))
+        return ErrorWords.of_devices(known, self.robot.catalogue(), self.error_words(emcy))
 
-    def asking_decoder(self, bus: BusOptions, emcy: Iterable[str] = (), dbc: Iterable[str] = ()) -> Decoder:
+    def asking_decoder(self, bus: BusOptions, names: FrameNames = NOTHING_NAMED) -> Decoder:
         """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
 
         Without files all devices that answer are asked. Raises as `load`, BusError.
@@ -247,7 +272,7 @@ class Devices:
                     complain(f"node {found.node_id}: {error}")
             known = (*(self.load_and_complain() if self.are_known else ()), *asked)
             present = [self._as_on_the_bus(master, each) for each in known]
-        return self._decoder_of(present, emcy, dbc, learned, self.describer(known))
+        return self._decoder_of(present, names, learned, self.describer(known))
 
     def _as_on_the_bus(self, master: Master, dictionary: Dictionary) -> Dictionary:
         """Return a device as it is set now, or as in its file, with a complaint, if it does not answer."""
@@ -309,7 +334,7 @@ def is_without_node_id(node: NodeFile) -> bool:
     return False
 
 
-def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
+def read_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
     """Return makers' words for emergency error codes by node-ID, 0 for all nodes; raises FileError."""
     found: dict[int, dict[int, str]] = {}
     for file, node_id in (network.node_file(text)[:2] for text in files):
@@ -381,29 +406,6 @@ def completeness(dictionaries: Iterable[Dictionary]) -> ExitStatus:
     return ExitStatus.FOUND if any(each.left_out for each in dictionaries) else ExitStatus.FINE
 
 
-def decoder_of(
-    dictionaries: Iterable[Dictionary],
-    robot: Plugin,
-    errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
-    master: str = "",
-    dbc: Iterable[str] = (),
-    learned: Iterable[Dictionary] = (),
-    describe: Describe = nothing_known,
-) -> Decoder:
-    """Return the decoder of some devices' frames; complains of PDOs that are left out.
-
-    `errors` are words for emergency error codes, by node-ID; `master` is who leads the network, if a file says it.
-    `dbc` are files that name frames of other protocols; `learned` is what devices without files have said;
-    `describe` finds a file for a node that shows its identity.
-    """
-    from eurobot_od.traffic.dbc import read_dbc  # files are shown and exported without
-    from eurobot_od.traffic.meaning import Decoder
-
-    others = read_dbc(dbc)
-    with left_out() as refused:
-        return Decoder(dictionaries, robot.catalogue(), refused, errors, master, learned, others, describe=describe)
-
-
 @contextmanager
 def left_out() -> Iterator[OnRefused]:
     """Collect PDOs that cannot be used, and say which, in one line for each reason in a file."""
@@ -415,9 +417,10 @@ def left_out() -> Iterator[OnRefused]:
         complain(f"PDO left out: {file}: {f'{indices}: ' if indices else ''}{what}")
 
 
-def object_names(robot: Plugin) -> Iterable[str]:
+def object_names(plugins: Plugins) -> Iterable[str]:
     """Give the indices of the robot's objects, and the names of those that a shell takes without quotes."""
-    known = robot.dialects.load_all() if robot.dialects.names() else ()
+    dialects = plugins.robot.dialects
+    known = dialects.load_all() if dialects.names() else ()
     for each in (each for node in known for each in all_objects(node.objects)):
         yield f"0x{each.index:04X}"
         if re.fullmatch(r"[\w.-]+", each.qualname):
@@ -455,7 +458,7 @@ class Target(Access):
     node: node-ID 1..127, or a device's name
     """
 
-    node: Annotated[str, Option(metavar="NODE", suggest=lambda robot: robot.nodes)]
+    node: Annotated[str, Option(metavar="NODE", suggest=lambda plugins: plugins.robot.nodes)]
 
     @property
     def node_id(self) -> int:
@@ -506,14 +509,16 @@ class Target(Access):
 
     def known_description(self, node: RemoteNode) -> Dictionary | None:
         """Return the EDS that the user has named for the node, or else the library's; None if there is neither."""
-        found = self.named_description(node) or self._library_description(node)
-        return self.devices.worded(found) if found else None
+        return self.named_description(node) or self._library_description(node)
 
     def named_description(self, node: RemoteNode) -> Dictionary | None:
         """Return the EDS that the user has named for the node; None if there is none.
 
-        From then on the node is spoken to where its file says that its SDO server is.
+        From then on the node is spoken to where its file says that its SDO server is. It is asked what it is: one that
+        is another device than its file is for is told.
         """
+        from eurobot_od.client.description import read_identity
+
         files = self.devices.files()
         named = files[: len(self.devices.eds)]
         mine = next((each for each in named if each.node_id in (None, node.node_id)), None)
@@ -521,10 +526,11 @@ class Target(Access):
             mine = next((each for each in files if each.load().node_id == node.node_id), None)
         if mine is None:
             return None
-        read = Dictionary.load(mine.file, node.node_id, modules=mine.modules, patch=mine.patch)
-        dictionary = self.devices.worded(read)
+        dictionary = self.devices.worded(mine.load(node.node_id))
         complain_of_repairs([dictionary])
         node.master.follow(dictionary)
+        with suppress(RemoteError):  # of a node that does not answer the command itself says so
+            self.devices.describer(()).check(node.node_id, read_identity(node), dictionary)
         return dictionary
 
     def needed_description(self, node: RemoteNode) -> Dictionary:

@@ -13,7 +13,7 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, Json, NoReconnect, Seconds, give, write
+from eurobot_od.cli.options import BusOptions, FrameNames, Json, NoReconnect, Seconds, give, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
@@ -52,8 +52,7 @@ def diagnose(
     ask: bool = False,
     no_reconnect: NoReconnect = False,
     devices: Devices,
-    emcy: EmcyFiles = (),
-    dbc: DbcFiles = (),
+    names: FrameNames,
     bus: BusOptions,
 ) -> ExitStatus:
     """Say what is wrong in logs, or on a bus, and what to do: a verdict in one line, then incidents, worst first.
@@ -73,10 +72,8 @@ def diagnose(
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")
     form = form_of(report) if report else ""  # an unknown suffix ends it before the log is read
-    decoder = decoder_for(logs, reading, devices, emcy, dbc)
-    makers = [each for package in devices.packages_of(decoder.dictionaries) for each in package.watchers()]
-    watchers, promised = [*devices.robot.watchers(), *makers], devices.promised(decoder)
-    diagnosis = Diagnosis(decoder, watchers, bus.bitrate or BITRATE, promised)
+    decoder = decoder_for(logs, reading, devices, names)
+    diagnosis = Diagnosis(decoder, devices.watchers, bus.bitrate or BITRATE, devices.promised(decoder))
     asking = _Asking(diagnosis) if ask else None
     if logs:
         _read(diagnosis, logs, reading)

@@ -9,11 +9,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
-from eurobot_od.cli.options import Clone, DbcFiles, EmcyFiles, Output, write
+from eurobot_od.cli.options import Clone, FrameNames, Output, write
 from eurobot_od.cli.signature import Forms, Option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od.dictionary import Dictionary
@@ -90,8 +90,7 @@ def mcap(
     output: Annotated[Path, Option("-o", metavar="FILE")],
     reading: Reading,
     devices: Devices,
-    emcy: EmcyFiles = (),
-    dbc: DbcFiles = (),
+    names: FrameNames,
 ) -> None:
     """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any.
 
@@ -102,7 +101,7 @@ def mcap(
     """
     with extras.needed("mcap"):
         from eurobot_od.traffic.mcap import write as write_mcap
-    decoder = decoder_for([log], reading, devices, emcy, dbc)
+    decoder = decoder_for([log], reading, devices, names)
     check_writable(output)  # before a long log is decoded for nothing
     file = BytesIO()  # what was there before stays if anything fails
     logged = (entry for _, entry in entries([log], reading))
@@ -288,7 +287,7 @@ def make_eds(
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = read_whole(table).decode(errors="replace")
-    read = read_table(source, table, plugin.table_of)
+    read = read_table(source, table, loading.table_of)
     texts = make_files(read)
     if not check:
         with telling(table) as problems:

@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from typing import Literal
 
-from eurobot_od import plugin
 from eurobot_od.bus.live import adapters
 from eurobot_od.cli import COMMANDS, ExitStatus, RobotName, find, program, robot_of_help, version, with_robot
 from eurobot_od.cli.signature import Parser, describe
 from eurobot_od.errors import LocalError
-from eurobot_od.plugin import NO_ROBOT, Installed, Plugin
+from eurobot_od.loading import DEVICES, ROBOTS, Installed
+from eurobot_od.plugin import NOTHING, Plugins
 from eurobot_od.support import extras
 from eurobot_od.support.extras import Package
 from eurobot_od.support.progress import folded
@@ -31,18 +31,21 @@ FOR_DEVELOPERS = ("test", "bench", "release")
 
 WITHOUT = "`node --share 54701` makes a bus that needs none (docs/hardware.md)"
 
+KINDS = {ROBOTS.what: "robot     ", DEVICES.what: "device    "}
+"""What stands before a plug-in, by its kind."""
+
 NEEDED = ("canopen", "python-can", "PyYAML", "shtab")
 """What every installation has."""
 
 
 def doctor() -> ExitStatus:
-    """Print what is installed, robots too, the CAN interfaces and their state, and what fixes what is wrong.
+    """Print what is installed, plug-ins too, the CAN interfaces and their state, and what fixes what is wrong.
 
     Exit status 1 if something is wrong; an extra that is not installed is not an error.
 
     $ doctor
     """
-    why = {each: broken(each) for each in plugin.installed().values()}
+    why = {each: broken(each) for kind in (ROBOTS, DEVICES) for each in kind.installed().values()}
     unloaded = [(what, f"{sys.executable} -m pip uninstall {each.package}") for each, what in why.items() if what]
     troubles = (trouble for link in adapters.links() for trouble in adapters.troubles(link))
     wrong = [*unloaded, *troubles, *denied(adapters.refused())]
@@ -56,11 +59,8 @@ def doctor() -> ExitStatus:
     buses.append(f"no driver  {', '.join(name for name, loads in loaded.items() if not loads)}")
     needed = packages(each for name in NEEDED for each in extras.installed(name))
     brought = extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
-    robots = [
-        f"robot      {each.name} {'does not load' if what else 'loads'}: {each.target}, entered by {each.file}"
-        for each, what in why.items()
-    ]
-    for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *robots, "", *buses, ""):
+    plugins = [f"{KINDS[each.kind.what]} {loading_of(each, what)}" for each, what in why.items()]
+    for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *plugins, "", *buses, ""):
         print(folded(one_line(line), sys.stdout, INDENT))
     for what, fix in wrong:
         print(folded(one_line(f"wrong      {what}: {fix}"), sys.stdout, INDENT))
@@ -70,10 +70,16 @@ def doctor() -> ExitStatus:
     return ExitStatus.FINE
 
 
-def broken(robot: Installed) -> str:
-    """Say why a robot cannot be loaded, `` if it can."""
+def loading_of(plugin: Installed, broken: str) -> str:
+    """Return whether a plug-in loads, and where it is."""
+    loads = "does not load" if broken else "loads"
+    return f"{plugin.name} {loads}: {plugin.target}, entered by {plugin.file}"
+
+
+def broken(plugin: Installed) -> str:
+    """Return why a plug-in cannot be loaded, `` if it can."""
     try:
-        robot.load()
+        plugin.load()
     except LocalError as error:
         return str(error)
     return ""
@@ -115,16 +121,16 @@ def completion(shell: Literal["bash", "zsh", "fish", "tcsh"], *, robot_name: Rob
     import shtab  # no other command needs it
 
     robot = robot_of_help(robot_name)
-    print(shtab.complete(whole_parser(robot, "none" if robot is NO_ROBOT else robot_name), shell=shell))
+    print(shtab.complete(whole_parser(Plugins(robot), "none" if robot is NOTHING else robot_name), shell=shell))
 
 
-def whole_parser(robot: Plugin, robot_name: str | None) -> ArgumentParser:
+def whole_parser(plugins: Plugins, robot_name: str | None) -> ArgumentParser:
     """Return the whole command line as one parser, with what a shell offers for each option and argument."""
     whole = ArgumentParser(program())
     whole.add_argument("--version", action="store_true", help="print the version and exit")
     commands = whole.add_subparsers(parser_class=Parser)
-    words = cache(lambda suggest: sorted(set(suggest(robot))))  # several commands have objects, which takes a while
-    for name, text in {**COMMANDS, **{name: own.text for name, own in robot.commands.items()}}.items():
+    words = cache(lambda suggest: sorted(set(suggest(plugins))))  # several commands have objects, which takes a while
+    for name, text in {**COMMANDS, **{name: own.text for name, own in plugins.commands().items()}}.items():
         parser = commands.add_parser(name, help=text, robot=robot_name)
         describe(parser, with_robot)
         describe(parser, find(name, robot_name))
@@ -132,7 +138,7 @@ def whole_parser(robot: Plugin, robot_name: str | None) -> ArgumentParser:
     return whole
 
 
-def _offer(parser: Parser, words_of: Callable[[Callable[[Plugin], Iterable[str]]], list[str]]) -> None:
+def _offer(parser: Parser, words_of: Callable[[Callable[[Plugins], Iterable[str]]], list[str]]) -> None:
     """Tell shtab what may be given for each option and argument of a parser, and of its forms."""
     import shtab
 

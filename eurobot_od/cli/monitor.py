@@ -20,7 +20,7 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, NoReconnect, positive
+from eurobot_od.cli.options import BusOptions, FrameNames, NoReconnect, positive
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -58,8 +58,7 @@ def monitor(
     log: Annotated[Path | None, Option(metavar="FILE")] = None,
     no_reconnect: NoReconnect = False,
     devices: Devices,
-    emcy: EmcyFiles = (),
-    dbc: DbcFiles = (),
+    names: FrameNames,
     bus: BusOptions,
 ) -> None:
     """Watch or record a bus, or play logs, as a live table of messages; without a terminal or rich, as plain lines.
@@ -81,7 +80,7 @@ def monitor(
     """
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")
-    decoder = devices.asking_decoder(bus, emcy, dbc) if ask else decoder_for(logs, reading, devices, emcy, dbc)
+    decoder = devices.asking_decoder(bus, names) if ask else decoder_for(logs, reading, devices, names)
     traffic = Traffic(decoder, bus.bitrate or BITRATE, devices.promised(decoder) if statistics else NOTHING)
     controls = Controls(sort, filter)
     rich = redraws(sys.stdout) and not plain

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -31,7 +31,7 @@ from eurobot_od.od.objects import address_of, find_one, given
 from eurobot_od.od.standard import SERIAL, UNCONFIGURED, node_id_words
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.pdo.kinds import describe
-from eurobot_od.plugin import NodeRun, Plugin, Scene, Stage
+from eurobot_od.plugin import NodeRun, Plugins, Scene, Stage
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.texts import one_line
 
@@ -61,13 +61,10 @@ class LoadedDevice(NamedTuple):
 
     dictionary: Dictionary
     commissioning: Commissioning | None = None
-    kind: Callable[[], type[Node]] | None = None
-    """The class of its device package."""
 
-    def of_package(self, devices: Devices) -> LoadedDevice:
-        """Return the device with what its package brings."""
-        package = devices.package_of(self.dictionary.identity)
-        return self._replace(dictionary=devices.worded(self.dictionary), kind=package.device)
+    def worded(self, devices: Devices) -> LoadedDevice:
+        """Return the device with the words of its package."""
+        return self._replace(dictionary=devices.worded(self.dictionary))
 
     @classmethod
     def of(cls, file: NodeFile, store: str | None = None) -> LoadedDevice:
@@ -113,7 +110,7 @@ class DeviceOptions:
 
     def values_of(self, device: LoadedDevice, number: int = 0) -> Mapping[str, Any]:
         """Return what a device is made with; `number` counts several. Raises LocalError, FieldError, UnknownName."""
-        dictionary, commissioning, _ = device
+        dictionary, commissioning = device
         serial = None if self.serial is None else self.serial + number
         waves: Mapping[str, Waveform] = {}
         if self.values:
@@ -167,16 +164,16 @@ class OneNode:
     node_id: Annotated[int | None, Option(metavar="N")] = None
     store: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None
     verbose: Annotated[bool, Option("-v")] = False
-    fault: Annotated[str | None, Option(metavar="NAME", suggest=lambda robot: robot.fault_names())] = None
+    fault: Annotated[str | None, Option(metavar="NAME", suggest=lambda plugins: plugins.fault_names())] = None
 
 
 def _stage(parser: Parser) -> Hint:
-    robot: Plugin = ahead(parser, Devices).robot  # the one that the command line will mean once it is read
+    robot = ahead(parser, Devices).robot  # the one that the command line will mean once it is read
     return Hint(robot.stage(), group=HelpGroup(f"nodes of {robot.name}")) if robot.stage else NOTHING
 
 
 def node(
-    name: Annotated[str | None, Option(metavar="node", suggest=lambda robot: robot.nodes)] = None,
+    name: Annotated[str | None, Option(metavar="node", suggest=lambda plugins: plugins.robot.nodes)] = None,
     *,
     one: OneNode,
     duration: Seconds | None = None,
@@ -208,7 +205,7 @@ def node(
         _run_all(made_all, bus, duration, bus.reopener(no_reconnect))
         return None
     loaded, robot = _loaded(devices, name, one), devices.robot
-    made, dictionary = _made(robot, loaded, device, stage, one), loaded.dictionary
+    made, dictionary = _made(devices.plugins, loaded, device, stage, one), loaded.dictionary
     bus, is_staged = node_bus.made(), stage and robot.role_of(dictionary)
     scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and is_staged else None
     report = partial(print, flush=True)
@@ -218,26 +215,28 @@ def node(
     return _run(live, made, scene, duration)
 
 
-def _made(robot: Plugin, loaded: LoadedDevice, options: DeviceOptions, stage: Stage | None, one: OneNode) -> Node:
+def _made(plugins: Plugins, loaded: LoadedDevice, options: DeviceOptions, stage: Stage | None, one: OneNode) -> Node:
     """Make the robot's node or the device that a dictionary is of; raises LocalError, FieldError, UnknownName."""
     dictionary = loaded.dictionary
-    role = robot.role_of(dictionary)
+    role = plugins.robot.role_of(dictionary)
     not_for_a_role = {"values": options.values, "set": options.given and not stage, "serial": options.serial}
     for option in (each for each, value in not_for_a_role.items() if role and value):
         raise LocalError(f"--{option} is for devices that do not belong to the robot, not for the {role}")
     if stage:
         stage.check(role)
     # The fault goes in front of the class that the node would have without it.
-    kind = robot.kind(role, device=_kind(options, loaded))
-    kind = robot.faulty(kind, one.fault) if one.fault else kind
+    kind = _kind(plugins, options, dictionary)
+    kind = plugins.faulty(kind, one.fault) if one.fault else kind
     store = FileStore(one.store, dictionary) if one.store else None
     of_role = stage.values(kind, dictionary, options.given) if stage and role else {}
     return kind(dictionary, store=store, **(of_role if role else options.values_of(loaded)))
 
 
-def _kind(options: DeviceOptions, loaded: LoadedDevice) -> type[Node]:
-    """Return the class of a device: its maker's, or what its profile says; raises LocalError."""
-    return loaded.kind() if loaded.kind and options.profile is None else options.kind(loaded.dictionary)
+def _kind(plugins: Plugins, options: DeviceOptions, device: Dictionary) -> type[Node]:
+    """Return the class of a node: its plug-in's, or what its profile says; raises LocalError."""
+    # A profile that is asked for takes the place of what a package says.
+    counting = plugins if options.profile is None else Plugins(plugins.robot)
+    return counting.kind(device, otherwise=options.kind(device))
 
 
 def _run(live: Live, made: Node, scene: Scene | None, duration: float | None) -> ExitStatus | None:
@@ -265,7 +264,7 @@ def _loaded(devices: Devices, name: str | None, one: OneNode) -> LoadedDevice:
     file = files[0] if name is None else look_up("node", name, named)
     device = LoadedDevice.of(file if one.node_id is None else file._replace(node_id=one.node_id), one.store)
     complain_of_repairs([device.dictionary])
-    return device.of_package(devices)
+    return device.worded(devices)
 
 
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:
@@ -307,19 +306,19 @@ def _show(node: Node, frame: Frame, now: float) -> None:
 
 def _all(devices: Devices, options: DeviceOptions, about_one: Iterable[str]) -> list[Node]:
     """Make all the devices of the files that are named; raises LocalError for an option about one, DictionaryError."""
-    files, robot = devices.files(), devices.robot
+    files, plugins = devices.files(), devices.plugins
     with_node_id = devices.load_and_complain([each for each in files if each.node_id != UNCONFIGURED])
     loaded = list(map(LoadedDevice.configured, with_node_id))
     loaded += [LoadedDevice.of(each) for each in files if each.node_id == UNCONFIGURED]
-    loaded = [each.of_package(devices) for each in loaded]
+    loaded = [each.worded(devices) for each in loaded]
     names = ", ".join(each.name for each, *_ in loaded)
     for option in about_one:
         raise LocalError(f"--{option} is for one device: which node? Name one of {names}")
     for dictionary, *_ in loaded:
-        if robot.role_of(dictionary):
+        if plugins.robot.role_of(dictionary):
             raise LocalError(f"{dictionary.name} is one of the robot's nodes, which run alone: name one of {names}")
     return [
-        robot.kind("", device=_kind(options, each))(each.dictionary, **options.values_of(each, number))
+        _kind(plugins, options, each.dictionary)(each.dictionary, **options.values_of(each, number))
         for number, each in enumerate(loaded)
     ]
 
@@ -355,7 +354,7 @@ OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402"}
 
 
 def faults(
-    node: Annotated[str | None, Option(suggest=lambda robot: robot.nodes)] = None,
+    node: Annotated[str | None, Option(suggest=lambda plugins: plugins.robot.nodes)] = None,
     *,
     as_json: Json = False,
     robot_name: RobotName = None,
@@ -368,11 +367,11 @@ def faults(
     $ faults
     $ faults --json
     """
-    robot = Devices(robot_name=robot_name).robot
-    kind = look_up("node", node, robot.nodes)() if node else None
+    plugins = Devices(robot_name=robot_name).plugins
+    kind = look_up("node", node, plugins.robot.nodes)() if node else None
     # those of the base class any node can have
     chosen: dict[str, dict[str, Fault]] = {}
-    for owner, rows in robot.all_faults().items():
+    for owner, rows in plugins.all_faults().items():
         if kind is None or issubclass(kind, owner):
             chosen.setdefault(OWNERS.get(owner.__name__, owner.__name__.lower()), {}).update(rows)
     give(as_json, faults_as_data(chosen), faults_as_text(chosen))

@@ -399,7 +399,7 @@ def program(
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:
         described = target.known_description(node)
         identity = described.identity if described else read_identity(node)
-        procedure = target.devices.package_of(identity).program
+        procedure = target.devices.plugins.for_identity(identity).program
         loaded = load(node, content, number, not no_crc, progress, described, procedure() if procedure else STANDARD)
     verified = f"verified by {loaded.crc}" if loaded.crc else "not verified by a CRC"
     print(f"node {node.node_id}: program {number}: {amount(loaded.size, 'byte')} written, {verified}, started")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from eurobot_od.client.master import Guard, Master
     from eurobot_od.od.dcf import Dcf
     from eurobot_od.od.renumbering import ChosenCobIds
-    from eurobot_od.plugin import Plugin
+    from eurobot_od.plugin import Plugins
     from eurobot_od.season.campaign import Workers
     from eurobot_od.season.results import Results
 
@@ -90,20 +90,17 @@ BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
 Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE"), "default: standard output"]
 NoReconnect: TypeAlias = Annotated[bool, "end when the bus is lost, instead of opening it again"]
-Faults: TypeAlias = Annotated[Sequence[str], Option(metavar="[NODE.]NAME", suggest=lambda robot: robot.fault_names())]
+Faults: TypeAlias = Annotated[
+    Sequence[str], Option(metavar="[NODE.]NAME", suggest=lambda plugins: plugins.fault_names())
+]
 EmcyFiles: TypeAlias = Annotated[
     Sequence[str],
     Option(metavar="[NODE-ID=]FILE", is_file=True),
     "a maker's words for emergency error codes (YAML), of one node or of all; repeatable",
 ]
-DbcFiles: TypeAlias = Annotated[
-    Sequence[str],
-    Option(metavar="FILE", is_file=True),
-    "DBC, KCD, SYM or ARXML that names frames of other protocols on the bus; repeatable",
-]
 
 
-def _interfaces(_: Plugin) -> Iterable[str]:
+def _interfaces(_: Plugins) -> Iterable[str]:
     from can.interfaces import BACKENDS  # takes longer than most commands
 
     return BACKENDS
@@ -149,6 +146,20 @@ class BusOptions:
 
         # `complain` writes to standard error: what is printed may be JSON for another program.
         return unguarded if no_reconnect else Reconnecting(master, self.open, complain)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameNames:
+    """Files that say in words what frames are, besides those of the devices and of the network file.
+
+    dbc: DBC, KCD, SYM or ARXML that names frames of other protocols on the bus; repeatable
+    """
+
+    emcy: EmcyFiles = ()
+    dbc: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = ()
+
+
+NOTHING_NAMED = FrameNames()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,16 +5,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from eurobot_od.cli import RobotName, complain
 from eurobot_od.cli.decode import Format, Reading, decoder_for
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BIT_RATE, BitRate, Jobs, Json, write
+from eurobot_od.cli.options import BIT_RATE, BitRate, FrameNames, Jobs, Json, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, look_up
-from eurobot_od.plugin import Plugin
+from eurobot_od.plugin import Plugins
 from eurobot_od.season import campaign
 from eurobot_od.season.reports import REPORTS, SeasonReport
 from eurobot_od.support import extras, progress
@@ -32,6 +33,7 @@ def archive(
     format: Format | None = None,
     jobs: Jobs | None = None,
     devices: Devices,
+    names: FrameNames,
 ) -> None:
     """Put logs into a season: Parquet files of all frames, the messages with their fields, and what is damaged.
 
@@ -48,11 +50,19 @@ def archive(
     with extras.needed("season"):
         from eurobot_od.season.archive import DecodedNetwork, archive
     logs = list(dict.fromkeys(logs))  # one that two patterns of a shell name is archived once
-    decoder = decoder_for(map(str, logs), Reading(format=format), devices)
-    names = {each.cob_id: each.name for each in decoder.protocol.bindings}
+    decoder = decoder_for(map(str, logs), Reading(format=format), devices, names)
+    messages = {each.cob_id: each.name for each in decoder.protocol.bindings}
     promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
-    answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
-    network = DecodedNetwork(decoder.dictionaries, decoder.protocol.catalogue, tuple(answers.items()))
+    answering = (each for each in promised if each.answers and each.identifier in messages)
+    answers = {messages[each.identifier]: each.answers for each in answering}
+    network = DecodedNetwork(
+        decoder.dictionaries,
+        decoder.protocol.catalogue,
+        tuple(answers.items()),
+        devices.error_words(names.emcy),
+        tuple(devices.dbc_files(names)),
+        replace(devices).frames_of,  # without what it has loaded: other processes get it
+    )
     drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
     with campaign.workers(None, jobs, len(logs)) as workers, drawn as draw:
         done = archive(logs, output, network, format, workers, _adding(draw, logs[0]))
@@ -77,9 +87,9 @@ def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
     return add
 
 
-def reports(robot: Plugin) -> Mapping[str, SeasonReport]:
+def reports(plugins: Plugins) -> Mapping[str, SeasonReport]:
     """Return all reports by name, a robot's and those for any devices."""
-    return {**robot.reports(), **REPORTS}
+    return {**plugins.robot.reports(), **REPORTS}
 
 
 def query(
@@ -114,7 +124,7 @@ def query(
     with extras.needed("season"):
         from eurobot_od.season import answers
         from eurobot_od.season.season import Season
-    known = reports(Devices(robot_name=robot_name).robot)
+    known = reports(Devices(robot_name=robot_name).plugins)
     if report == "list":
         print(*columns((name, each.title) for name, each in known.items()), sep="\n")
         return

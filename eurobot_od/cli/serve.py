@@ -9,7 +9,7 @@ import asyncio
 import signal
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -20,13 +20,10 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, whole
+from eurobot_od.cli.options import BusOptions, FrameNames, whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.errors import EurobotError, LocalError
-from eurobot_od.library.library import Numbers
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.in_force import Describe
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
@@ -34,7 +31,7 @@ from eurobot_od.traffic.compare import ComparedEntry, Tolerances, compare
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
 from eurobot_od.web.access import AccessRules
-from eurobot_od.web.page import Columns, Panel, described, page, stop_message
+from eurobot_od.web.page import Columns, Panel, page, stop_message
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.requests import Requests
@@ -60,8 +57,7 @@ def serve(
     listen: Annotated[Address, Option(metavar="HOST:PORT", read=parse_address)] = HERE,
     own_id: Annotated[int, Option(metavar="N", read=whole(1, 127, what="a node-ID"))] = OWN_ID,
     devices: Devices,
-    emcy: EmcyFiles = (),
-    dbc: DbcFiles = (),
+    names: FrameNames,
     bus: BusOptions,
 ) -> None:
     """Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
@@ -84,48 +80,27 @@ def serve(
         raise LocalError("--control is for a bus: a log cannot be changed")
     if control:  # a page that may send may ask, too
         devices = devices.found_on(bus)
-    decoder = decoder_for(logs, reading, devices, emcy, dbc)
+    decoder = decoder_for(logs, reading, devices, names)
     bitrate = bus.bitrate or BITRATE
-    plugins = [devices.robot, *devices.packages_of(decoder.dictionaries)]
-    panels = [p.of(decoder.protocol) for each in plugins for p in each.panels() if p.fits(decoder.protocol)]
-    watchers = [watcher for each in plugins for watcher in each.watchers()]
-    diagnosis = partial(Diagnosis, decoder, watchers, bitrate, devices.promised(decoder))
+    diagnosis = partial(Diagnosis, decoder, devices.watchers, bitrate, devices.promised(decoder))
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
-            names, kept = told_apart(logs), [list[ComparedEntry]() for _ in logs]
+            panels = devices.panels(decoder)
+            titles, kept = told_apart(logs), [list[ComparedEntry]() for _ in logs]
             sources = [
                 _source(log, reading, Columns(name, decoder, bitrate, panels), diagnosis(), panels, own)
-                for log, name, own in zip(logs, names, kept)
+                for log, name, own in zip(logs, titles, kept)
             ]
-            text = page(" and ".join(names), sources, panels, **_compared(kept, decoder))
-            asyncio.run(_serve(text, listen))
+            text = page(" and ".join(titles), sources, panels, **_compared(kept, decoder))
+            asyncio.run(_serve(lambda: text, listen))
         else:
             from eurobot_od.web.session import Session
 
-            decoder.describe = announced(decoder.describe)
-            session = Session(bus.open, decoder, bitrate, panels, diagnosis=diagnosis())
-            asyncio.run(_show_bus(session, panels, bus_name(bus.interface, bus.channel), control, listen, own_id))
+            session = Session(bus.open, decoder, bitrate, devices.panels, diagnosis=diagnosis())
+            asyncio.run(_show_bus(session, bus_name(bus.interface, bus.channel), control, listen, own_id))
 
 
-def announced(describe: Describe) -> Describe:
-    """Return what describes nodes, and says once for each why the page, which is made already, does not list it."""
-    told = set[int]()
-
-    def described(node_id: int, numbers: Numbers, known: Dictionary | None = None) -> Dictionary | None:
-        found = describe(node_id, numbers, known)
-        if found is not None and node_id not in told:
-            told.add(node_id)
-            file = found.file
-            complain(
-                f"node {node_id} is known by {file} from now on; the page lists only the nodes that were known when it "
-                f"began: start it with --eds {node_id}={file}, or with --control, which asks them"
-            )
-        return found
-
-    return described
-
-
-async def _serve(text: str, listen: Address, requests: Requests | None = None) -> None:
+async def _serve(text: Callable[[], str], listen: Address, requests: Requests | None = None) -> None:
     """Serve a page until a signal of `ENDING`; Ctrl-C, which a program in the background may ignore, cancels it."""
     from eurobot_od.web.server import served  # with aiohttp
 
@@ -205,16 +180,14 @@ def bus_name(interface: str | None, channel: str | None) -> str:
     return f"Bus {channel or ''}".strip() + (f" ({interface})" if interface else "")
 
 
-async def _show_bus(
-    session: Session, panels: Sequence[type[Panel]], name: str, control: bool, listen: Address, own_id: int
-) -> None:
+async def _show_bus(session: Session, name: str, control: bool, listen: Address, own_id: int) -> None:
     from eurobot_od.web.requests import Requests  # with aiohttp
 
-    about = {"name": name, "bitrate": session.bitrate, **described(session.decoder)}
-    text = page(name, [about], panels, live=True)
     try:
         # What the page records lies there, and is gone with the page.
         with tempfile.TemporaryDirectory(prefix="eurobot-od-") as folder:
-            await _serve(text, listen, Requests(session, Path(folder), control, stop_message(panels), own_id))
+            stop = stop_message(list(map(type, session.panels)))
+            requests = Requests(session, Path(folder), control, stop, own_id)
+            await _serve(partial(session.page, name), listen, requests)
     finally:
         session.close()

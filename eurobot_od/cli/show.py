@@ -19,8 +19,7 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.meanings import NO_MEANING, ObjectMeaning
-from eurobot_od.od.values import Address, label
+from eurobot_od.od.values import label
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import columns, one_line
 
@@ -68,20 +67,14 @@ def _show_objects(dictionaries: Sequence[Dictionary], name: str, as_json: bool) 
     if not any(chosen.values()):
         raise UnknownName("object", name)
     data = {device: map(object_as_data, found) for device, found in chosen.items()}
-    meanings = {each.name: each.meanings for each in dictionaries}
-    give(as_json, data, map(one_line, _object_lines(chosen, meanings)))
+    give(as_json, data, map(one_line, _object_lines(chosen)))
 
 
-def _object_lines(
-    chosen: Mapping[str, Sequence[ODVariable]], meanings: Mapping[str, Mapping[Address, ObjectMeaning]]
-) -> Iterator[str]:
+def _object_lines(chosen: Mapping[str, Sequence[ODVariable]]) -> Iterator[str]:
     for device, found in chosen.items():
         if found:
-            known = meanings[device]
             yield from [f"{device}:"] * (len(chosen) > 1)
-            yield from columns(
-                [OBJECT_HEAD, *(object_row(each, known.get(od.address_of(each), NO_MEANING)) for each in found)]
-            )
+            yield from columns([OBJECT_HEAD, *map(object_row, found)])
 
 
 def _chosen(dictionary: Dictionary, name: str) -> list[ODVariable]:
@@ -96,16 +89,15 @@ def _chosen(dictionary: Dictionary, name: str) -> list[ODVariable]:
 OBJECT_HEAD = ("object", "name", "type", "access", "PDO", "value", "allowed")
 
 
-def object_row(thing: ODVariable, meaning: ObjectMeaning = NO_MEANING) -> tuple[str, ...]:
+def object_row(thing: ODVariable) -> tuple[str, ...]:
     """Return the line of one object: its value is the ParameterValue, or else the default.
 
-    A file that has codes for values says so in what is allowed, `0..65534 mm, 65535 unknown`.
+    What has words for values says so in what is allowed, `0..65534 mm, 65535 unknown`.
     """
-    value, range_ = od.default_of(thing), od.limits(thing)
-    if meaning.codes and meaning.plain:
-        range_ = od.Range(*meaning.plain)
-    allowed = od.allowed_range(thing, range_) if range_ and (thing.min, thing.max) != (None, None) else ""
-    codes = [f"{number} {name}" for name, number in meaning.codes.items()]
+    value, range_ = od.default_of(thing), getattr(thing, "plain", None) or od.limits(thing)
+    is_limited = hasattr(thing, "plain") or (thing.min, thing.max) != (None, None)
+    allowed = od.allowed_range(thing, range_) if range_ and is_limited else ""
+    codes = [f"{number} {name}" for number, name in thing.value_descriptions.items()]
     mappable = "yes" if thing.pdo_mappable else ""
     shown, place = "" if value is None else od.measured(thing, value), label(od.address_of(thing))
     return (

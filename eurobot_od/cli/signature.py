@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn,
 from eurobot_od.errors import LocalError, UnknownName, look_up, meant
 
 if TYPE_CHECKING:
-    from eurobot_od.plugin import Plugin
+    from eurobot_od.plugin import Plugins
 
 Call: TypeAlias = Callable[[Namespace], Any]
 """Calls a function with what a command line says."""
@@ -46,7 +46,7 @@ class Option(NamedTuple):
     `flag` is a short form, `-o`, or a long one in place of the parameter's name, `--for`. `read` makes a value of a
     word, or raises LocalError. `choices` are the words that are allowed; of a mapping the function gets what stands for
     the word. `bare` is the value of an option that is given without one; `nargs` is argparse's. Of the options with the
-    same `either` one may be given. A shell offers what `suggest` gives for a robot, or files if `is_file`.
+    same `either` one may be given. A shell offers what `suggest` gives for the plug-ins, or files if `is_file`.
     """
 
     flag: str = ""
@@ -56,7 +56,7 @@ class Option(NamedTuple):
     bare: str | None = None
     nargs: str | None = None
     either: str = ""
-    suggest: Callable[[Plugin], Iterable[str]] | None = None
+    suggest: Callable[[Plugins], Iterable[str]] | None = None
     is_file: bool = False
 
     def __or__(self, other: Option) -> Option:

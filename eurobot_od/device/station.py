@@ -41,7 +41,7 @@ class Station:
     exception of the node is reported like a listener's, and `on_error` says what happens to the node then. Without
     `on_error`, as in a simulation whose user wants to see it, the exception is raised unless a frame has caused it.
     `failure` tells why the node has ended, None while it goes on; `last_failure` is there after a restart as well, with
-    the number of failures so far.
+    the number of failures so far. With `is_logged` each kind of failure is logged once, with its traceback.
     """
 
     def __init__(
@@ -51,12 +51,13 @@ class Station:
         report: Reporter | None = None,
         clock: Callable[[], float] = time.perf_counter,
         on_error: OnError | None = None,
+        is_logged: bool = True,
     ) -> None:
         self.node, self.plan = node, node.device.plan
         self.controller = node.controller(report, clock)
         self.failure: NodeFailed | None = None
         self.last_failure: NodeFailed | None = None
-        self._logged: set[str] = set()
+        self._logged, self._is_logged = set[str](), is_logged
         self._on_error, self._backoff = on_error, Backoff()
         self._restarts_at: float | None = None
         """When a failed node is restarted; None while it runs."""
@@ -67,8 +68,7 @@ class Station:
 
     def start(self, now: float) -> None:
         """Switch the node on."""
-        with self.node.guard:
-            self._submit(self.node.start(now), now)
+        self._do(self.node.start, now)
 
     def tick(self, now: float) -> None:
         """Let the node do what is due, or restart it after a failure."""
@@ -120,7 +120,7 @@ class Station:
         """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
         frames = self.node.failed(error, now)  # stops come first, whatever happens to the node
         text = f"{type(error).__name__}: {error}"
-        if text not in self._logged:  # a node that is restarted may fail in the same way for hours
+        if self._is_logged and text not in self._logged:  # a node that is restarted may fail in the same way for hours
             self._logged.add(text)
             NODE_LOG.error("%s has failed", self.node.name, exc_info=error)
         if self._on_error is OnError.END:

@@ -15,6 +15,7 @@ from eurobot_od.errors import look_up
 from eurobot_od.export.description import DescribedMessage, Numeral, described
 from eurobot_od.od.description import COMPOSED
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.units import RAW, digits, scale_of
 from eurobot_od.pdo.codec import merged
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support import texts
@@ -255,7 +256,7 @@ INFORMATION = (
     ("product number", "productnumber"),
     ("revision", "revisionnumber"),
 )
-OBJECT_HEAD = ("Index", "Sub", "Name", "Type", "Access", "PDO", "Value", "Low limit", "High limit")
+OBJECT_HEAD = ("Index", "Sub", "Name", "Type", "Access", "PDO", "Value", "Low limit", "High limit", "Unit of a step")
 
 
 def _device(dictionary: Dictionary) -> Iterator[DocBlock]:
@@ -266,10 +267,13 @@ def _device(dictionary: Dictionary) -> Iterator[DocBlock]:
     rows: list[tuple[str, ...]] = []
     for number, each in ((f"0x{index:04X}", dictionary.device.objects[index]) for index in dictionary.members):
         if each.code in COMPOSED:
-            rows.append((number, "", each.name, each.code.name if each.code else "", "", "", "", "", ""))
+            rows.append((number, "", each.name, each.code.name if each.code else "", "", "", "", "", "", ""))
         for sub, variable in each.subs.items():
             value = variable.value_entry.value if variable.value_entry else ""
             limits = (variable.section.text(key) for key in ("lowlimit", "highlimit"))
             type_, is_mappable = variable.type.name if variable.type else "", "yes" if variable.is_mappable else ""
-            rows.append((number, str(sub), variable.name, type_, variable.access, is_mappable, value, *limits))
+            known = dictionary.variable((variable.index, sub))
+            scale = scale_of(known) if known is not None else RAW
+            step = f"{scale.step}, from {digits(scale.offset)}" if scale.offset else scale.step
+            rows.append((number, str(sub), variable.name, type_, variable.access, is_mappable, value, *limits, step))
     yield DocTable(OBJECT_HEAD, rows, words=("Index", "Type"))

@@ -19,6 +19,7 @@ from eurobot_od.od import formats
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import BIT_RATES
+from eurobot_od.od.units import RAW, UnitScale, digits, own_scale_of
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NO_ACCESS, NODE_IDS, PdoDirection
 
 SCHEMA = "http://www.canopen.org/xml/1.1"
@@ -42,6 +43,9 @@ COMMISSIONED = {
 
 PARAMETER_TYPES = {code: name for name, code in reversed(formats.SIMPLE_TYPES.items())}
 """Data types of the application process by CANopen's code: of several, the first."""
+
+PARAMETER_ACCESS = {access: name for name, access in formats.PARAMETER_ACCESS.items()} | {NO_ACCESS: "noAccess"}
+"""Access of a parameter of the application process by an EDS's."""
 
 NO_DAY = "1970-01-01"
 """The date of a file that has none, as the schema requires one."""
@@ -156,18 +160,30 @@ class _XddWriter:
         return [identity, function, *self._application_process()]
 
     def _application_process(self) -> Iterator[Element]:
-        """Yield the parameters of objects without SDO access, as only a parameter can say `noAccess`."""
+        """Yield the parameters of objects: only a parameter can say `noAccess`, or a unit."""
         found = (each for described in self._device.objects.values() for each in described.variables())
-        listed = [each for each in found if each.access == NO_ACCESS]
+        listed = [each for each in found if self._is_parameter(each)]
         if listed:
             yield _element("co:ApplicationProcess", {}, _element("co:parameterList", {}, *map(self._parameter, listed)))
 
-    @staticmethod
-    def _parameter(variable: DescribedVariable) -> Element:
+    def _is_parameter(self, variable: DescribedVariable) -> bool:
+        return variable.access == NO_ACCESS or self._scale(variable) != RAW
+
+    def _scale(self, variable: DescribedVariable) -> UnitScale:
+        known = self._dictionary.variable((variable.index, variable.sub))
+        return own_scale_of(known) if known is not None else RAW
+
+    def _parameter(self, variable: DescribedVariable) -> Element:
         type_ = variable.type.code if variable.type else DOMAIN.code
-        attributes = {"uniqueID": _parameter_id(variable), "access": "noAccess"}
+        scale = self._scale(variable)
+        offset = {"offset": digits(scale.offset)} if scale.offset else {}
+        attributes = {"uniqueID": _parameter_id(variable), "access": PARAMETER_ACCESS.get(variable.access), **offset}
         label = _element("label", {"lang": "en"}, text=variable.name)
-        return _element("co:parameter", attributes, label, _element(PARAMETER_TYPES.get(type_, "BITSTRING"), {}))
+        parts = [label, _element(PARAMETER_TYPES.get(type_, "BITSTRING"), {})]
+        if scale != RAW:
+            unit = _element("label", {"lang": "en"}, text=scale.unit)
+            parts.append(_element("co:unit", {"multiplier": digits(scale.factor), "unitURI": ""}, unit))
+        return _element("co:parameter", attributes, *parts)
 
     # Communication
 
@@ -215,7 +231,7 @@ class _XddWriter:
         return {
             "dataType": self._type(variable),
             "accessType": access if access in SAME_ACCESS else None,
-            "uniqueIDRef": _parameter_id(variable) if access == NO_ACCESS else None,
+            "uniqueIDRef": _parameter_id(variable) if self._is_parameter(variable) else None,
             "PDOmapping": mapping if variable.is_mappable else "no",
             **{name: self._value(variable, key.lower()) for name, key in formats.VALUES.items()},
             "denotation": variable.section.text("denotation") or None,

@@ -133,7 +133,7 @@ class LibraryDevices:
     """Describes nodes that show what they are, by the files of a library; what is odd is told once for each node.
 
     `implied` are nodes whose files nobody has named: a file of the library that fits wins over theirs. `nodes` say all
-    but the file of a node.
+    but the file of a node; `worded` gives a device what its package says.
     """
 
     def __init__(
@@ -142,8 +142,9 @@ class LibraryDevices:
         tell: Callable[[str], None],
         implied: Container[int] = (),
         nodes: Mapping[int, NodeFile] = MappingProxyType({}),
+        worded: Callable[[Dictionary], Dictionary] = lambda device: device,
     ) -> None:
-        self._library, self._tell, self._implied, self._nodes = library, tell, implied, nodes
+        self._library, self._tell, self._implied, self._nodes, self._worded = library, tell, implied, nodes, worded
         self._told: set[int] = set()
         self._made: dict[tuple[int, Path], Dictionary | None] = {}
 
@@ -180,7 +181,7 @@ class LibraryDevices:
     def _loaded(self, node_id: int, fit: Fit) -> Dictionary | None:
         file, said = fit.entry.path, self._nodes.get(node_id, NodeFile())
         try:
-            return said._replace(file=str(file), name=said.name or f"{file.stem}_{node_id}").load(node_id)
+            return self._worded(said._replace(file=str(file), name=said.name or f"{file.stem}_{node_id}").load(node_id))
         except DictionaryError as error:
             self._tell_once(node_id, f"node {node_id}: {error}")
             return None

@@ -65,13 +65,16 @@ class Dictionary:
                 raise DictionaryError(file, None, str(each))
             raise DictionaryError(file, None, "not an EDS: it describes no object")
         self._present: Mapping[Address, Value] = {}
+        for address, meaning in self.meanings.items():
+            if (variable := self.variable(address)) is not None:
+                meaning.describe(variable)
         self.makers = tuple(makers)
         for maker in self.makers:
             maker.describe(self.objects)
 
-    def described_by(self, *makers: MakersWords) -> Self:
-        """Return the same device with what makers say of it, the last one first."""
-        return self._made(self.node_id, (*self.makers, *makers)) if makers else self
+    def described_by(self, maker: MakersWords, *, over: bool = True) -> Self:
+        """Return the same device with what a maker says of it; it counts more than what is said already, or less."""
+        return self._made(self.node_id, (*self.makers, maker) if over else (maker, *self.makers))
 
     def _made(self, node_id: int, makers: Sequence[MakersWords]) -> Self:
         return type(self)(self.file, self.content, self._normal, node_id, self.name, makers)

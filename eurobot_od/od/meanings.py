@@ -1,16 +1,20 @@
 """What no key of an EDS says about an object: its unit, its plain values, and the values that mean something else.
 
 A protocol table says it, and `make-eds` writes it into the file's [Comments], one line for each object behind `HEAD`.
-CiA 306 leaves comments free and every tool keeps them, so this travels with the file.
+CiA 306 leaves comments free and every tool keeps them, so this travels with the file. When a file is loaded, its
+objects get it, as they get what an editor's keys or a device.yaml say; from then on `units` and `words` say it.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.od.values import Address, Limits
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 HEAD = "Units and codes (object | unit | plain values | codes):"
 """The comment behind which a file says units and codes."""
@@ -43,6 +47,14 @@ class ObjectMeaning(NamedTuple):
         """The unit without the size of a step."""
         found = SCALE.fullmatch(self.unit)
         return (found[2] or "") if found else self.unit
+
+    def describe(self, variable: ODVariable) -> None:
+        """Give an object its unit, plain values and codes; a unit of the file's own keys counts more."""
+        if not variable.unit and variable.factor == 1:
+            variable.unit, variable.factor = self.unit_alone, self.step
+        variable.value_descriptions = {number: name for name, number in self.codes.items()}
+        if self.plain and self.codes:
+            variable.plain = self.plain  # type: ignore[attr-defined]  # canopen has none
 
     def line(self, address: Address) -> str:
         """Return the comment that says this about the object at an address."""

@@ -75,11 +75,13 @@ def digits(value: float) -> str:
 
 def scale_of(variable: ODVariable) -> UnitScale:
     """Return the scale of an object: what its file says, or else what CiA 402's objects say of a drive's."""
-    offset: float = getattr(variable, "offset", 0)
-    if variable.unit or variable.factor != 1 or offset:
-        return UnitScale(variable.unit, variable.factor, offset)
-    objects = objects_of(variable)
-    return _of_drive(objects, variable.index) if objects is not None else RAW
+    own, objects = own_scale_of(variable), objects_of(variable)
+    return _of_drive(objects, variable.index) if own == RAW and objects is not None else own
+
+
+def own_scale_of(variable: ODVariable) -> UnitScale:
+    """Return the scale that is said of an object itself."""
+    return UnitScale(variable.unit, variable.factor, getattr(variable, "offset", 0))
 
 
 def objects_of(variable: ODVariable) -> ObjectDictionary | None:

@@ -13,11 +13,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Concatenate, ParamSpec, cast
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.live.event_loop import EndedBySigterm, apart, run
 from eurobot_od.device.timers import Call, Result
 from eurobot_od.pdo.kinds import Message, MessageT
+from eurobot_od.plugin import Plugins
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.node import Actuators, DistanceSensor
 
@@ -52,7 +53,7 @@ class Robot:
         robot.configure_start(TeamColour.RED, enemies=1, enemy_1_diameter=30)
         print(robot.goto(1500, 1000, 90, speed=50).outcome)
     ```
-    `robot` is a team's own, by name or folder (see `plugin.find`); its messages go by `send`, `ask`, `hear` and `on`.
+    `robot` is a team's own, by name or folder (see `loading.find`); its messages go by `send`, `ask`, `hear` and `on`.
     `settings` are numbers in place of those that the core's file has, such as `{"Goto handshake.Transmissions": 3}`.
     `sensor` is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with.
     What else is left out comes from python-can's configuration; without one, it is the in-process bus. However the
@@ -72,9 +73,9 @@ class Robot:
         robot: str | None = None,
         settings: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
-        found = plugin.find(robot)
-        core = cast(type[Core], found.kind("core") if "core" in found.nodes else Core)
+        found = loading.find(robot)
         file = found.dialects.load("core", dialect)
+        core = cast(type[Core], Plugins(found).kind(file) if "core" in found.nodes else Core)
         configured = file.configured({file.address(name): value for name, value in settings.items()})
         self.core = core(configured, sensor, actuators)
         opener = partial(runtime.open_bus, interface, channel, bitrate)

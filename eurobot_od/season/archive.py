@@ -13,7 +13,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -35,6 +35,7 @@ from eurobot_od.season.columns import ENTRY, FOREIGN, FROM_DATA, LENGTH, ColumnB
 from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
+from eurobot_od.traffic.dbc import ForeignMessage, FramesOfDevice, only_canopen, read_dbc
 from eurobot_od.traffic.decoding import HEARTBEATS, DecoderSpan, Following
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, SdoTransfer
@@ -45,19 +46,36 @@ VERSION = b"6"
 
 
 class DecodedNetwork(NamedTuple):
-    """The devices of the logs: their files as read, their messages, and by name which message `answers` which."""
+    """The devices of the logs: their files as read, their messages, and by name which message `answers` which.
+
+    `errors` are words for emergency error codes by node-ID, `dbc` the files that name frames of other protocols;
+    `frames` returns what a device sends outside CANopen, in any process.
+    """
 
     dictionaries: tuple[Dictionary, ...]
     catalogue: Catalogue
     answers: tuple[tuple[str, str], ...] = ()
+    errors: Mapping[int, Mapping[int, str]] = {}
+    dbc: tuple[str, ...] = ()
+    frames: FramesOfDevice = only_canopen
 
-    @property
-    def hash(self) -> str:
-        """A hash of these EDS files with their node-IDs."""
+    def decoder(self) -> Decoder:
+        """Return the decoder of their frames; raises LocalError without cantools, FileError."""
+        # A PDO that does not hold is left out: the one who loaded the devices has reported it.
+        others, refused = read_dbc(self.dbc), lambda _: None
+        return Decoder(self.dictionaries, self.catalogue, refused, self.errors, others=others, frames=self.frames)
+
+    def hash(self, decoder: Decoder) -> str:
+        """Return a hash of these EDS files with their node-IDs, and of what else names frames."""
         digest = hashlib.blake2b(VERSION, digest_size=16)
         # With what is not in the file: the node-ID, on which identifiers depend, and the name, which the tables have.
         for each in self.dictionaries:
             digest.update(f"{each.node_id} {each.name}\n".encode() + each.content)
+        named = {cob_id: (each.name, dict(each.units)) for cob_id, each in decoder.others.items()}
+        if named or self.errors:
+            digest.update(repr((named, self.errors)).encode())
+        for file in self.dbc:
+            digest.update(files.read_whole(file))
         return digest.hexdigest()
 
 
@@ -65,15 +83,17 @@ class NetworkDecoding:
     """How the frames of a network become the rows of tables."""
 
     def __init__(self, network: DecodedNetwork, shown: Decoder | None = None, eds: str = "") -> None:
-        # A PDO that does not hold is left out: the one who loaded the devices has reported it.
-        self.decoder = shown or Decoder(network.dictionaries, network.catalogue, lambda _: None)
-        self._devices, protocol = network, self.decoder.protocol
-        names, answers = tables.table_names(protocol.names()), dict(network.answers)
-        self.eds = eds or network.hash
+        self.decoder = shown or network.decoder()
+        self._devices, protocol, others = network, self.decoder.protocol, self.decoder.foreign
+        names = tables.table_names(dict.fromkeys([*protocol.names(), *(each.name for each in others.values())]))
+        answers = dict(network.answers)
+        self.eds = eds or network.hash(self.decoder)
         self.network = " ".join(f"{each.node_id}={each.name}" for each in network.dictionaries)
-        self.messages = {
-            each.cob_id: MessageDecoding(each, names[each.name], answers.get(each.name, ""))
-            for each in protocol.bindings
+        self.messages: dict[int, MessageDecoding] = {
+            cob_id: ForeignDecoding(cob_id, each, names[each.name]) for cob_id, each in others.items()
+        }
+        self.messages |= {
+            each.cob_id: BoundDecoding(each, names[each.name], answers.get(each.name, "")) for each in protocol.bindings
         }
         # An identifier of the predefined set that a message has is the message's.
         found = self.decoder.services
@@ -92,7 +112,20 @@ EMPTY = pl.DataFrame(schema={columns.WORD: pl.UInt64, LENGTH: pl.UInt32})
 
 
 class MessageDecoding:
-    """How the frames of one message become the rows of its `table`, and what may be wrong with them."""
+    """How the frames of one message become the rows of its `table`."""
+
+    def __init__(self, table: str, schema: pa.Schema, metadata: Mapping[str, Mapping[str, str]]) -> None:
+        self.table, self.schema = table, tables.with_metadata(schema, metadata)
+        said_of_columns = repr([(each.name, str(each.type)) for each in self.schema]).encode()
+        self.fingerprint = hashlib.blake2b(said_of_columns, digest_size=3).hexdigest()
+
+    def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
+        """Return the rows of the frames that can be read, and what is wrong with them all."""
+        raise NotImplementedError
+
+
+class BoundDecoding(MessageDecoding):
+    """How the frames of a PDO become rows: those that are long enough."""
 
     def __init__(self, binding: Binding, table: str, answers: str) -> None:
         place = [each.name for each in tables.PLACE]
@@ -101,18 +134,28 @@ class MessageDecoding:
         made = EMPTY.select(each.expression.alias(each.name) for each in fields).to_arrow().schema
         said = {"message": binding.name, "cob_id": f"0x{binding.cob_id:03X}", "answers": answers}
         said |= {"senders": ", ".join(binding.senders), "receivers": ", ".join(binding.receivers)}
-        schema = pa.schema([*tables.PLACE, *made], said)
-        self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in fields})
-        said_of_columns = repr([(each.name, str(each.type)) for each in self.schema]).encode()
-        self.fingerprint = hashlib.blake2b(said_of_columns, digest_size=3).hexdigest()
+        super().__init__(table, pa.schema([*tables.PLACE, *made], said), {each.name: each.metadata for each in fields})
         self._checks = columns.MessageChecks(binding)
         self._readable = columns.readable(binding)
         self._columns = [*place, *(each.expression.alias(each.name) for each in fields)]
 
     def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
-        """Return the rows of the frames that are long enough, and what is wrong with them all."""
         wrong = list(self._checks.defects(frames))
         return (frames.filter(self._readable) if wrong else frames).select(self._columns), wrong
+
+
+class ForeignDecoding(MessageDecoding):
+    """How the frames of a message of another protocol become rows."""
+
+    def __init__(self, cob_id: int, message: ForeignMessage, table: str) -> None:
+        place = [each.name for each in tables.PLACE]
+        self._columns = columns.ForeignColumns(message, place)
+        made = pl.DataFrame(schema=self._columns.types).to_arrow().schema
+        said = {"message": message.name, "cob_id": f"0x{cob_id:03X}", "senders": ", ".join(message.nodes)}
+        super().__init__(table, pa.schema([*tables.PLACE, *made], said), self._columns.metadata)
+
+    def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
+        return self._columns.rows(frames).select(self.schema.names), []
 
 
 # Files
@@ -179,12 +222,17 @@ def of_transfer(transfer: SdoTransfer) -> Fields:
     return said | ({"value": str(said["value"])} if "value" in said else {})
 
 
+def _of_types(fields: Fields, types: Mapping[str, Any]) -> Fields:
+    """Return the fields that a table has columns for."""
+    return {name: value for name, value in fields.items() if name in types}
+
+
 def said_by(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
     """Return the rows of a service's frames, all of one identifier, as far as they have a length that it can have."""
     right, wanted = frames.filter(pl.col(LENGTH).is_in(service.lengths)), rows_of(OF_SERVICES[service.name])
     different = right["data"].unique()  # most are many times the same
     types = {"data": pl.Binary()} | {name: type_ for name, type_ in wanted.items() if name not in ENTRY}
-    said = pl.DataFrame([{"data": each} | service.fields(each) for each in different], types)
+    said = pl.DataFrame([{"data": each} | _of_types(service.fields(each), types) for each in different], types)
     return right.join(said, on="data", maintain_order="left").select(wanted.names())
 
 

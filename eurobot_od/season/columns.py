@@ -30,6 +30,7 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import Run
 from eurobot_od.pdo.kinds import UNKNOWN, ColumnForm, first_free
 from eurobot_od.traffic import formats
+from eurobot_od.traffic.dbc import ForeignMessage
 from eurobot_od.traffic.entries import Batch, Damage
 from eurobot_od.traffic.meaning import REWRITTEN, Unmapped
 from eurobot_od.traffic.services import CanopenService
@@ -142,6 +143,40 @@ def message_columns(binding: Binding, taken: Iterable[str]) -> list[FieldColumn]
             columns.append(column._replace(name=first_free(column.name, names)))
             names.append(columns[-1].name)
     return columns
+
+
+class ForeignColumns:
+    """The columns of a message of another protocol: of each signal the number, and the word where it has one."""
+
+    def __init__(self, message: ForeignMessage, taken: Iterable[str]) -> None:
+        self._message, self._names = message, dict[str, tuple[str, str]]()
+        self.types, self.metadata = dict[str, pl.DataType](), dict[str, dict[str, str]]()
+        names = list(taken)
+        for signal, unit in message.units.items():
+            number = first_free(signal, names)
+            word = first_free(f"{signal}_flag", [*names, number])
+            names += number, word
+            self._names[signal] = number, word
+            self.types |= {number: pl.Float64(), word: pl.String()}
+            self.metadata[number] = {"null": f"see {word}"} | ({"unit": unit} if unit else {})
+            self.metadata[word] = {"null": "a plain value, or a frame without it"}
+
+    def rows(self, frames: pl.DataFrame) -> pl.DataFrame:
+        """Return the frames with these columns."""
+        different = frames["data"].unique()  # most are many times the same
+        rows = [{"data": each} | self._row(each) for each in different]
+        said = pl.DataFrame(rows, {"data": pl.Binary(), **self.types})
+        return frames.join(said, on="data", how="left", maintain_order="left")
+
+    def _row(self, data: bytes) -> dict[str, float | str]:
+        row: dict[str, float | str] = {}
+        for signal, value in self._message.fields(data).items():
+            number, word = self._names[signal]
+            if isinstance(value, (int, float)):
+                row[number] = float(value)
+            else:
+                row[word] = str(value)
+        return row
 
 
 def readable(binding: Binding) -> pl.Expr:

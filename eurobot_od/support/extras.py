@@ -149,6 +149,11 @@ def complaint(error: BaseException, otherwise: str, is_theirs: Callable[[FrameTy
     return f"{where}: {type(error).__name__}: {' '.join(str(error).split())}"
 
 
+def is_foreign(frame: FrameType) -> bool:
+    """Return whether a line of a traceback is not of this package."""
+    return not str(frame.f_globals.get("__name__")).startswith("eurobot_od.")
+
+
 def place_of(thing: type) -> str:
     """Return `file:line` of a class, or the name of its module if that is not to be found."""
     try:

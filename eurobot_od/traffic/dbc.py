@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FileError
 from eurobot_od.frame import EXTENDED
@@ -16,6 +16,8 @@ from eurobot_od.traffic.services import Fields
 
 if TYPE_CHECKING:
     from cantools.database.can import Message
+
+    from eurobot_od.od.dictionary import Dictionary
 
 DIGITS = 9
 """Decimal places of a value: further ones come from its scale, 127 steps of 0.1 being 12.700000000000001."""
@@ -35,8 +37,20 @@ class ForeignMessage(NamedTuple):
 
     def text(self, data: bytes) -> str:
         """Write the fields for a person; the bytes if there are none."""
-        said = self.fields(data).items()
-        return ", ".join(f"{name}={value} {self.units[name]}".rstrip() for name, value in said) or data.hex(" ")
+        return self.words(self.fields(data)) or data.hex(" ")
+
+    def words(self, fields: Fields) -> str:
+        """Write fields for a person."""
+        return ", ".join(f"{name}={value} {self.units.get(name, '')}".rstrip() for name, value in fields.items())
+
+
+FramesOfDevice: TypeAlias = "Callable[[Dictionary], Mapping[int, ForeignMessage]]"
+"""Returns what a device sends outside CANopen, by COB-ID."""
+
+
+def only_canopen(_: Dictionary) -> Mapping[int, ForeignMessage]:
+    """Return that a device sends nothing outside CANopen."""
+    return {}
 
 
 def read_dbc(files: Iterable[str]) -> dict[int, ForeignMessage]:

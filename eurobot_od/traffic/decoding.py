@@ -15,6 +15,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache, lru_cache, partial
+from math import isfinite
 from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
 from eurobot_od.device.nmt import RESETS, TOGGLE, NmtState
@@ -30,6 +31,7 @@ from eurobot_od.pdo.kinds import plain, units, worded
 from eurobot_od.sdo.wire import Initiate
 from eurobot_od.support.texts import cell, one_line
 from eurobot_od.traffic import formats
+from eurobot_od.traffic.dbc import ForeignMessage
 from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Batch, Damage, Foreign, Raw
 from eurobot_od.traffic.filters import Wanted, Window
 from eurobot_od.traffic.meaning import (
@@ -177,7 +179,18 @@ def _plain(name: str, value: Any) -> Any:
         return f"0x{value:0{DIGITS[name]}X}"
     if isinstance(value, bytes):
         return value.hex().upper()
-    return round(value, 6) if name == "seconds" else value if isinstance(value, (int, str)) else str(value)
+    if isinstance(value, float) and isfinite(value):  # JSON has no other numbers
+        return round(value, 6) if name == "seconds" else value
+    return value if isinstance(value, (int, str)) else str(value)
+
+
+def _units(meaning: Meaning) -> dict[str, str]:
+    """Return the units of a frame's fields, of those that have one."""
+    if meaning.message is not None:
+        return dict(units(type(meaning.message)))
+    if isinstance(meaning.service, ForeignMessage):
+        return {name: unit for name, unit in meaning.service.units.items() if unit}
+    return {}
 
 
 class JsonOutput(Output):
@@ -189,7 +202,7 @@ class JsonOutput(Output):
             data["text"] = meaning.text
         if meaning.message is not None or meaning.fields:
             data["fields"] = _fields(meaning)
-        if meaning.message is not None and (own := units(type(meaning.message))):
+        if own := _units(meaning):
             data["units"] = own
         if meaning.message is not None and (said := worded(meaning.message)):
             data["words"] = said
@@ -262,7 +275,7 @@ class CsvOutput(Output):
     def row(self, meaning: Meaning) -> str:
         known, fields = _identification(meaning), _fields(meaning)
         head = [known.get(key, "") for key in FRAME]
-        own = units(type(meaning.message)) if meaning.message is not None else {}
+        own = {"value": fields["unit"]} if "unit" in fields else _units(meaning)
         said = [fields.get(field, "") for field in self._fields]
         return _joined([*head, meaning.text, wrong(meaning), *said, " ".join(f"{k}={v}" for k, v in own.items())])
 

@@ -16,6 +16,7 @@ from mcap.writer import Writer
 from eurobot_od.export.description import Drawings
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.kinds import ColumnForm, Message, kinds, plain
+from eurobot_od.traffic.dbc import ForeignMessage
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import LogEntry
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
@@ -92,7 +93,8 @@ class _Channels:
             if drawn is not None:
                 made.append((f"{meaning.name}{DRAWN}", drawn))
         elif not meaning.defects:
-            made.append((meaning.name, {"text": meaning.text, "_": place}))
+            said = meaning.fields if isinstance(meaning.service, ForeignMessage) else {"text": meaning.text}
+            made.append((meaning.name, said | {"_": place}))
         if meaning.defects:
             made.append((DAMAGE, {"text": with_defects(meaning), "_": place}))
         return made
@@ -103,7 +105,7 @@ class _Channels:
         type_ = type(meaning.message) if name == meaning.name and meaning.message is not None else None
         key = name, type_
         if key not in self._ids:
-            title, schema = self._schema(name, type_)
+            title, schema = self._schema(name, type_, meaning.service)
             schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
             known = {}
             if type_ is not None and isinstance(meaning.raw, Frame):
@@ -113,7 +115,7 @@ class _Channels:
         now = round(time * NANOSECONDS)
         self._writer.add_message(self._ids[key], now, json.dumps(content, ensure_ascii=False).encode(), now)
 
-    def _schema(self, name: str, type_: type[Message] | None) -> tuple[str, dict[str, Any]]:
+    def _schema(self, name: str, type_: type[Message] | None, service: object) -> tuple[str, dict[str, Any]]:
         drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
         if drawing is not None:  # viewers know what to draw by the name of the schema
             return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
@@ -123,8 +125,15 @@ class _Channels:
             for field, kind in kinds(type_).items():
                 # A code, or a value out of range, may take the place of a number or a word.
                 types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
-                properties[field] = {"type": [*types], **({"description": f"in {kind.unit}"} if kind.unit else {})}
+                properties[field] = {"type": [*types], **_in(kind.unit)}
+        elif isinstance(service, ForeignMessage):
+            properties = {field: {"type": ["number", "string"], **_in(unit)} for field, unit in service.units.items()}
         return name, {"type": "object", "title": name, "properties": properties | {"_": PLACE}}
+
+
+def _in(unit: str) -> dict[str, str]:
+    """Return what a schema says of a unit."""
+    return {"description": f"in {unit}"} if unit else {}
 
 
 PLACE = {"type": "object", "properties": {"line": {"type": "integer"}, "channel": {"type": "string"}}}

@@ -25,7 +25,7 @@ from eurobot_od.pdo.kinds import NOTHING, UNKNOWN, Catalogue, Message, OutOfRang
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic import services
-from eurobot_od.traffic.dbc import ForeignMessage
+from eurobot_od.traffic.dbc import ForeignMessage, FramesOfDevice, only_canopen
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.traffic.services import (
     FOLLOWED,
@@ -153,7 +153,8 @@ class Decoder:
     name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
     `others` are messages of other protocols, by COB-ID: they name what no device is known to send; `former` are
     messages that may be the same still. `describe` finds a file for a node that shows its identity; `left` are
-    identifiers that PDOs have left, by node-ID and identifier.
+    identifiers that PDOs have left, by node-ID and identifier. `frames` returns what a device is known to send outside
+    CANopen; a message of `others` counts more.
     """
 
     def __init__(
@@ -168,9 +169,12 @@ class Decoder:
         former: Iterable[Binding] = (),
         describe: Describe = nothing_known,
         left: Mapping[int, Mapping[int, LeftIdentifier]] = MappingProxyType({}),
+        frames: FramesOfDevice = only_canopen,
     ) -> None:
-        self._left = left
-        self.dictionaries, self.others, self.describe = tuple(dictionaries), others, describe
+        self._left, self._frames = left, frames
+        self.dictionaries, self.describe = tuple(dictionaries), describe
+        self.others = {cob_id: each for device in self.dictionaries for cob_id, each in frames(device).items()}
+        self.others |= others
         self.learned = tuple(learned)
         devices = (*self.dictionaries, *self.learned)
         self.protocol = Protocol.of_devices(devices, catalogue, refused, listening=True, former=former)
@@ -181,7 +185,8 @@ class Decoder:
     def as_shown(self, shown: InForce) -> Decoder:
         """Return the decoder for what the devices have in force now; a PDO that does not hold is left out."""
         known = shown.described, self.protocol.catalogue, lambda _: None, self._own_errors, self._master
-        return Decoder(*known, shown.learned, self.others, self.protocol.bindings, self.describe, shown.left)
+        former = self.protocol.bindings
+        return Decoder(*known, shown.learned, self.others, former, self.describe, shown.left, self._frames)
 
     @cached_property
     def remembered(self) -> Callable[[Raw], Meaning]:
@@ -191,7 +196,11 @@ class Decoder:
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
         """The services by identifier; made late, as many logs have none."""
-        return services.services(self.dictionaries, self.errors, self._master, self.learned)
+        found = services.services(self.dictionaries, self.errors, self._master, self.learned)
+        for cob_id, each in self.others.items():
+            if (service := found.get(cob_id)) and service.name == services.EMCY_NAME:
+                found[cob_id] = _with_makers(service, each)
+        return found
 
     @cached_property
     def errors(self) -> ErrorWords:
@@ -224,7 +233,7 @@ class Decoder:
         return read(raw)
 
     @cached_property
-    def _others(self) -> Mapping[int, ForeignMessage]:
+    def foreign(self) -> Mapping[int, ForeignMessage]:
         """Those of `others` that are neither a device's nor, on a bus with devices, a service's of CANopen."""
         devices = {each.name for each in (*self.dictionaries, *self.learned)}
 
@@ -245,7 +254,7 @@ class Decoder:
         return Meaning(raw, f"CAN FD, {amount(len(data), 'byte')}", "", (), None, raw.text)
 
     def _service(self, frame: Frame) -> Meaning:
-        if other := self._others.get(frame.cob_id):
+        if other := self.foreign.get(frame.cob_id):
             return _other(other, frame, frame.data)
         found = self.services.get(frame.cob_id)
         if found is None:
@@ -287,7 +296,7 @@ class Decoder:
         if binding := self._bindings.get(frame.cob_id):
             nodes = (*binding.senders, *binding.receivers)
             return Meaning(frame, binding.name, binding.group, nodes, None, REQUEST)
-        if other := self._others.get(frame.cob_id):
+        if other := self.foreign.get(frame.cob_id):
             return Meaning(frame, other.name, DBC, other.nodes, None, REQUEST)
         found = self.services.get(frame.cob_id)
         if found is None:
@@ -296,6 +305,15 @@ class Decoder:
         name, sender = (GUARDING, self._master) if found.name == HEARTBEAT else (found.name, "")
         text = ", ".join(filter(None, (found.node, REQUEST)))
         return Meaning(frame, name, CANOPEN, self._nodes(found), None, text, sender=sender)
+
+
+def _with_makers(service: CanopenService, message: ForeignMessage) -> CanopenService:
+    """Return a service with what the maker says of the same frames."""
+
+    def text(data: bytes) -> str:
+        return ", ".join(filter(None, (service.text(data), message.words(message.fields(data)))))
+
+    return service._replace(text=text, fields=lambda data: {**service.fields(data), **message.fields(data)})
 
 
 def _other(message: ForeignMessage, raw: Raw, data: bytes) -> Meaning:

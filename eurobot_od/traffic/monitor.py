@@ -105,8 +105,16 @@ class NodesHealth:
     """How the nodes of a network are, by their names: those of the files, and any other that is heard."""
 
     def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
-        periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in dictionaries}
-        self.nodes = {name: NodeHealth(Heartbeats(period)) for name, period in periods.items()}
+        self.nodes: dict[str, NodeHealth] = {}
+        self.learn(dictionaries)
+
+    def learn(self, dictionaries: Iterable[Dictionary]) -> None:
+        """Take in which nodes have files; one that was heard before keeps its state under its new name."""
+        for each in dictionaries:
+            if each.name not in self.nodes:
+                period = (each.number(HEARTBEAT_TIME) or 0) / 1000
+                heard = self.nodes.pop(f"node {each.node_id}", None)
+                self.nodes[each.name] = heard or NodeHealth(Heartbeats(period))
 
     def take(self, time: float, meaning: Meaning) -> None:
         """Take in what a frame means."""
@@ -152,7 +160,7 @@ class Traffic:
         self.now = 0.0
         self._bits = 0
         self._marks: deque[tuple[float, int, int]] = deque()
-        self.following = Following(decoder)
+        self.following, self._decoder = Following(decoder), decoder
 
     @property
     def seen(self) -> SeenTraffic:
@@ -171,6 +179,9 @@ class Traffic:
     def take(self, time: float, raw: Raw, place: tuple[str, int] | None = None, channel: str = "") -> Meaning:
         """Take in a frame of a channel, with the log and the line where it stands, and return what it means."""
         meaning = self.following(time, channel, raw)
+        if (decoder := self.following.decoder(channel)) is not self._decoder:
+            self._decoder = decoder
+            self.health.learn(decoder.dictionaries)
         self.now = time
         self.frames += 1
         bus = self._bus(channel)

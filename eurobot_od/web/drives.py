@@ -252,6 +252,11 @@ class Drives:
         if isinstance(master, OrderMaster):
             master.gate = self.gate
 
+    def add(self, device: Dictionary) -> None:
+        """Take in a device that was not known, or was taken for another one."""
+        self._dictionaries[device.node_id] = device
+        self.axes = [axis for each in self._dictionaries.values() for axis in axes_of(each)]
+
     def axis(self, node_id: int, number: object) -> AxisAddress:
         """Return an axis; raises LocalError if there is none."""
         found = next((each for each in self.axes if (each.node_id, each.number) == (node_id, number)), None)

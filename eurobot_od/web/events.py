@@ -49,6 +49,12 @@ class BusEvents:
     """Makes events: NMT commands, EMCY, boot-ups, aborts of SDO transfers, states of drives, nodes lost and back."""
 
     def __init__(self, decoder: Decoder) -> None:
+        self._lost: set[str] = set()
+        self._drives: dict[tuple[str, int], State | None] = {}
+        self.learn(decoder)
+
+    def learn(self, decoder: Decoder) -> None:
+        """Take in which devices there are, and how their PDOs are mapped."""
         self._nodes = {each.node_id: each for each in decoder.dictionaries}
         # Messages, and the statuswords in them; not by identifiers alone: what is damaged has none.
         self._carriers: dict[int | Damage, tuple[Binding, Sequence[Placed]]] = {
@@ -56,8 +62,6 @@ class BusEvents:
             for each in decoder.protocol.bindings
             if each.senders
         }
-        self._lost: set[str] = set()
-        self._drives: dict[tuple[str, int], State | None] = {}
 
     def take(self, number: int, time: float, meaning: Meaning) -> Iterator[PageEvent]:
         """Yield the events of a frame, which is the `number`-th."""

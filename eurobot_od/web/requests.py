@@ -95,12 +95,12 @@ class Requests:
         self.session, self.folder, self.control, self.stop_message = session, folder, control, stop
         self.master, self._polling, orders = Master(session.tap), Master(session.polls), OrderMaster(session.orders)
         dictionaries = session.decoder.dictionaries
-        for each in dictionaries:
-            for master in (self.master, self._polling, orders):
-                master.follow(each)
+        self._masters = self.master, self._polling, orders
         self._cyclic: dict[str, Cyclic] = {}
         self.drives = Drives(orders, dictionaries, lambda: session.now, session.tap.send_frame, own_id)
-        session.first = self._hear
+        for each in dictionaries:
+            self._follow(each)
+        session.first, session.on_learned = self._hear, self._learn
         self._orders = orders
         self._guard = session.decoder, MotionGuard(dictionaries, makers=not session.panels)
         self._read_from: set[int] = set()
@@ -111,6 +111,15 @@ class Requests:
         self._one_at_a_time, self._one_order = asyncio.Lock(), asyncio.Lock()
         self._turns: dict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
         """Held while a node is asked, by its name: what is polled does not wait for questions to another node."""
+
+    def _follow(self, device: Dictionary) -> None:
+        for master in self._masters:
+            master.follow(device)
+
+    def _learn(self, device: Dictionary) -> None:
+        """Take in a device that has shown what it is."""
+        self._follow(device)
+        self.drives.add(device)
 
     def _hear(self, frame: Frame) -> bool:
         if ERROR_CONTROL_BASE < frame.cob_id <= ERROR_CONTROL_BASE + NODE_IDS[-1] and frame.data == bytes(

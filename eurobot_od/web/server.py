@@ -67,8 +67,10 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @asynccontextmanager
-async def served(page: str, access: AccessRules, port: int, requests: Requests | None = None) -> AsyncIterator[str]:
-    """Serve a page, and the bus if it shows one; gives the address.
+async def served(
+    page: Callable[[], str], access: AccessRules, port: int, requests: Requests | None = None
+) -> AsyncIterator[str]:
+    """Serve a page as it is when it is asked for, and the bus if it shows one; gives the address.
 
     With `port` 0 it takes any free port. Raises LocalError if it cannot have the port.
     """
@@ -160,7 +162,7 @@ def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> Non
 
 
 class _Server:
-    def __init__(self, page: str, access: AccessRules, requests: Requests | None) -> None:
+    def __init__(self, page: Callable[[], str], access: AccessRules, requests: Requests | None) -> None:
         self._page, self._access, self._requests = page, access, requests
         self._browsers: set[web.WebSocketResponse] = set()
         self.connections = Connections()
@@ -215,8 +217,9 @@ class _Server:
 
     async def _show(self, request: web.Request) -> web.StreamResponse:
         if TOKEN not in request.query:
-            policy = {"Content-Security-Policy": f"{policy_of(self._page)}; {UNFRAMED}"}
-            return web.Response(text=self._page, content_type="text/html", headers=policy)
+            page = self._page()
+            policy = {"Content-Security-Policy": f"{policy_of(page)}; {UNFRAMED}"}
+            return web.Response(text=page, content_type="text/html", headers=policy)
         # The browser keeps it where no script gets at it, and out of its address line and history.
         response = web.Response(status=303, headers={"Location": "/"})
         response.set_cookie(_cookie(request), self._access.token, httponly=True, samesite="Strict")

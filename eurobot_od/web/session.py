@@ -16,14 +16,14 @@ from itertools import islice, takewhile
 from pathlib import Path
 from queue import Empty, Full, Queue
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import can
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import SdoChannel
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.entries import Damage, Raw
@@ -31,7 +31,7 @@ from eurobot_od.traffic.meaning import Decoder, wrong
 from eurobot_od.traffic.monitor import BusSource, NodeHealth, Traffic
 from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.events import BusEvents, PageEvent
-from eurobot_od.web.page import DIGITS, Panel, event_data, hex_of, key_of, picked, row_data, values
+from eurobot_od.web.page import DIGITS, Panel, described, event_data, hex_of, key_of, page, picked, row_data, values
 
 # A second bus on one adapter, for a master that asks nodes while the session takes every frame
 
@@ -145,6 +145,15 @@ AT_ONCE = 5000
 """Most frames in one snapshot: a page that is opened late catches up in some seconds."""
 
 
+PanelsOf: TypeAlias = Callable[[Decoder], Iterable[type[Panel]]]
+"""Returns the panels of a page for the devices of a decoder."""
+
+
+def no_panels(_: Decoder) -> Iterable[type[Panel]]:
+    """Return that there are no panels."""
+    return ()
+
+
 class Stretch(NamedTuple):
     """Frames that follow each other, as JSON; `first` is the number of the first one."""
 
@@ -198,11 +207,13 @@ class Session:
     """A bus that is watched.
 
     `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
-    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames, and
-    `history` has the last of these. `diagnosis` says what the frames show to be wrong. `tap` is for questions, `orders`
-    and `polls` are for masters that they do not delay. `first` is called with each frame; it returns whether it keeps
-    it.
-    By its `name` a page notices that it is another session.
+    `trouble` is what is wrong with the bus, empty while all is well; `panels_of` returns what is shown beside the
+    frames for the devices of a decoder, and `history` has the last of these. `diagnosis` says what the frames show to
+    be wrong. `tap` is for questions, `orders` and `polls` are for masters that they do not delay. `first` is called
+    with each frame; it returns whether it keeps it.
+
+    Devices are `learned` as they show what they are: by that number a page notices that it lists too few. By its
+    `name` it notices that it is another session.
     """
 
     def __init__(
@@ -210,11 +221,11 @@ class Session:
         open_bus: Callable[[], can.BusABC],
         decoder: Decoder,
         bitrate: int,
-        panels: Sequence[type[Panel]] = (),
+        panels_of: PanelsOf = no_panels,
         clock: Callable[[], float] = time.monotonic,
         diagnosis: Diagnosis | None = None,
     ) -> None:
-        self.decoder, self.bitrate = decoder, bitrate
+        self.decoder, self.bitrate, self.learned = decoder, bitrate, 0
         self.diagnosis = diagnosis or Diagnosis(decoder, bit_rate=bitrate)
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
@@ -222,7 +233,8 @@ class Session:
         self.history, self.name = FrameHistory(), secrets.token_hex(4)
         self._clock = clock
         self._watch = BusEvents(decoder)
-        self.panels = [panel() for panel in panels]
+        self._panels_of = panels_of
+        self.panels = [panel() for panel in panels_of(decoder)]
         self._traffic = Traffic(decoder, bitrate)
         self._changed: dict[int | Damage, int] = {}
         self._written: dict[int | Damage, tuple[int, str]] = {}
@@ -236,6 +248,7 @@ class Session:
         self.tap, self.orders, self.polls = (Tap(self._source.send, answers) for _ in range(3))
         self._taps = self.tap, self.orders, self.polls
         self.first: Callable[[Frame], bool] = lambda _: False
+        self.on_learned: Callable[[Dictionary], object] = lambda _: None
 
     @property
     def now(self) -> float:
@@ -275,8 +288,22 @@ class Session:
             self.diagnosis.tick(self.now)
         return is_behind
 
+    def _learn(self, decoder: Decoder) -> None:
+        """Take in the devices of a decoder that were not known, with what plug-ins have for them."""
+        known = {(each.node_id, each.file) for each in self.decoder.dictionaries}
+        new = [each for each in decoder.dictionaries if (each.node_id, each.file) not in known]
+        if new:
+            self.decoder, self.learned = decoder, self.learned + 1
+            self._watch.learn(decoder)
+            there = set(map(type, self.panels))
+            self.panels += [panel() for panel in self._panels_of(decoder) if panel not in there]
+            for each in new:
+                self.on_learned(each)
+
     def _take(self, now: float, raw: Raw) -> None:
         meaning = self._traffic.take(now, raw)
+        if meaning.transfer:  # what shows which device it is
+            self._learn(self.in_force)
         self.diagnosis.take_meaning(now, "", meaning, self._traffic.following)
         self._changed[raw[0]] = self.turn
         if isinstance(raw, Frame):
@@ -309,11 +336,16 @@ class Session:
 
     # What is shown
 
+    def page(self, name: str) -> str:
+        """Return the page of the bus, with the devices and panels that are known now."""
+        about = {"name": name, "bitrate": self.bitrate, **described(self.decoder)}
+        return page(name, [about], list(map(type, self.panels)), live=True, learned=self.learned)
+
     def snapshot(self, since: int, stretch: Stretch = NO_FRAMES, **more: object) -> str:
         """Return as JSON what has changed after a `turn`, -1 for everything, and a stretch of the history."""
         load, rate = self._load
         head = {
-            **picked(self, "turn", "frames", "trouble"),
+            **picked(self, "turn", "frames", "trouble", "learned"),
             "session": self.name,
             "began": self._began,
             "first": stretch.first,

@@ -26,7 +26,7 @@ def document(steps: str, head: str = HEAD) -> str:
 @cache
 def reader(dialect: str | None) -> SuiteReader:
     """Return the reader of a dialect, which loads its EDS files once."""
-    return SuiteReader(plant.PLANT.networks(), dialect)
+    return SuiteReader(plant.PLUGINS.networks(), dialect)
 
 
 def read(text: str, dialect: str | None = None) -> tuple[list[Suite], list[str]]:
@@ -45,7 +45,7 @@ def suite(text: str) -> Suite:
 
 def results(text: str, *, keep_going: bool = True, seed: int = 1) -> SuiteResult:
     """Run a suite against simulated nodes."""
-    return run_simulated(suite(text), RunOptions(keep_going), plant.PLANT.under_test, seed)
+    return run_simulated(suite(text), RunOptions(keep_going), plant.PLUGINS.under_test, seed)
 
 
 def run(steps: str, head: str = HEAD) -> tuple[StepResult, ...]:

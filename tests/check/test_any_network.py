@@ -76,7 +76,7 @@ def red(result: SuiteResult) -> list[str]:
 @pytest.mark.parametrize("networks", [from_files, from_folder])
 def test_simulated(files: list[NodeFile], networks: object) -> None:
     assert callable(networks)
-    assert red(run_simulated(read(networks(files)), RunOptions(keep_going=True), plant.PLANT.under_test)) == []
+    assert red(run_simulated(read(networks(files)), RunOptions(keep_going=True), plant.PLUGINS.under_test)) == []
 
 
 def test_on_a_bus(files: list[NodeFile]) -> None:

@@ -164,6 +164,6 @@ def test_an_interrupt_ends_a_simulated_suite_too() -> None:
             interrupt.request()
 
     endless = HEAD + "steps:\n  - repeat: 100000\n    steps:\n      - wait: 1 ms\nteardown:\n  - send: Halt Lift\n"
-    result = run_simulated(suite(endless), RunOptions(interrupt=interrupt, show=show), plant.PLANT.under_test)
+    result = run_simulated(suite(endless), RunOptions(interrupt=interrupt, show=show), plant.PLUGINS.under_test)
     assert [step.status for step in result.steps[-2:]] == [Status.INTERRUPTED, Status.PASSED]
     assert result.count(Status.PASSED) < 10

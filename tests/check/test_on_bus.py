@@ -95,5 +95,5 @@ def test_an_interrupt_ends_what_is_repeated_without_waiting() -> None:
     interrupt = Interrupt()
     steps = "- wait: 1 ms\n- repeat: 1000\n  steps: [{answer: {Move State Request: Move Confirm}, repeat: 100}]"
     options = RunOptions(interrupt=interrupt, show=lambda _: interrupt.request())
-    result = run_simulated(suite(document(steps)), options, plant.PLANT.under_test)
+    result = run_simulated(suite(document(steps)), options, plant.PLUGINS.under_test)
     assert [step.status for step in result.steps] == [Status.PASSED, Status.INTERRUPTED]

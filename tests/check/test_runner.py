@@ -313,7 +313,7 @@ def test_names_the_steps_of_a_group() -> None:
 def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(names: str, done: list[str]) -> None:
     steps = "\n".join(f"- {{name: {name}, wait: 1 ms}}" for name in "abc")
     options = RunOptions(chosen=lambda name: name in names)
-    result = run_simulated(suite(document(steps)), options, plant.PLANT.under_test)
+    result = run_simulated(suite(document(steps)), options, plant.PLUGINS.under_test)
     assert [step.name for step in result.steps] == done
 
 

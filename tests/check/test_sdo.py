@@ -9,6 +9,7 @@ from eurobot_od.check.report import Status, StepReason
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.device.faults import leaving, sdo_answer
 from eurobot_od.frame import Frame
+from eurobot_od.plugin import Plugins
 from tests.check.suites import document, results, run, suite
 from tests.kit import plant
 from tests.rows import rows
@@ -23,7 +24,7 @@ def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[StepReas
 
     broken = type("Broken", (leaving(sdo_answer, changed), plant.NODES["lift"]), {})
     robot = plant.PLANT._replace(nodes={**plant.PLANT.nodes, "lift": lambda: broken})
-    (result,) = run_simulated(suite(document(step)), RunOptions(), robot.under_test).steps
+    (result,) = run_simulated(suite(document(step)), RunOptions(), Plugins(robot).under_test).steps
     assert result.reason is not None
     return result.reason, [str(line.frame) for line in result.reason.frames if line.own]
 

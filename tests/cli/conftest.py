@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od import plugin
+from eurobot_od.loading import ROBOTS
 from tests.kit import plant
 
 
 @pytest.fixture(autouse=True)
 def _line(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the command line take the packaging line for its robot, in processes of their own too."""
-    monkeypatch.setenv(plugin.VARIABLE, str(plant.HERE))
+    monkeypatch.setenv(ROBOTS.variable, str(plant.HERE))

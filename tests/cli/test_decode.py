@@ -15,7 +15,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.frame import Frame
-from eurobot_od.plugin import VARIABLE
+from eurobot_od.loading import ROBOTS
 from tests.cli.console import run
 from tests.client.wired import WiredBus
 from tests.eds_text import DEVICE_TYPE, pdo, variable
@@ -104,7 +104,7 @@ def test_a_bus_of_which_there_is_no_file(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program, *options = words
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.delenv(ROBOTS.variable, raising=False)
     monkeypatch.setattr(sys, "argv", [program])
     monkeypatch.chdir(tmp_path)
     Path("plain.log").write_text("".join(f"({n}.0) can0 {frame}\n" for n, frame in enumerate(PLAIN)))

@@ -15,7 +15,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.cli import installation
-from eurobot_od.plugin import VARIABLE
+from eurobot_od.loading import ROBOTS
 from eurobot_od.support import extras
 from eurobot_od.support.extras import Package
 from tests.cli.console import run
@@ -83,7 +83,7 @@ LONG = re.compile(r"^ +(?:-\w(?: \S+)?, )?(--[a-z-]+)", re.MULTILINE)
 def scripts() -> dict[str, str]:
     """The script of each shell, as a process of its own prints it."""
     words = ["-m", "eurobot_od", "completion"]
-    line = os.environ | {VARIABLE: str(plant.HERE)}
+    line = os.environ | {ROBOTS.variable: str(plant.HERE)}
     return {shell: subprocess.check_output([sys.executable, *words, shell], text=True, env=line) for shell in SHELLS}
 
 

@@ -18,7 +18,7 @@ import pytest
 from eurobot_od import cli
 from eurobot_od.cli.signature import Command, Forms, Hint, Parser, told
 from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, UnknownName, WorldError
-from eurobot_od.plugin import VARIABLE
+from eurobot_od.loading import ROBOTS
 from tests.cli.console import run
 from tests.kit import plant
 from tests.rows import rows
@@ -89,7 +89,7 @@ def test_what_is_printed_names_the_program_that_was_started(
     words: list[str], named: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "argv", [cli.WORKBENCH])
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.delenv(ROBOTS.variable, raising=False)
     said = run(capsys, *words)
     assert any(line.startswith(named) for line in (said.out + said.err).splitlines()), said
     assert "eurobot-od" not in (said.out + said.err).replace("eurobot-od.yaml", "")
@@ -135,7 +135,7 @@ def test_an_error_that_is_none_of_ours_is_a_bug_and_shows_its_traceback(
 
 def python(code: str) -> str:
     """Run a program in a Python of its own, where no robot is named, and return what it printed."""
-    environment = {name: value for name, value in os.environ.items() if name != VARIABLE}
+    environment = {name: value for name, value in os.environ.items() if name != ROBOTS.variable}
     words = [sys.executable, "-c", code]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60, env=environment)
     return done.stdout.strip()
@@ -283,7 +283,7 @@ DEFAULT = re.compile(r"\((?:default: )?(0x[0-9A-F]+|[\d.]+) ?(ms|s|)\)$")
 
 
 def test_every_option_has_a_help(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(VARIABLE)  # `node` has the options of the robot that is installed, where FORMS are made
+    monkeypatch.delenv(ROBOTS.variable)  # `node` has the options of the robot that is installed, where FORMS are made
     assert [function.__name__ for function in FORMS for text, _ in options(function) if not text] == []
 
 

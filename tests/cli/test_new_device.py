@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od import plugin
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
+from eurobot_od.loading import DEVICES
 from eurobot_od.od.dictionary import Dictionary
 from tests.cli.console import run
 from tests.client.flash import IDENTITY, KeyedFlashDevice, eds
@@ -54,8 +54,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def named(package: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    monkeypatch.setenv(plugin.PACKAGES, str(package / "gripper"))
-    plugin._packages.cache_clear()
+    monkeypatch.setenv(DEVICES.variable, str(package / "gripper"))
     return ["--eds", f"5={SERVO}"]
 
 
@@ -175,20 +174,10 @@ def test_a_broken_package_is_one_warning_with_its_place(
     (tmp_path / "device.py").write_text(text)
     log = tmp_path / "run.log"
     log.write_text(LOG[: LOG.index("(1.0)")])
-    plugin._packages.cache_clear()
     done = run(capsys, "decode", str(log), "--eds", f"5={SERVO}", "--package", str(tmp_path))
     assert (done.status, done.err.count("\n")) == (0, 1)
     assert said in done.err
     assert "0xFF01" in done.out
-
-
-def test_the_most_exact_of_several_packages_counts() -> None:
-    of_maker, of_product, other = (plugin.Plugin(identity=each) for each in ((7,), (7, 5), (7, 6)))
-    among = [of_maker, of_product, other]
-    assert plugin.package_of((7, 5, 1, 9), among) is of_product
-    assert plugin.package_of((7, 8, 1, 9), among) is of_maker
-    assert plugin.package_of((8, 5, 1, 9), among) is plugin.NO_ROBOT
-    assert plugin.package_of((0, 0, 0, 0), [plugin.Plugin()]) is plugin.NO_ROBOT
 
 
 @pytest.mark.parametrize(

@@ -315,7 +315,7 @@ def test_all_faults_are_listed_by_node(capsys: pytest.CaptureFixture[str]) -> No
     assert said.status == 0
     nodes = ["panel:", "lift:", "scale:", "any node:", "any drive of CiA 402:"]
     assert [line for line in lines if line.endswith(":")] == nodes
-    assert [line.split()[0] for line in lines if line.startswith("  ")] == plant.PLANT.fault_names()
+    assert [line.split()[0] for line in lines if line.startswith("  ")] == plant.PLUGINS.fault_names()
 
 
 def test_the_faults_of_one_node_are_its_own_and_those_of_any_node(capsys: pytest.CaptureFixture[str]) -> None:

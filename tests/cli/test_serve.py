@@ -9,15 +9,10 @@ from urllib.request import urlopen
 
 import pytest
 
-from eurobot_od.cli.serve import announced, bus_name, told_apart
-from eurobot_od.frame import Frame
-from eurobot_od.library.library import Library, LibraryDevices
+from eurobot_od.cli.serve import bus_name, told_apart
 from eurobot_od.support import extras
-from eurobot_od.traffic.decoding import Following
-from eurobot_od.traffic.meaning import Decoder
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, in_background, line
-from tests.kit.library import PRODUCT, REVISION, VENDOR, device_text, library_of
 from tests.rows import rows
 
 
@@ -131,18 +126,3 @@ def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
 )
 def test_a_page_is_named_by_its_bus_in_words(interface: str | None, channel: str | None, name: str) -> None:
     assert bus_name(interface, channel) == name
-
-
-def test_a_node_that_is_known_too_late_for_the_page_is_said_once(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    library = Library([library_of(tmp_path / "makers", axis=device_text())])
-    decoder = Decoder((), describe=announced(LibraryDevices(library, print)))
-    following = Following(decoder)
-    for sub, number in enumerate((VENDOR, PRODUCT, REVISION), 1):
-        for cob_id, specifier, content in ((0x605, 0x40, bytes(4)), (0x585, 0x43, number.to_bytes(4, "little"))):
-            following(float(sub), "", Frame(cob_id, bytes([specifier, 0x18, 0x10, sub]) + content))
-    assert following(5.0, "", Frame(0x185, b"\x07\x00")).name == "axis_5.TPDO1"
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"node 5 is known by {tmp_path / 'makers' / 'axis.eds'} from now on" in line
-    assert "--eds 5=" in line

@@ -1,6 +1,6 @@
 """Faults of the robot's nodes that prove the shipped suites: wrong fields, places, times, and what is not acted on.
 
-Those that help whoever tests a strategy or a node are in `eurobot_od.robot.faults`; `ROBOT` here has both.
+Those that help whoever tests a strategy or a node are in `eurobot_od.robot.faults`; `PLUGINS` has both.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from eurobot_od.device.timers import Call
 from eurobot_od.errors import FieldError, FrameLengthError, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.plugin import Faults
+from eurobot_od.plugin import Faults, Plugins
 from eurobot_od.robot import faults as shipped
-from eurobot_od.robot import plugin
 from eurobot_od.robot.faults import (
     CONFIGURATION,
     GOTO,
@@ -58,6 +57,7 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.flows import GotoReport
 from eurobot_od.robot.nodes.node import Objects
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
 
 WITHOUT_BARRIERS = 6
@@ -818,4 +818,4 @@ def all_faults() -> Faults:
     return {owner: {**rows, **proving.get(owner, {})} for owner, rows in shipped.FAULTS.items()}
 
 
-ROBOT = plugin.ROBOT._replace(faults=all_faults)
+PLUGINS = Plugins(ROBOT._replace(faults=all_faults))

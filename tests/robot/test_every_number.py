@@ -21,8 +21,7 @@ from eurobot_od.export.forms import docs_text
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.make import read_table
 from eurobot_od.od.make.text import make_files
-from eurobot_od.od.meanings import NO_MEANING
-from eurobot_od.od.objects import address_of, all_objects
+from eurobot_od.od.objects import all_objects
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import NOTHING
 from eurobot_od.pdo.protocol import Protocol
@@ -103,11 +102,7 @@ def products(text: str, dialect: str) -> dict[str, str]:
     dictionaries = tuple(Dictionary.read(each.encode(), name) for name, each in files.items())
     protocol = EurobotProtocol.of_devices(dictionaries, CATALOGUE)
     shown = [*table(protocol.bindings), *(line for each in protocol.bindings for line in picture(each))]
-    objects = [
-        " ".join(object_row(each, one.meanings.get(address_of(each), NO_MEANING)))
-        for one in dictionaries
-        for each in all_objects(one.objects)
-    ]
+    objects = [" ".join(object_row(each)) for one in dictionaries for each in all_objects(one.objects)]
     return {
         "eds": json.dumps(made),
         "frame": json.dumps([*frames(protocol)]),

@@ -13,7 +13,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.plugin import NO_ROBOT
+from eurobot_od.plugin import Plugins
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
@@ -34,7 +34,7 @@ from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.robot.faults import (
     JUMP,
-    ROBOT,
+    PLUGINS,
     both,
     exchanged,
     field,
@@ -198,14 +198,14 @@ def test_hooks_add_up() -> None:
 FITTING = [
     (role, name)
     for role in ROLES.values()
-    for owner, faults in ROBOT.all_faults().items()
+    for owner, faults in PLUGINS.all_faults().items()
     if issubclass(role, owner)
     for name in faults
 ]
 
 
 def test_there_are_faults_for_every_node() -> None:
-    assert {owner for owner, faults in ROBOT.all_faults().items() if len(faults) >= 20} >= {
+    assert {owner for owner, faults in PLUGINS.all_faults().items() if len(faults) >= 20} >= {
         Core,
         Drive,
         Navigation,
@@ -214,11 +214,11 @@ def test_there_are_faults_for_every_node() -> None:
 
 
 def test_names_of_faults_are_unique() -> None:
-    assert len(set(ROBOT.fault_names())) == len(ROBOT.fault_names())
+    assert len(set(PLUGINS.fault_names())) == len(PLUGINS.fault_names())
 
 
 def test_a_fault_has_a_name_for_the_command_line_and_a_sentence() -> None:
-    texts = {name: ROBOT.find_fault(name)[1].text for name in ROBOT.fault_names()}
+    texts = {name: PLUGINS.find_fault(name)[1].text for name in PLUGINS.fault_names()}
     assert [name for name in texts if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name)] == []
     assert [text for text in texts.values() if not re.fullmatch(r"[a-z].*[^.]", text)] == []
 
@@ -234,38 +234,42 @@ def test_a_fault_has_a_name_for_the_command_line_and_a_sentence() -> None:
 )
 def test_a_fault_that_a_node_cannot_have_is_refused(role: type[Node], name: str, error: type[LocalError]) -> None:
     with pytest.raises(error):
-        ROBOT.faulty(role, name)
+        PLUGINS.faulty(role, name)
 
 
 def test_a_near_name_is_suggested() -> None:
     with pytest.raises(UnknownName, match="did you mean goto-not-confirmed"):
-        ROBOT.find_fault("goto-not-confirmd")
+        PLUGINS.find_fault("goto-not-confirmd")
 
 
 def test_a_fault_may_be_meant_for_one_node() -> None:
-    of_the_drive = [name for name in ROLES if ROBOT.kind(name, ["drive.heartbeat-stops"]) is not ROBOT.kind(name)]
+    of_the_drive = [
+        name
+        for name in ROLES
+        if PLUGINS.kind(DICTIONARIES[name], ["drive.heartbeat-stops"]) is not PLUGINS.kind(DICTIONARIES[name])
+    ]
     assert of_the_drive == ["drive"]
     with pytest.raises(UnknownName, match="unknown node 'arm'"):
-        ROBOT.find_fault("arm.heartbeat-stops")
+        PLUGINS.find_fault("arm.heartbeat-stops")
     with pytest.raises(LocalError, match="without one write heartbeat-stops, for all devices"):
-        NO_ROBOT.find_fault("motor.heartbeat-stops")
+        Plugins().find_fault("motor.heartbeat-stops")
 
 
 def test_the_healthy_node_stays_healthy() -> None:
     before = dict(vars(Drive))
-    ROBOT.faulty(Drive, "goto-not-confirmed")
+    PLUGINS.faulty(Drive, "goto-not-confirmed")
     assert dict(vars(Drive)) == before
     assert answers(drive(), GOTO)[:1] == [PROTOCOL.encode(GotoConfirm())]
 
 
 @rows("role", ROLES.values())
 def test_every_node_can_have_the_faults_of_any_node(role: type[Node]) -> None:
-    assert [name for name in ROBOT.all_faults()[Node] if not issubclass(ROBOT.faulty(role, name), role)] == []
+    assert [name for name in PLUGINS.all_faults()[Node] if not issubclass(PLUGINS.faulty(role, name), role)] == []
 
 
 @rows("role, name", FITTING, sample=40)
 def test_a_faulty_node_survives_any_frame(role: type[Node], name: str) -> None:
-    node = ROBOT.faulty(role, name)(DICTIONARIES[role.__name__.lower()])
+    node = PLUGINS.faulty(role, name)(DICTIONARIES[role.__name__.lower()])
     node.start(0.0)
     for command in (None, NmtCommand.STOP, NmtCommand.RESET_NODE):
         if command is not None:
@@ -277,7 +281,7 @@ def test_a_faulty_node_survives_any_frame(role: type[Node], name: str) -> None:
 
 
 def test_a_node_can_have_two_faults() -> None:
-    role = ROBOT.faulty(ROBOT.faulty(Drive, "drive-check-answered-twice"), "state-not-answered")
+    role = PLUGINS.faulty(PLUGINS.faulty(Drive, "drive-check-answered-twice"), "state-not-answered")
     node = role(DICTIONARIES["drive"])
     node.start(0.0)
     assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
@@ -285,7 +289,7 @@ def test_a_node_can_have_two_faults() -> None:
 
 def faulty_drive(name: str) -> Drive:
     """Return a drive with a fault, switched on and configured."""
-    node = ROBOT.faulty(Drive, name)(DICTIONARIES["drive"])
+    node = PLUGINS.faulty(Drive, name)(DICTIONARIES["drive"])
     node.start(0.0)
     answers(node, START)
     return node
@@ -324,7 +328,7 @@ GOING = GotoXY(2000, 1750, 0, 60)
 def stopped_with(name: str) -> Bench:
     """Have a core with a fault send a drive off, and stop it."""
     bench = Bench()
-    bench.replace("core", ROBOT.faulty(Core, name)(DICTIONARIES["core"]))
+    bench.replace("core", PLUGINS.faulty(Core, name)(DICTIONARIES["core"]))
     bench.run(0.1)
     bench.core.configure_start(*START)
     bench.run(0.5)
@@ -347,7 +351,7 @@ def test_a_core_that_asks_on_asks_for_a_second_after_the_stop(name: str, asks: b
 @pytest.mark.parametrize(("name", "stops"), [("late-confirm-ignored", 1), ("position-not-polled", 2)])
 def test_a_core_that_ignores_a_late_confirm_sends_no_second_stop(name: str, stops: int) -> None:
     bench = Bench("drive", "navigation")
-    bench.replace("core", ROBOT.faulty(Core, name)(DICTIONARIES["core"]))
+    bench.replace("core", PLUGINS.faulty(Core, name)(DICTIONARIES["core"]))
     bench.run(0.1)
     as_if_started(bench.core)
     bench.core.goto(*GOING)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -14,7 +14,7 @@ from pathlib import Path
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
-from eurobot_od.web.page import Panel, described, page, stop_message
+from eurobot_od.web.page import Panel, stop_message
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.server import served
 from eurobot_od.web.session import Session
@@ -42,7 +42,9 @@ class Served:
 
 
 @contextmanager
-def serving(text: str, access: AccessRules = LOCAL, requests: Requests | None = None, port: int = 0) -> Iterator[str]:
+def serving(
+    text: Callable[[], str], access: AccessRules = LOCAL, requests: Requests | None = None, port: int = 0
+) -> Iterator[str]:
     """Serve a page in a thread; gives its address."""
     loop, stop, ready = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
     addresses: list[str] = []
@@ -76,10 +78,10 @@ def live_page(
 ) -> Iterator[Served]:
     """Serve the page of an in-process bus."""
     known = network or plant.decoder()
-    session = Session(partial(open_bus, "virtual", channel), known, 500_000, panels)
-    text = page(channel, [{"name": channel, "bitrate": 500_000, **described(known)}], panels, live=True)
+    session = Session(partial(open_bus, "virtual", channel), known, 500_000, lambda _: panels)
     try:
-        with serving(text, access, Requests(session, folder, control, stop_message(panels)), port) as address:
+        requests = Requests(session, folder, control, stop_message(panels))
+        with serving(partial(session.page, channel), access, requests, port) as address:
             yield Served(address, session)
     finally:
         session.close()

@@ -78,7 +78,7 @@ def test_a_connection_without_a_whole_request_in_time_is_closed_unless_it_is_ans
 
 @pytest.fixture
 def guarded() -> Iterator[tuple[str, int]]:
-    with serving("the page", AccessRules("127.0.0.1", TOKEN)) as address:
+    with serving(lambda: "the page", AccessRules("127.0.0.1", TOKEN)) as address:
         where = urlsplit(address)
         yield where.hostname or "", where.port or 0
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od import plugin
 from eurobot_od.bus.live import Live, open_bus
+from eurobot_od.loading import packages
+from eurobot_od.plugin import Plugins
 from eurobot_od.traffic.meaning import Decoder
 from tests.cli.console import run
 from tests.client.servo import EDS, SERVO
@@ -20,9 +21,9 @@ def test_the_panel_of_a_package_is_on_the_page(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(capsys, "new-device", "gripper", "--package", "--eds", str(EDS)).status == 0
-    package = plugin.package_of(SERVO.identity, plugin.packages([str(tmp_path / "gripper" / "gripper")]))
+    package = Plugins(packages=packages([str(tmp_path / "gripper" / "gripper")])).for_identity(SERVO.identity)
     decoder, bus = Decoder([SERVO]), channel()
-    decoder.others = package.frames(SERVO)
+    decoder.others = dict(package.frames(SERVO))
     assert package.device is not None
     with live_page(bus, tmp_path, network=decoder, panels=tuple(package.panels())) as served:
         window.open(served.address)

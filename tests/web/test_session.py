@@ -18,13 +18,16 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
+from eurobot_od.library.library import Library, LibraryDevices
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web import session as module
 from eurobot_od.web.events import PageEvent
 from eurobot_od.web.page import Panel
 from eurobot_od.web.session import Session
 from tests.kit import plant
+from tests.kit.library import PRODUCT, REVISION, VENDOR, device_text, library_of
 from tests.kit.plant import messages as m
 from tests.web.scene import channel
 from tests.web.test_drives import bench
@@ -68,7 +71,7 @@ def bus() -> Iterator[tuple[Session, Callable[[Frame], None]]]:
     """A session on a bus; the function sends a frame and waits until the session has it."""
     name = channel()
     with open_bus("virtual", name) as other:
-        session = Session(partial(open_bus, "virtual", name), plant.decoder(), 500_000, [Marking])
+        session = Session(partial(open_bus, "virtual", name), plant.decoder(), 500_000, lambda _: [Marking])
 
         def send(frame: Frame) -> None:
             before = session.frames
@@ -152,7 +155,7 @@ class Lasting(Panel):
 
 def test_an_event_that_has_changed_is_as_new_as_its_change(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_EVENTS", 2)
-    session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000, [Lasting])
+    session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000, lambda _: [Lasting])
     for frame in (STOP, NMT, STOP, NMT):
         send_own(session, frame)
     assert [each["key"] for each in snapshot(session)["events"]] == ["lasting", "NMT 4"]
@@ -305,3 +308,37 @@ def test_the_history_is_bounded_and_says_where_it_begins(monkeypatch: pytest.Mon
     assert (late.first, late.frames[0], len(late.frames)) == (30, "30", 10)
     assert history.since(late.next).frames[0] == "40"
     assert history.since(53) == (53, [])
+
+
+class View(Marking):
+    name, title, script, style = "own", "Own", "", ""
+
+
+def test_a_page_lists_a_node_once_it_has_shown_what_it_is(tmp_path: Path) -> None:
+    library, name = Library([library_of(tmp_path / "makers", axis=device_text())]), channel()
+    decoder = Decoder((), describe=LibraryDevices(library, print))
+    session = Session(
+        partial(open_bus, "virtual", name), decoder, 500_000, lambda found: [View] if found.dictionaries else []
+    )
+    with open_bus("virtual", name) as other:
+
+        def send(cob_id: int, data: bytes) -> None:
+            before = session.frames
+            Driver(other).send(Frame(cob_id, data))
+            while session.frames == before:
+                session.poll()
+
+        send(0x705, b"\x05")
+        (heard,) = json.loads(session.snapshot(-1))["nodes"]
+        assert (session.learned, heard["name"]) == (0, "node 5")
+        for sub, number in enumerate((VENDOR, PRODUCT, REVISION), 1):
+            send(0x605, bytes([0x40, 0x18, 0x10, sub, 0, 0, 0, 0]))
+            send(0x585, bytes([0x43, 0x18, 0x10, sub]) + number.to_bytes(4, "little"))
+        send(0x185, b"\x07\x00")
+    said = json.loads(session.snapshot(-1))
+    assert said["learned"] == session.learned > 0
+    assert [(each["name"], each["state"]) for each in said["nodes"]] == [("axis_5", "operational")]
+    assert [type(each) for each in session.panels] == [View]
+    assert '"axis_5.TPDO1"' in session.page("the bus")
+    assert '"messages":[]' not in session.page("the bus")
+    session.close()

@@ -30,7 +30,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 from eurobot_od.bus import INTERMISSION, frame_bits
 from eurobot_od.controller import Report, TransmitQueue
 from eurobot_od.device.node import Node
-from eurobot_od.device.station import Station
+from eurobot_od.device.station import OnError, Station
 from eurobot_od.device.timers import Plan
 from eurobot_od.frame import Frame
 
@@ -194,9 +194,14 @@ class Simulation:
 
     # Stations and their lives
 
-    def attach(self, node: Node, start: float = 0.0, processing: float = 0.0) -> Station:
-        """Connect a node that is switched on at `start` and looks at a frame `processing` after it came, in seconds."""
-        station = Station(node, report=self.reports.append, clock=lambda: self.now)
+    def attach(
+        self, node: Node, start: float = 0.0, processing: float = 0.0, on_error: OnError | None = None
+    ) -> Station:
+        """Connect a node that is switched on at `start` and looks at a frame `processing` after it came, in seconds.
+
+        Without `on_error`, what the node raises in a timer is raised; else it is in the `reports`.
+        """
+        station = Station(node, report=self.reports.append, clock=lambda: self.now, on_error=on_error, is_logged=False)
         station.controller.start()
         node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
         queue = station.controller.queue

@@ -8,17 +8,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.cli import RobotName, complain
 from eurobot_od.cli.decode import STANDARD_INPUT, Logs, Reading, entries
-from eurobot_od.cli.devices import Dialect, decoder_of
+from eurobot_od.cli.devices import Dialect, left_out
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import EurobotError, RemoteError
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.scene.files import SeenMatch, form, save
 from eurobot_od.robot.scene.recording import NOTHING, Truth, read_truth
 from eurobot_od.traffic.entries import REMEMBERED
-from eurobot_od.traffic.meaning import DamageCounts, Meaning
+from eurobot_od.traffic.meaning import DamageCounts, Decoder, Meaning
 
 
 def field(
@@ -39,8 +39,9 @@ def field(
     $ field run.log -o field.html
     """
     form(output)  # complains of a suffix before the logs are read
-    robot, damage = plugin.find(robot_name), DamageCounts()
-    described = decoder_of(robot.dialects.load_all(dialect), robot)
+    robot, damage = loading.find(robot_name), DamageCounts()
+    with left_out() as refused:
+        described = Decoder(robot.dialects.load_all(dialect), robot.catalogue(), refused)
     # Most frames of a match recur: a request without data, a position that has not changed.
     decode = lru_cache(REMEMBERED)(described)
 

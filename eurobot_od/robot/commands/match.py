@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
 from eurobot_od.cli.devices import Dialect
@@ -122,8 +122,8 @@ class AskedMatch:
 
     @property
     def robot(self) -> Plugin:
-        """Whose robot plays; raises as `plugin.find`."""
-        return plugin.find(self.robot_name)
+        """Whose robot plays; raises as `loading.find`."""
+        return loading.find(self.robot_name)
 
     @property
     def options(self) -> MatchOptions:

@@ -12,7 +12,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Annotated
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.cli import PROGRAM, RobotName
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
@@ -63,7 +63,7 @@ def new_robot(
     if not (called.isprintable() and called.isascii()) or set(called) & set("\"'\\"):
         raise LocalError(f"--name {called}: printable ASCII characters without quotes and backslashes")
     module = _package(called) if package else ""
-    for file, text in _texts(called, module, plugin.find(robot_name).table):
+    for file, text in _texts(called, module, loading.find(robot_name).table):
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
         print(folder / file)
@@ -110,7 +110,7 @@ def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, s
         text = re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], template)
         yield at_root.get(path, f"{inside}{path}"), text
         if path == "eds/protocol.yaml":
-            made = make_files(read_table(text, there[path], plugin.table_of))
+            made = make_files(read_table(text, there[path], loading.table_of))
             yield from ((f"{inside}eds/{path}", content) for path, content in made.items())
     facts = table.with_name("robot.yaml") if table else None
     if facts and facts.is_file():

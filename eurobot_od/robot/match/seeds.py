@@ -20,7 +20,7 @@ from pathlib import Path
 from statistics import fmean, quantiles, stdev
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError
 from eurobot_od.robot.match.referee import Players, StrategyFiles, in_one_line
 from eurobot_od.robot.match.stage import EdsFiles, Performance, play_simulated
@@ -270,7 +270,7 @@ def settings(options: MatchOptions, strategies: StrategyFiles) -> dict[str, str]
 
 def _digest(options: MatchOptions, strategies: StrategyFiles) -> str:
     """Return a digest of the EDS files, the robot's file and the strategies."""
-    folder = plugin.find(options.robot).dialects.folder(options.dialect)
+    folder = loading.find(options.robot).dialects.folder(options.dialect)
     return digest_of([*sorted(folder.glob("*.eds")), file_for(folder), *strategies])
 
 

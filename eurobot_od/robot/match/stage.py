@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, cast
 
 import can
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.live import Live
 from eurobot_od.bus.live.event_loop import EndedBySigterm, Watchdog, apart, passing, run, run_in, watched_loop
@@ -33,6 +33,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import all_objects, given
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.plugin import Plugins
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.referee import Observer, Referee, Strategy, is_foreign
 from eurobot_od.robot.match.summary import FrameCounter, Summary, counts, touches_of
@@ -103,7 +104,7 @@ class EdsFiles(NamedTuple):
     @classmethod
     def read(cls, options: MatchOptions) -> EdsFiles:
         """Read the EDS files of a match; raises UnknownName, FileError, LocalError for a missing node."""
-        robot = plugin.find(options.robot)
+        robot = loading.find(options.robot)
         folder = robot.dialects.folder(options.dialect)
         dictionaries = {each.name: each for each in robot.dialects.load_all(options.dialect)}
         protocol = Protocol(((each, each.pdos) for each in dictionaries.values()), robot.catalogue())
@@ -119,8 +120,9 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
 
     Raises UnknownName for an unknown fault, node or object, LocalError for a value that is not allowed.
     """
-    robot, found = plugin.find(options.robot), stores(options.of_nodes, files.dictionaries)
-    kinds = {each: robot.kind(files.roles[each], options.faults) for each in (*BOOT_TIMES, *files.dictionaries)}
+    robot, found = Plugins(loading.find(options.robot)), stores(options.of_nodes, files.dictionaries)
+    names = dict.fromkeys((*BOOT_TIMES, *files.dictionaries))
+    kinds = {each: robot.kind(files.dictionaries[each], options.faults) for each in names}
     nodes = [make(kind, files.dictionaries[each], found[each], world.facts) for each, kind in kinds.items()]
     # The rival's instruments have random streams of their own: with ours, both robots would slip at the same moments.
     seed = str(options.seed) if name == OURS else f"{options.seed} {name}"

@@ -8,7 +8,7 @@ from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.robot_file import Facts
@@ -111,7 +111,7 @@ class MatchOptions:
     values, as a person writes them, that replace those of our nodes' EDS files and of the robot's file:
     `("drive.Motion.Maximum speed", "600")`, `("body.radius", "250")`. With `falling`, once in a match a thing falls
     over in front of our robot. If `solid` is False, robots drive through everything but the border and never stall, as
-    on a test bench. `robot` is the robot that plays, as `plugin.find` takes it.
+    on a test bench. `robot` is the robot that plays, as `loading.find` takes it.
     """
 
     team: TeamColour = TeamColour.RED
@@ -133,7 +133,7 @@ class MatchOptions:
 
         Raises UnknownName, FileError, LocalError.
         """
-        return facts_for(plugin.find(self.robot).dialects.folder(self.dialect), self.settings)
+        return facts_for(loading.find(self.robot).dialects.folder(self.dialect), self.settings)
 
     @property
     def of_nodes(self) -> tuple[tuple[str, str], ...]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.errors import UnknownName
 from eurobot_od.export.description import Drawing
 from eurobot_od.frame import Frame
@@ -111,7 +111,7 @@ STEP = 0.1
 
 def seen_match(frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> SeenMatch:
     """Return what to draw of a match, from its frames with their times by the world's clock."""
-    robot = plugin.find(options.robot)
+    robot = loading.find(options.robot)
     decode = Decoder(robot.dialects.load_all(options.dialect), robot.catalogue())
     return SeenMatch([(time, decode(frame)) for time, frame in frames], decode, world.facts, truth_of(world))
 

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import Any, TypeAlias
 
 from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame, identifier_text
@@ -64,13 +64,20 @@ OF_DAMAGE = {
 """The rule for a defect that says all by itself."""
 
 
-class WatchedBus:
-    """One bus with all its watchers."""
+WatchersOf: TypeAlias = Callable[[Decoder], Iterable[type[Watcher]]]
+"""Returns what plug-ins watch on a bus with the devices of a decoder."""
 
-    def __init__(
-        self, bus: ObservedBus, more: Sequence[type[Watcher]], bit_rate: int, promised: MessageSet = NOTHING
-    ) -> None:
-        self.bus, self.bit_rate, self._tick_at = bus, bit_rate, 0.0
+
+def nobody(_: Decoder) -> Iterable[type[Watcher]]:
+    """Return that no plug-in watches anything."""
+    return ()
+
+
+class WatchedBus:
+    """One bus with all its watchers; `more` are those of plug-ins."""
+
+    def __init__(self, bus: ObservedBus, more: WatchersOf, bit_rate: int, promised: MessageSet = NOTHING) -> None:
+        self.bus, self.bit_rate, self._more, self._tick_at = bus, bit_rate, more, 0.0
         self.nodes, self.pdos, self.sdo = NodesWatcher(bus), PdoWatcher(bus), SdoWatcher(bus)
         self.drives = DriveWatcher(bus)
         answers = [AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []
@@ -89,15 +96,22 @@ class WatchedBus:
             self.drives,
             StreamWatcher(bus),
             *answers,
-            *(each(bus) for each in more),
         ]
         self._watchers = list(dict.fromkeys([*chain(*self._services.values()), *self._messages]))
+        self._watch_more()
         self._promised = promised
         self._loads: list[list[Any]] = []
         self._bits, self._load_due = 0, 0.0
         self._share: dict[int, int] = {}
         self._latest: dict[int, Meaning] = {}
         self._first: SeenAt | None = None
+
+    def _watch_more(self) -> None:
+        """Have watchers of plug-ins watch for the devices that are known now."""
+        there = set(map(type, self._messages))
+        found = [each(self.bus) for each in self._more(self.bus.decoder) if each not in there]
+        self._messages += found
+        self._watchers += found
 
     def take(self, time: float, meaning: Meaning) -> None:
         """Take in what came at a time in s."""
@@ -149,6 +163,7 @@ class WatchedBus:
             self.bus.decoder = decoder
             self.pdos.changed()
             self.drives.changed()
+            self._watch_more()
         if ended.address == HEARTBEAT_TIME and ended.end:
             self.nodes.set_period(self.bus.node(ended.end.server))
 
@@ -231,19 +246,20 @@ def _is_bus_off(text: str) -> bool:
 class Diagnosis:
     """The diagnosis of some logs, or of a bus, by what the devices' files say.
 
-    `more` are watchers of a robot's own; `promised` is what should be sent how often, at `bit_rate` in bit/s.
+    `more` returns the watchers of plug-ins for what is known of the devices; `promised` is what should be sent how
+    often, at `bit_rate` in bit/s.
     """
 
     def __init__(
         self,
         decoder: Decoder,
-        more: Iterable[type[Watcher]] = (),
+        more: WatchersOf = nobody,
         bit_rate: int = 500_000,
         promised: MessageSet = NOTHING,
     ) -> None:
         self.incidents = Incidents()
         self.frames, self.seconds = 0, 0.0
-        self._decoder, self._more, self._bit_rate, self._promised = decoder, tuple(more), bit_rate, promised
+        self._decoder, self._more, self._bit_rate, self._promised = decoder, more, bit_rate, promised
         self._buses: dict[str, WatchedBus] = {}
         self._log, self._line, self._time = "", 0, 0.0
         self._following = Following(decoder)

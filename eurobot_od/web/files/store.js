@@ -289,12 +289,19 @@ const connection = {
       if ("error" in said) fail(Object.assign(new Error(said.error), {asks: said.asks})); else done(said.ok);
       return;
     }
+    if (said.learned !== (content.learned ?? 0) && this.follow(said)) return;
     if (!this.up) this.begin(said);
     Object.assign(this, {up: true, control: said.control, state: said});
     sources[0].take(said);
     clock.received = performance.now();
     this.socket.send(String(said.turn));    // confirmed: a browser that owes too many is left out
     stale = true;
+  },
+  follow(said) {                            // a device has shown what it is: the server has a page that lists it
+    const told = this.state?.learned;
+    if (!said.control) { location.reload(); return true; }
+    if (told !== said.learned) toast("a device has shown what it is: load the page again to see it");  // a form may be half filled in
+    return false;
   },
   begin(said) {                             // connected, perhaps again: the server tells its whole history anew
     const recorded = this.state?.session !== said.session && this.state?.recording.on && this.state.recording.file;

@@ -20,7 +20,7 @@ from eurobot_od.od import Dialects, meanings
 from eurobot_od.od.make import read_table, text
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.plugin import Faults, Plugin
+from eurobot_od.plugin import Faults, Plugin, Plugins
 from eurobot_od.traffic.entries import Timed
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import with_entry
@@ -92,6 +92,9 @@ PLANT = Plugin(
     folder=HERE,
 )
 """What a plug-in can say of it."""
+
+PLUGINS = Plugins(PLANT)
+"""It, and no device package."""
 
 
 SHIFT = 20.0

@@ -32,7 +32,7 @@ PROMISED = Devices().promised(DECODER)
 
 
 def diagnosed(frames: list[tuple[float, Any]]) -> list[Incident]:
-    diagnosis = Diagnosis(DECODER, ROBOT.watchers(), promised=PROMISED)
+    diagnosis = Diagnosis(DECODER, lambda _: ROBOT.watchers(), promised=PROMISED)
     for time, frame in frames:
         diagnosis.take(time, "", frame)
     diagnosis.end()

@@ -14,6 +14,7 @@ from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.plugin import Plugins
 from eurobot_od.robot.check import drill
 from eurobot_od.robot.nodes import Core, Drive, Node
 from eurobot_od.robot.plugin import ROBOT
@@ -21,7 +22,7 @@ from tests.rows import rows
 
 
 def suites() -> Iterator[Suite]:
-    yield from SuiteReader(ROBOT.networks()).read_files(ROBOT.shipped_suites().values())
+    yield from SuiteReader(Plugins(ROBOT).networks()).read_files(Plugins(ROBOT).shipped_suites().values())
 
 
 class Left(NamedTuple):
@@ -53,7 +54,7 @@ def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
 
     def all_nodes(_: Mapping[str, Dictionary], seed: int, clock: Callable[[], float]) -> Sequence[NodeUnderTest]:
         """Make the others, too, which a suite may touch; they do nothing by themselves."""
-        nodes[:] = [made.node for made in ROBOT.under_test(suite.dictionaries, seed, clock)]
+        nodes[:] = [made.node for made in Plugins(ROBOT).under_test(suite.dictionaries, seed, clock)]
         before.update({node.name: left(node)._replace(state=NmtState.OPERATIONAL) for node in nodes})
         tested = (partial(drill, node) if isinstance(node, Core) and "core" in suite.nodes else None for node in nodes)
         return [NodeUnderTest(node, program) for node, program in zip(nodes, tested)]

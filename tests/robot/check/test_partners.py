@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.plugin import Plugins
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes import Core, Drive, Navigation
@@ -15,7 +17,7 @@ DICTIONARIES = {each.name: each for each in dialects.load_all()}
 
 
 def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
-    core, drive, navigation = ROBOT.under_test(DICTIONARIES, 1, lambda: 0.0)
+    core, drive, navigation = Plugins(ROBOT).under_test(DICTIONARIES, 1, lambda: 0.0)
     assert isinstance(core.node, Core)
     assert isinstance(drive.node, Drive)
     assert isinstance(navigation.node, Navigation)
@@ -33,21 +35,27 @@ def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
 
 def test_the_nodes_that_can_have_a_fault_have_it() -> None:
     core, drive, navigation = (
-        type(each.node) for each in ROBOT.under_test(DICTIONARIES, 1, lambda: 0.0, ["goto-not-confirmed"])
+        type(each.node) for each in Plugins(ROBOT).under_test(DICTIONARIES, 1, lambda: 0.0, ["goto-not-confirmed"])
     )
     assert (core, navigation) == (Core, Navigation)
     assert issubclass(drive, Drive)
     assert drive is not Drive
 
 
-def test_a_node_that_the_robot_does_not_have_is_run_from_its_file() -> None:
+def another_device() -> Dictionary:
+    """Return a device that is none of the robot's nodes."""
     lift = DICTIONARIES["drive"].renumbered(7)
     lift.name = "lift"
-    (tested,) = ROBOT.under_test({"lift": lift}, 1, lambda: 0.0)
+    return lift
+
+
+def test_a_node_that_the_robot_does_not_have_is_run_from_its_file() -> None:
+    lift = another_device()
+    (tested,) = Plugins(ROBOT).under_test({"lift": lift}, 1, lambda: 0.0)
     assert type(tested.node) is SimulatedDevice
 
 
 def test_a_fault_of_any_device_is_one_of_a_device_from_its_file() -> None:
-    kind = ROBOT.kind("", ["heartbeat-missing"])
+    kind = Plugins(ROBOT).kind(another_device(), ["heartbeat-missing"])
     assert issubclass(kind, SimulatedDevice)
     assert kind is not SimulatedDevice

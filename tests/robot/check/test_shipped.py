@@ -14,7 +14,7 @@ from fault_matrix import Run
 
 from eurobot_od.check.suite import Suite
 from eurobot_od.robot import dialects
-from tests.robot.faults import ROBOT
+from tests.robot.faults import PLUGINS
 from tests.rows import rows
 
 SENTENCES = (
@@ -96,9 +96,9 @@ def test_a_suite_is_green_without_a_fault(dialect: str, name: str) -> None:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_the_steps_that_faults_name_are_there(dialect: str) -> None:
-    caught = {name: ROBOT.find_fault(name)[1].caught_by for name in ROBOT.fault_names()}
+    caught = {name: PLUGINS.find_fault(name)[1].caught_by for name in PLUGINS.fault_names()}
     made = {"conformance", "profile-402"}
-    assert {suite for suite, _ in caught.values()} - ROBOT.shipped_suites().keys() == made
+    assert {suite for suite, _ in caught.values()} - PLUGINS.shipped_suites().keys() == made
     steps = {name: names(suite) for name, suite in fault_matrix.shipped(dialect).items()}
     shipped = fault_matrix.robot_faults()
     assert [name for name in shipped if caught[name].step not in steps[caught[name].suite]] == []
@@ -106,7 +106,7 @@ def test_the_steps_that_faults_name_are_there(dialect: str) -> None:
 
 @rows("dialect, name", product(dialects.names(), fault_matrix.robot_faults()), sample=12)
 def test_a_fault_turns_the_step_red_that_names_its_cause(dialect: str, name: str) -> None:
-    outcome = fault_matrix.do(Run(dialect, ROBOT.find_fault(name)[1].caught_by.suite, name))
+    outcome = fault_matrix.do(Run(dialect, PLUGINS.find_fault(name)[1].caught_by.suite, name))
     assert fault_matrix.named_red(name, outcome), outcome.red
 
 

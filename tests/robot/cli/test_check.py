@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od.plugin import Plugins
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
 from tests.client.servo import DOCS
@@ -37,7 +38,7 @@ def test_a_suite_with_a_dialect_has_its_files_whatever_else_is_named(capsys: pyt
 
 def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "check", "--list").out.splitlines()
-    assert {line.split()[0] for line in lines} == set(ROBOT.shipped_suites())
+    assert {line.split()[0] for line in lines} == set(Plugins(ROBOT).shipped_suites())
 
 
 @pytest.mark.usefixtures("folder")

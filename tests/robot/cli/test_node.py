@@ -15,6 +15,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.bus.live import Live, open_bus
+from eurobot_od.plugin import Plugins
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import StopDrive
@@ -220,7 +221,7 @@ def test_all_faults_are_listed_by_node(capsys: pytest.CaptureFixture[str]) -> No
     assert said.status == 0
     nodes = ["core:", "drive:", "navigation:", "any node:", "any drive of CiA 402:"]
     assert [line for line in lines if line.endswith(":")] == nodes
-    assert [line.split()[0] for line in lines if line.startswith("  ")] == ROBOT.fault_names()
+    assert [line.split()[0] for line in lines if line.startswith("  ")] == Plugins(ROBOT).fault_names()
 
 
 def test_the_faults_of_one_node_are_its_own_and_those_of_any_node(capsys: pytest.CaptureFixture[str]) -> None:
@@ -237,7 +238,7 @@ def test_faults_as_json_name_the_step_that_finds_them(capsys: pytest.CaptureFixt
         "suite": "drive",
         "step": "2.1 Goto ACK: a goto is confirmed",
     } in rows
-    assert len(rows) == len(ROBOT.fault_names())
+    assert len(rows) == len(Plugins(ROBOT).fault_names())
 
 
 @rows(

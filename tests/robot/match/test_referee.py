@@ -11,6 +11,7 @@ from dataclasses import replace
 import pytest
 
 from eurobot_od.errors import RemoteError, StateError
+from eurobot_od.plugin import Plugins
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.referee import Strategy
@@ -235,7 +236,7 @@ async def to_and_fro(core: Core) -> None:
 
 
 @pytest.mark.long
-@rows("name", ROBOT.fault_names())
+@rows("name", Plugins(ROBOT).fault_names())
 def test_a_match_with_any_fault_has_an_end(name: str) -> None:
     """Some faults block the start: then NoAnswer, or another error, says so."""
     with suppress(RemoteError, StateError):

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from eurobot_od import plugin
+from eurobot_od import loading
 from eurobot_od.bus.live import Live
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.errors import StateError
@@ -49,7 +49,7 @@ Folder = Callable[..., Path]
 
 
 def made(table: str, folder: Path) -> Path:
-    for name, text in make_files(read_table(table, "protocol.yaml", plugin.table_of)).items():
+    for name, text in make_files(read_table(table, "protocol.yaml", loading.table_of)).items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="ascii")
     return folder

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from eurobot_od import messages, plugin
+from eurobot_od import loading, messages
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.node import Node
@@ -86,7 +86,7 @@ BY_SDO = Component()
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Dictionary]:
     folder = tmp_path_factory.mktemp("eds")
-    made = make_files(read_table(TABLE, "protocol.yaml", plugin.table_of))
+    made = make_files(read_table(TABLE, "protocol.yaml", loading.table_of))
     for name, text in made.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
