@@ -43,8 +43,11 @@ TICK = 0.02
 SILENCE = 1.0
 """Seconds without any frame after which the log may have a gap."""
 
-LOADS = ((1.0, 0.8, BusRule.LOAD_HIGH), (0.05, 0.99, BusRule.LOAD_BURST))
-"""Spans in s, the share of the bus that is too much in each, and its rule."""
+LOADS = ((1.0, ((0.9, BusRule.LOAD_FULL), (0.8, BusRule.LOAD_HIGH))), (0.05, ((0.99, BusRule.LOAD_BURST),)))
+"""Spans in s, with the shares of the bus that are too much in each, and their rules."""
+
+DELTAS = 0.2
+"""Share of the frames whose time is before that of the frame before, from which on times are taken as differences."""
 
 MAIN = 0.3
 """Share of the load from which one identifier is named as the one that fills the bus."""
@@ -105,6 +108,7 @@ class WatchedBus:
         self._share: dict[int, int] = {}
         self._latest: dict[int, Meaning] = {}
         self._first: SeenAt | None = None
+        self._frames, self._backwards, self._went_back = 0, "", Occurrences()
 
     def _watch_more(self) -> None:
         """Have watchers of plug-ins watch for the devices that are known now."""
@@ -120,12 +124,14 @@ class WatchedBus:
             bus.began, self._first = time, bus.at()
             self._gap(time)
         elif time < bus.now:
-            text = f"the time goes back from {bus.now:.6f} s to {time:.6f} s"
-            bus.found(BusRule.LOG_BACKWARDS, "", text)
+            self._backwards = self._backwards or f"the time goes back from {bus.now:.6f} s to {time:.6f} s"
+            bus.now = time
+            self._went_back.add(bus.at())
             self._gap(time)
         elif time - bus.now > SILENCE:
             self._silence(time)
         bus.now = time
+        self._frames += 1
         if time >= self._tick_at:
             self.tick(time)
         bus.frame = raw
@@ -155,7 +161,18 @@ class WatchedBus:
                 is_off = damage is Damage.ERROR_FRAME and _is_bus_off(text)
                 subject = meaning.raw[0] if isinstance(meaning.raw, Frame) else ""
                 said = f"a controller is bus-off ({text})" if is_off else f"{damage.value}: {text}"
-                self.bus.found(BusRule.BUS_OFF if is_off else rule_of, who, said, subject)
+                if rule_of is BusRule.PDO_UNKNOWN and who not in self.bus.numbers:
+                    self._without_file(who, subject, said)
+                else:
+                    self.bus.found(BusRule.BUS_OFF if is_off else rule_of, who, said, subject)
+
+    def _without_file(self, who: str, subject: int | str, said: str) -> None:
+        """Report a frame under an identifier of no file: a node's that has none, or anybody's."""
+        if who:
+            text = f"sends or receives PDOs, the first under 0x{subject:03X}, and has no file"
+            self.bus.found(BusRule.PDO_WITHOUT_FILE, who, text)
+        elif self.bus.numbers:
+            self.bus.found(BusRule.PDO_UNKNOWN, who, said, subject)
 
     def shown(self, ended: SdoTransfer, decoder: Decoder) -> None:
         """Take in what a transfer has shown, and the decoder that there is from now on."""
@@ -194,6 +211,10 @@ class WatchedBus:
         self.bus.frame = None
         for each in self._watchers:
             each.end(max(time, self.bus.now))
+        if self._went_back.number:
+            is_of_deltas = self._went_back.number >= DELTAS * self._frames
+            rule = BusRule.LOG_DELTAS if is_of_deltas else BusRule.LOG_BACKWARDS
+            self.bus.found(rule, "", self._backwards, seen=self._went_back)
         for row in load_report(self._promised, self.bit_rate).rows:
             if not row.holds and self._promised.messages:
                 text = f"{row.message.name} can be later than its deadline at {self.bit_rate / 1000:g} kbit/s"
@@ -212,19 +233,19 @@ class WatchedBus:
 
     def _judge_load(self, time: float) -> None:
         """Compare the load of the spans that are over with what is too much."""
-        for load, (span, most, rule) in zip(self._loads, LOADS):
+        for load, (span, limits) in zip(self._loads, LOADS):
             began, before, seen = load
             if time - began < span:
                 continue
             share = (self._bits - before) / self.bit_rate / span
-            if most < share:
+            if rule := next((rule for most, rule in limits if most < share), None):
                 wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
                 text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}{self._culprit()}"
                 self.bus.found(rule, "", text, seen=seen)
             load[:] = time, self._bits, Occurrences.once(self.bus.at())
-            if rule is BusRule.LOAD_HIGH:
+            if span == LOADS[0][0]:
                 self._share.clear()
-        self._load_due = min(began + span for (began, *_), (span, *_) in zip(self._loads, LOADS))
+        self._load_due = min(began + span for (began, *_), (span, _) in zip(self._loads, LOADS))
 
     def _culprit(self) -> str:
         """Return who fills the bus; empty if it is no single identifier."""

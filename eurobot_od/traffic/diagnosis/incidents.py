@@ -257,7 +257,7 @@ brief = partial(texts.text, digits=4)
 class ObservedNode:
     """A node: its last NMT state, when that was `heard` first and changed last (`since`), and when it was reset.
 
-    It has booted, or was reset, `boots` times. `shown` are settings that transfers have shown; it `is_configured` if a
+    It has booted, or was reset, `boots` times. It has said at a time in s whom it `missed`. `shown` are settings that transfers have shown; it `is_configured` if a
     master has written any object. `in_force` returns what it has shown to have in place of its file's values.
     """
 
@@ -274,6 +274,7 @@ class ObservedNode:
     reset: float | None = None
     shown: dict[Address, bytes] = field(default_factory=dict)
     is_configured: bool = False
+    missed: tuple[float, str] | None = None
 
     def number(self, address: Address) -> int:
         """Return the number that it has at an address, as shown, or by its file; 0 without any."""

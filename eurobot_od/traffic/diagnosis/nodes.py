@@ -41,6 +41,15 @@ CHANGED, UNEVEN = 0.25, 0.2
 IN_PHASE = 0.15
 """Share of its period by which a heartbeat may deviate from the series before it."""
 
+EXACT, CLEARER = 0.02, 5
+"""Share of its period by which a heartbeat deviates that is exactly in phase, and how many times more another one does."""
+
+REACTS_WITHIN = 1.0
+"""Time after an emergency about another node in which a change of state follows from it, in s."""
+
+ENDS_WITHIN = 1.0
+"""Silence at the end of a log, in s, which is not held against a node: nodes and recorder are switched off together."""
+
 ANSWERS_WITHIN = 0.1
 """Time in which a node answers node guarding, in s."""
 
@@ -62,8 +71,10 @@ class UnclearBootUp(NamedTuple):
     def is_of_another(self, time: float, state: NmtState) -> bool:
         """Return whether a heartbeat at a time in s continues the series from before the boot-up, and its state."""
         periods, own = (time - self.last) / self.period, (time - self.at) / self.period
-        is_next = round(periods) >= 1 and abs(periods - round(periods)) < IN_PHASE
-        return is_next and own > IN_PHASE and abs(own - 1) > IN_PHASE and state is self.state
+        deviation, own_deviation = abs(periods - round(periods)), min(own, abs(own - 1))
+        is_next = round(periods) >= 1 and deviation < IN_PHASE
+        is_sure = own_deviation > IN_PHASE or (deviation < EXACT and own_deviation > CLEARER * deviation)
+        return is_next and is_sure and own > IN_PHASE and state is self.state
 
 
 class Beats:
@@ -71,6 +82,7 @@ class Beats:
 
     `last` is None while none is due. `before` is the state before the last one, `flips` how often it came back.
     `observed` is the period of heartbeats that came evenly, 0 until then; they are of two nodes if `is_of_two`.
+    `silence` is what is to be reported of a loss, and where, unless the log ends.
     """
 
     def __init__(self, period: float) -> None:
@@ -80,6 +92,7 @@ class Beats:
         self.observed, self.is_of_two, self._number = 0.0, False, 0
         self.before: NmtState | None = None
         self.flips = 0
+        self.silence: tuple[str, Occurrences] | None = None
 
     last: float | None
 
@@ -194,6 +207,7 @@ class NodesWatcher(Watcher):
     def _boot(self, time: float, node: ObservedNode) -> None:
         last, self._booted[node.node_id] = self._booted.get(node.node_id), time
         beats = self._beats_of(node)
+        self._lost(node.node_id, beats)
         rule, text = None, f"{NodeChange.BOOTED.value} again without a reset"
         if node.reset is not None:
             node.reset = None
@@ -257,10 +271,12 @@ class NodesWatcher(Watcher):
 
     def _untold(self, node: ObservedNode, state: NmtState) -> None:
         """Look at a state that nobody has commanded: the first one after a boot-up, or one after another."""
-        text = f"goes from {STATE_NAMES[node.state or 0]} to {STATE_NAMES[state]} without a command"
+        missed = f"; missed: {node.missed[1]}" if node.missed and self.bus.now - node.missed[0] < REACTS_WITHIN else ""
+        text = f"goes from {STATE_NAMES[node.state or 0]} to {STATE_NAMES[state]} without a command{missed}"
         starts = node.dictionary and boot_state(node.dictionary.default(NMT_STARTUP))
         is_first = state is NmtState.OPERATIONAL is not starts and self._booted.get(node.node_id) == node.since
-        if node.state is not None or (starts and is_first):
+        is_unseen_start = state is NmtState.OPERATIONAL and not self.bus.counts[NMT] and not starts
+        if (node.state is not None and not is_unseen_start) or (starts and is_first):
             self.bus.found(BusRule.STATE_UNTOLD, node.name, text, (node.state, state))
 
     # Heartbeats
@@ -284,8 +300,16 @@ class NodesWatcher(Watcher):
             if (periods := beats.series(time)) and not beats.is_of_two:
                 every = " and ".join(brief(each) for each in periods)
                 self._two(node, f"two series of heartbeats, every {every} (observed)", "heartbeats")
+        self._lost(node.node_id, beats)
         beats.last, beats.lost = time, False
         node.is_lost = False
+
+    def _lost(self, node_id: int, beats: Beats) -> None:
+        """Report a loss that has not been reported yet, if there is one."""
+        if beats.silence:
+            text, seen = beats.silence
+            beats.silence = None
+            self.bus.found(BusRule.HEARTBEAT_LOST, self.bus.node(node_id).name, text, seen=seen)
 
     def _judge(self, node: ObservedNode, beats: Beats) -> None:
         """Look at a node's last intervals."""
@@ -322,7 +346,9 @@ class NodesWatcher(Watcher):
                 beats.lost = node.is_lost = True
                 silence = f"no heartbeat for {LOST_AFTER:g} periods of {brief(beats.usual)}"
                 state = f"; it was {STATE_NAMES[node.state]}" if node.state else ""
-                self.bus.found(BusRule.HEARTBEAT_LOST, node.name, f"{NodeChange.LOST.value}: {silence}{state}")
+                beats.silence = f"{NodeChange.LOST.value}: {silence}{state}", Occurrences.once(self.bus.at())
+            if beats.silence and beats.last is not None and time - beats.last > ENDS_WITHIN:
+                self._lost(node_id, beats)
         for node_id, unclear in list(self._unclear.items()):
             if time - unclear.at > LOST_AFTER * unclear.period:
                 del self._unclear[node_id]
@@ -392,7 +418,8 @@ class NodesWatcher(Watcher):
             if not node.heard and node.dictionary and time - self.bus.began > LOST_AFTER:
                 self.bus.found(BusRule.NEVER_HEARD, node.name, f"is never heard (node-ID {node.node_id})")
             if waiting and time - waiting.places[0].time > BOOTS_WITHIN and node.node_id not in self._told:
-                text = f"stays {STATE_NAMES[NmtState.PRE_OPERATIONAL]} for {duration(time - node.since, 1)}"
+                missed = f"; missed: {node.missed[1]}" if node.missed else ""
+                text = f"stays {STATE_NAMES[NmtState.PRE_OPERATIONAL]} for {duration(time - node.since, 1)}{missed}"
                 self.bus.found(BusRule.NOT_STARTED, node.name, text, seen=waiting)
             is_by_file = node.heard and beats.period and HEARTBEAT_TIME not in node.in_force()
             watched = self.bus.now - self.bus.began > max(LOST_AFTER * beats.period, PATIENCE)
@@ -467,6 +494,8 @@ class EmergencyWatcher(Watcher):
         if code not in present and len(present) >= OPEN:
             code = next(reversed(present))
         silent = self._nodes.silent(time, node) if code in MISSING and code not in present else []
+        if silent:
+            node.missed = time, " and ".join(silent)
         missed = f"; missed: {' and '.join(silent)}" if silent else ""
         text = f"{words}, register 0x{register:02X}{missed}"
         present.setdefault(code, (text, Occurrences()))[1].add(self.bus.at())

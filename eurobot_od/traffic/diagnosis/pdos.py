@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 from itertools import combinations
+from math import inf
 
 from eurobot_od.client.watch import LATE_AFTER
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
@@ -274,6 +275,9 @@ class AnswerWatcher(Watcher):
         self.tick(time)
 
 
+DOUBLE = 0.1
+"""Share of the period in which two SYNCs come together, if they are of two producers in phase."""
+
 ONE_PRODUCER = 1.55
 """Ratio of the intervals between SYNCs up to which they are one producer's: a timer on a coarse clock has 1.5."""
 
@@ -288,8 +292,9 @@ class SyncWatcher(Watcher):
         self._number = 0
         self._two = False
         self._skipped: tuple[str, Occurrences] | None = None
-        self._producers: list[ObservedNode] | None = None
-        self._short = 0
+        self._producers: list[ObservedNode] = []
+        self._short = self._doubles = 0
+        self._interval = inf
         self._before, self._usual = b"", 0.0
         self._uneven, self._jitter = Occurrences(), ""
 
@@ -297,11 +302,8 @@ class SyncWatcher(Watcher):
         frame, before = meaning.raw, self._last
         if not isinstance(frame, Frame) or frame.is_remote:
             return
-        if self._producers is None:
-            self._producers = [each for each in self.bus.nodes.values() if each.number(SYNC) & SYNC_PRODUCER]
-            for one, two in combinations(self._producers, 2):
-                text = f"{one.name} and {two.name} are both to send SYNC (0x1005)"
-                self.bus.found(BusRule.SYNC_TWO, "", text, "files")
+        if not self._number % SYNCS:
+            self._look_for_producers()
         self._last = time, frame.data
         if before is None or time < before[0]:
             return
@@ -309,9 +311,17 @@ class SyncWatcher(Watcher):
         self._before = before[1]
         self._period(time, time - before[0])
 
+    def _look_for_producers(self) -> None:
+        """Take in who sends SYNC by its settings: a master may have written them since."""
+        producers = [each for each in self.bus.nodes.values() if each.number(SYNC) & SYNC_PRODUCER]
+        if producers != self._producers:
+            self._producers = producers
+            for one, two in combinations(producers, 2):
+                text = f"{one.name} and {two.name} are both to send SYNC (0x1005)"
+                self.bus.found(BusRule.SYNC_TWO, "", text, "files")
+
     def _period(self, time: float, interval: float) -> None:
         """Compare an interval with the period by the settings, or else with the one observed."""
-        assert self._producers is not None
         said = next((each.number(SYNC_PERIOD) / 1e6 for each in self._producers if each.number(SYNC_PERIOD)), 0.0)
         if not self._number % SYNCS:
             self._usual = self._observed
@@ -326,6 +336,7 @@ class SyncWatcher(Watcher):
             self.bus.found(BusRule.SYNC_TWO, "", text, "period", seen=self._uneven if self._uneven.number else None)
             self._uneven = Occurrences()
         self._short = self._short + 1 if usual and interval < 0.9 * usual else 0
+        self._extra(interval, usual)
         if not usual or self._two:
             return
         text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}{'' if said else ' (observed)'}"
@@ -335,6 +346,20 @@ class SyncWatcher(Watcher):
         elif abs(interval / usual - 1) > 0.25:
             self._jitter = self._jitter or text
             self._uneven.add(self.bus.at())
+
+    def _extra(self, interval: float, usual: float) -> None:
+        """Look for a SYNC between two of the series: that of a second producer in phase with the first one.
+
+        Without data most of such frames are sent as one: a wire cannot tell two nodes that send the same bits.
+        """
+        before, self._interval = self._interval, interval
+        if before < DOUBLE * usual and abs(before + interval - usual) < DOUBLE * usual:
+            self._doubles += 1
+            if self._doubles >= SYNCS and not self._two:
+                self._two = True
+                text = f"SYNC comes twice in a period of {brief(usual)} (observed), {brief(before)} apart"
+                self.bus.found(BusRule.SYNC_TWO, "", text, "double", seen=self._uneven if self._uneven.number else None)
+                self._uneven = Occurrences()
 
     @property
     def _observed(self) -> float:
@@ -395,11 +420,12 @@ JUMP = 1.0
 
 
 class TimeWatcher(Watcher):
-    """Watches that TIME goes on as the clock of the log does."""
+    """Watches that TIME goes on as the clock of the log does, and that it does not stop."""
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
         self._last: tuple[float, float] | None = None
+        self._stream = PeriodicStream(TIME_NAME)
 
     def take(self, time: float, meaning: Meaning) -> None:
         frame, before = meaning.raw, self._last

@@ -66,12 +66,29 @@ class BusRule(IncidentRule):
         remedy="cut the log there: times across it mean nothing",
         clause="the log",
     )
+    LOG_DELTAS = RuleRow(
+        Severity.INFO,
+        "The times in the log seem to be differences, each from the frame before",
+        cause="it was recorded so, as by `candump -td`",
+        remedy="record it with absolute times (`candump -L`): what needs a time was not judged",
+        clause="the log",
+    )
     LOG_UNREADABLE = RuleRow(
         Severity.WARNING,
         "A line of the log cannot be read",
         cause="the file is damaged, cut off, or has another format",
         remedy="record it again, or name its format by --format",
         clause="the log",
+    )
+    LOAD_FULL = RuleRow(
+        Severity.ERROR,
+        "The bus is full: it carries more than 90 % in a second",
+        cause="a message is sent without a pause; heartbeats and answers come late, or not at all",
+        remedy=(
+            "give that message an inhibit time, or an event timer (0x1800 and up, sub-indices 3 and 5); -b says the bit "
+            "rate"
+        ),
+        clause="CiA 301, 7.5.2.37 (inhibit time)",
     )
     LOAD_HIGH = RuleRow(
         Severity.WARNING,
@@ -349,12 +366,12 @@ class BusRule(IncidentRule):
         remedy="`pdo NODE` shows the timer in force",
         clause="CiA 301, 7.5.2.37",
     )
-    PDO_STOPS = RuleRow(
-        Severity.INFO,
-        "A PDO came with a period, and stays away while its node is OPERATIONAL",
-        cause="its sender has nothing to say any more, or has ended",
-        remedy="nothing, if its sender is done; an event timer of the receiver (0x1400 and up) notices it",
-        clause="CiA 301, 7.5.2.35, 7.5.2.37",
+    PDO_DEADLINE = RuleRow(
+        Severity.ERROR,
+        "A PDO is not refreshed as its receiver expects",
+        cause="its sender was ended, hangs, or sends more slowly than the receiver's event timer (0x1400 and up, sub-index 5)",
+        remedy="look at its sender, often the master's program; or raise the receiver's event timer",
+        clause="CiA 301, 7.5.2.35 (event timer of an RPDO), Table 26 (0x8250)",
     )
     PDO_NO_SYNC = RuleRow(
         Severity.ERROR,
@@ -375,6 +392,13 @@ class BusRule(IncidentRule):
         "An identifier is in no file",
         cause="a file is missing, or a device is mapped otherwise than its file says",
         remedy="name the device's file by --eds; `scan` lists who is there",
+        clause="CiA 301, 7.3.3",
+    )
+    PDO_WITHOUT_FILE = RuleRow(
+        Severity.INFO,
+        "A node without a file has PDOs, which nobody can decode",
+        cause="the other nodes have files, and this one has none",
+        remedy="name its file by --eds; `devices` lists those that are known",
         clause="CiA 301, 7.3.3",
     )
     PDO_OFF = RuleRow(
@@ -550,6 +574,22 @@ class BusRule(IncidentRule):
         clause="CiA 301, 7.2.6",
     )
 
+    TIME_STOPS = RuleRow(
+        Severity.WARNING,
+        "TIME came with a period, and stays away while nodes are OPERATIONAL",
+        cause="its producer was ended, hangs, or has lost the bus",
+        remedy="look at its producer; what came last is in the log at that time",
+        clause="CiA 301, 7.2.6",
+    )
+
+    # What stops by itself: most often what is above explains it
+    PDO_STOPS = RuleRow(
+        Severity.INFO,
+        "A PDO came with a period, and stays away while its node is OPERATIONAL",
+        cause="its sender has nothing to say any more, or has ended",
+        remedy="nothing, if its sender is done; an event timer of the receiver (0x1400 and up) notices it",
+        clause="CiA 301, 7.5.2.35, 7.5.2.37",
+    )
     # EMCY
     EMCY_RAISED = RuleRow(
         Severity.ERROR,
@@ -590,18 +630,32 @@ class BusRule(IncidentRule):
 
 
 EXPLAINED: Mapping[str, Collection[str]] = {
+    "LOAD_FULL": {
+        *("load-burst", "two-nodes", "heartbeat-lost", "heartbeat-late", "heartbeat-changed", "sdo-unanswered"),
+        *("sdo-broken", "sdo-unasked", "sync-jitter", "sync-stops", "pdo-timer", "pdo-stops", "boots-again"),
+        *("answer-missing", "answer-late", "emcy-raised", "emcy-cleared", "not-followed", "state-untold"),
+    },
     "BUS_OFF": {"error-frame"},
     "TWO_NODES": {
         *("two-nodes", "heartbeat-changed", "heartbeat-late", "state-untold", "not-followed", "boots-again"),
         *("boots-operational", "sdo-unasked", "sdo-toggle", "sdo-broken", "pdo-state", "pdo-inhibit", "guard-toggle"),
     },
     "HEARTBEAT_LOST": {
-        *("heartbeat-late", "sdo-unanswered", "sdo-broken", "pdo-timer", "pdo-stops", "pdo-not-sent"),
-        *("answer-missing", "not-followed", "emcy-raised", "emcy-cleared", "boots-again"),
+        *("heartbeat-late", "sdo-unanswered", "sdo-broken", "pdo-timer", "pdo-stops", "pdo-not-sent", "pdo-deadline"),
+        *("answer-missing", "not-followed", "emcy-raised", "emcy-cleared", "boots-again", "state-untold", "not-started"),
     },
     "TWO_CLIENTS": {"two-clients", "sdo-broken", "sdo-toggle", "sdo-unasked", "sdo-abort"},
     "SYNC_TWO": {"sync-two", "sync-jitter", "sync-counter"},
-    "DRIVE_FAULT": {"emcy-raised", "emcy-cleared", "drive-disabled", "drive-not-enabled", "drive-warning"},
+    "PDO_DEADLINE": {"drive-fault", "drive-quick-stop", "drive-disabled", "emcy-raised", "emcy-cleared", "pdo-stops"},
+    "DRIVE_FAULT": {
+        *("emcy-raised", "emcy-cleared", "drive-disabled", "drive-not-enabled", "drive-warning", "drive-target"),
+        *("drive-following", "drive-homing", "pdo-stops"),
+    },
+    "DRIVE_DISABLED": {"drive-target", "pdo-stops"},
+    "DRIVE_QUICK_STOP": {"drive-target", "pdo-stops"},
+    "DRIVE_STOPPED": {"drive-target", "pdo-stops"},
+    "DRIVE_FOLLOWING": {"drive-target", "pdo-stops"},
+    "SYNC_STOPS": {"pdo-stops", "pdo-timer", "pdo-deadline"},
     "GUARD_UNANSWERED": {"guard-toggle"},
 }
 """The rules whose incidents follow from one of another rule, by its name: they are shown below it."""
