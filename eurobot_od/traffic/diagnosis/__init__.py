@@ -20,10 +20,12 @@ from typing import Any, TypeAlias
 from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.lint.findings import LEVELS, Severity
+from eurobot_od.od import values
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.diagnosis.deadlines import DeadlineWatcher
 from eurobot_od.traffic.diagnosis.drives import DriveWatcher
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Watcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
@@ -33,7 +35,7 @@ from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.transfers import SdoWatcher
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.load import MessageSet, load_report
-from eurobot_od.traffic.meaning import CANOPEN, Decoder, Meaning, SdoTransfer
+from eurobot_od.traffic.meaning import CANOPEN, DEFAULT_PDOS, Decoder, Meaning, SdoTransfer
 from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT, LSS, NMT, SDO, SYNC_NAME, TIME_NAME
 from eurobot_od.traffic.statistics import NOTHING
 
@@ -83,12 +85,14 @@ class WatchedBus:
         self.bus, self.bit_rate, self._more, self._tick_at = bus, bit_rate, more, 0.0
         self.nodes, self.pdos, self.sdo = NodesWatcher(bus), PdoWatcher(bus), SdoWatcher(bus)
         self.drives = DriveWatcher(bus)
+        streams = StreamWatcher(bus)
+        deadlines = DeadlineWatcher(bus, streams)
         answers = [AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []
         self._services: dict[str, tuple[Watcher, ...]] = {
             NMT: (self.sdo, self.nodes, self.drives),
             HEARTBEAT: (self.nodes, self.drives),
             GUARDING: (self.nodes,),
-            EMCY_NAME: (EmergencyWatcher(bus, self.nodes), self.drives),
+            EMCY_NAME: (EmergencyWatcher(bus, self.nodes), self.drives, deadlines),
             SDO: (self.sdo, self.drives),
             SYNC_NAME: (SyncWatcher(bus),),
             TIME_NAME: (TimeWatcher(bus),),
@@ -97,7 +101,7 @@ class WatchedBus:
         self._messages: list[Watcher] = [
             self.pdos,
             self.drives,
-            StreamWatcher(bus),
+            streams,
             *answers,
         ]
         self._watchers = list(dict.fromkeys([*chain(*self._services.values()), *self._messages]))
@@ -212,7 +216,7 @@ class WatchedBus:
         for each in self._watchers:
             each.end(max(time, self.bus.now))
         if self._went_back.number:
-            is_of_deltas = self._went_back.number >= DELTAS * self._frames
+            is_of_deltas = self._went_back.number >= max(2, DELTAS * self._frames)
             rule = BusRule.LOG_DELTAS if is_of_deltas else BusRule.LOG_BACKWARDS
             self.bus.found(rule, "", self._backwards, seen=self._went_back)
         for row in load_report(self._promised, self.bit_rate).rows:
@@ -255,7 +259,9 @@ class WatchedBus:
         bits, meaning = self._share[cob_id], self._latest[cob_id]
         if bits < MAIN * whole:
             return ""
-        name = ", ".join(filter(None, (meaning.name, meaning.sender or " ".join(meaning.nodes[:1]))))
+        owner = values.owner(cob_id, DEFAULT_PDOS)
+        guess = f"likely node {owner.node_id(cob_id)}" if owner and not meaning.nodes else ""
+        name = ", ".join(filter(None, (meaning.name, meaning.sender or " ".join(meaning.nodes[:1]) or guess)))
         return f"; {bits / whole:.0%} of it is 0x{identifier_text(cob_id)}{f' ({name})' if name else ''}"
 
 

@@ -1,12 +1,13 @@
 """Watches drives: fault, refused enabling, limits, modes, quick stop (CiA 402-2), with a file or without.
 
-What an axis says comes by PDO, as mapped, or by SDO. A device without a file is a drive if 0x1000 says so, or if its
-statusword and another object of CiA 402 are asked for. Each axis is judged by itself (CiA 402-2, clause 6.2).
+What an axis says comes by PDO, as mapped, or by SDO. A device without a file is a drive if 0x1000 says so, or if it
+answers for its statusword and another object of CiA 402 (`od.profiles`). Each axis is judged by itself (CiA 402-2,
+clause 6.2).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -14,9 +15,8 @@ from eurobot_od.device.nmt import RESETS, STATE_NAMES
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import DriveCommand, Mode, State
-from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import ALL_NODES, NODE_IDS, PdoDirection
-from eurobot_od.od.words import SEVERAL, error_words, profile_of
+from eurobot_od.od.words import error_words
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher
@@ -49,13 +49,18 @@ SIGNED = frozenset((cia402.MODE, cia402.MODE_DISPLAY, cia402.POSITION, cia402.TA
 ENABLING_BITS: Mapping[int, str] = {0: "switch on", 1: "enable voltage", 2: "quick stop"}
 """Bits of the controlword that have to be set with bit 3, enable operation."""
 
-DEFAULT_PDOS: Mapping[int, Mapping[int, int]] = {
-    0x180: {cia402.STATUSWORD: 16},
-    0x280: {cia402.STATUSWORD: 16, cia402.MODE_DISPLAY: 8},
-    0x200: {cia402.CONTROLWORD: 16},
-    0x300: {cia402.CONTROLWORD: 16, cia402.MODE: 8},
+DEFAULT_PDOS: Mapping[int, Sequence[Mapping[int, int]]] = {
+    0x180: ({cia402.STATUSWORD: 16},),
+    0x280: ({cia402.STATUSWORD: 16, cia402.MODE_DISPLAY: 8}, {cia402.STATUSWORD: 16, cia402.POSITION: 32}),
+    0x380: ({cia402.STATUSWORD: 16, cia402.POSITION: 32},),
+    0x200: ({cia402.CONTROLWORD: 16},),
+    0x300: ({cia402.CONTROLWORD: 16, cia402.MODE: 8}, {cia402.CONTROLWORD: 16, cia402.TARGET_POSITION: 32}),
+    0x400: ({cia402.CONTROLWORD: 16, cia402.TARGET_POSITION: 32},),
 }
-"""What the first PDOs of a drive carry if nobody has mapped them: objects and their bits, by COB-ID (CiA 402-2, 7)."""
+"""What the first PDOs of a drive carry if nobody is seen to map them: objects and their bits, by COB-ID (CiA 402-2, 7).
+
+Of several the length of the frame says which.
+"""
 
 WIDE = 4
 """Bytes of a status word, or of an error code, that has that of a second axis in its upper half."""
@@ -80,7 +85,10 @@ def _signed(index: int, raw: int, bits: int) -> int:
 
 @dataclass
 class FaultSeen:
-    """A fault that is not over: when and where it began, in which state, the last command before, its error codes."""
+    """A fault that is not over: when and where it began, in which state, the last command before, its error codes.
+
+    Bit 7 of the controlword, fault reset, `is_held` if it was commanded without a rising edge.
+    """
 
     since: float
     seen: Occurrences
@@ -88,6 +96,7 @@ class FaultSeen:
     command: DriveCommand | None
     codes: dict[int, None] = field(default_factory=dict)
     resets: int = 0
+    is_held: bool = False
 
 
 class LastingBit(NamedTuple):
@@ -169,8 +178,6 @@ class DriveWatcher(Watcher):
         self._axes: dict[tuple[int, int], ObservedAxis] = {}
         self._words: dict[int, tuple[MappedWord, ...]] = {}
         self._data: dict[int, bytes] = {}
-        self._types: dict[int, int] = {}
-        self._asked: dict[int, set[int]] = {}
         self._emergencies: dict[int, tuple[float, int]] = {}
 
     def changed(self) -> None:
@@ -232,14 +239,14 @@ class DriveWatcher(Watcher):
             for entry, (index, sub), _, offset in binding.placed:
                 first = cia402.on_first_axis(index)
                 if first in WORDS_OF_DRIVES and sub == 0:
-                    self._asked.setdefault(node.node_id, set()).add(first)
                     yield MappedWord(self._axis(node, index), first, offset, entry.bits)
 
     def _by_default(self, cob_id: int, length: int) -> Iterator[MappedWord]:
         """Yield what a PDO of a drive without a file has if nobody has mapped it, by its identifier and length."""
         node = self.bus.nodes.get(cob_id & NODE_IDS[-1])
-        mapping = DEFAULT_PDOS.get(cob_id & ~NODE_IDS[-1], {})
-        if node is None or node.dictionary or not self._is_drive(node) or 8 * length != sum(mapping.values()):
+        mappings = DEFAULT_PDOS.get(cob_id & ~NODE_IDS[-1], ())
+        mapping = next((each for each in mappings if sum(each.values()) == 8 * length), None)
+        if node is None or node.dictionary or mapping is None or not self._is_drive(node):
             return
         offset = 0
         for index, bits in mapping.items():
@@ -252,16 +259,9 @@ class DriveWatcher(Watcher):
             return
         index, sub = ended.address
         node, content = self.bus.node(ended.end.server), ended.content
-        if ended.address == DEVICE_TYPE and content:
-            self._types[node.node_id] = int.from_bytes(content, "little") & 0xFFFF
-            self.changed()
         first = cia402.on_first_axis(index)
         if first not in WORDS_OF_DRIVES or sub or content is None or ended.aborted is not None:
             return
-        asked = self._asked.setdefault(node.node_id, set())
-        if first not in asked:
-            asked.add(first)
-            self.changed()
         sender = "" if ended.is_upload else "an SDO client"
         for each, raw in _halves(first, content, index):
             value = _signed(first, raw, 8 * len(content))
@@ -341,6 +341,8 @@ class DriveWatcher(Watcher):
             text = f"{axis.name} leaves Operation enabled for {now}, though its command is Enable operation"
             self._report(axis, BusRule.DRIVE_DISABLED, text)
             axis.wanted = None
+        if state is not State.ENABLED:
+            axis.target = None
         axis.tried.clear()
         self._halt(time, axis)
 
@@ -349,8 +351,9 @@ class DriveWatcher(Watcher):
         axis.commander = sender or axis.commander
         if command:
             axis.tried.add(command)
-        if axis.fault and command is DriveCommand.FAULT_RESET and not before & cia402.FAULT_RESET:
-            axis.fault.resets += 1
+        if axis.fault and command is DriveCommand.FAULT_RESET:
+            axis.fault.is_held = bool(before & cia402.FAULT_RESET)
+            axis.fault.resets += not axis.fault.is_held
         if not _wants_enabled(axis, word):
             axis.wanted = None
         elif axis.wanted is None and axis.state not in (State.ENABLED, *FAULTS):
@@ -438,12 +441,7 @@ class DriveWatcher(Watcher):
 
     def _is_drive(self, node: ObservedNode) -> bool:
         """Return whether a node is a drive, by its file, by what it has shown, or by what it is asked for."""
-        profile = profile_of(node.dictionary.objects) if node.dictionary else 0
-        profile = profile or self._types.get(node.node_id, 0)
-        if profile not in (0, SEVERAL):
-            return profile == cia402.PROFILE
-        asked = self._asked.get(node.node_id, set())
-        return cia402.STATUSWORD in asked and len(asked) > 1
+        return self.bus.decoder.errors.profiles.get(node.node_id, 0) == cia402.PROFILE
 
     def gap(self, time: float) -> None:
         self._data.clear()
@@ -535,6 +533,8 @@ def _what_ended(axis: ObservedAxis, fault: FaultSeen) -> str:
 
 
 def _not_ended(fault: FaultSeen) -> str:
+    if fault.is_held and not fault.resets:
+        return "not ended: Fault reset (bit 7) of the controlword is 1 all the time, and only its rising edge resets"
     if not fault.resets:
         return "not ended: no Fault reset is in the log"
     return f"not ended: {amount(fault.resets, 'Fault reset')} without effect"

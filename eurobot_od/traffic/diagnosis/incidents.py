@@ -257,8 +257,9 @@ brief = partial(texts.text, digits=4)
 class ObservedNode:
     """A node: its last NMT state, when that was `heard` first and changed last (`since`), and when it was reset.
 
-    It has booted, or was reset, `boots` times. It has said at a time in s whom it `missed`. `shown` are settings that transfers have shown; it `is_configured` if a
-    master has written any object. `in_force` returns what it has shown to have in place of its file's values.
+    It has booted, or was reset, `boots` times. It has said at a time in s whom it `missed`. `shown` are settings that
+    transfers have shown; it `is_configured` if a master has written any object. `in_force` returns what it has shown
+    to have in place of its file's values.
     """
 
     node_id: int

@@ -42,7 +42,7 @@ IN_PHASE = 0.15
 """Share of its period by which a heartbeat may deviate from the series before it."""
 
 EXACT, CLEARER = 0.02, 5
-"""Share of its period by which a heartbeat deviates that is exactly in phase, and how many times more another one does."""
+"""Share of its period by which a heartbeat deviates that is in phase for certain, and how many times more any other."""
 
 REACTS_WITHIN = 1.0
 """Time after an emergency about another node in which a change of state follows from it, in s."""

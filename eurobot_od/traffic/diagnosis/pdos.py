@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import inf
@@ -12,7 +13,8 @@ from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import SYNC, SYNC_PERIOD, SYNC_PRODUCER
-from eurobot_od.od.values import DAY, NODE_IDS, PdoDirection
+from eurobot_od.od.values import COB_ID, COMMUNICATION_RECORDS, DAY, NODE_IDS, NOT_VALID, PdoDirection
+from eurobot_od.od.values import identifier as identifier_of
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher, brief
@@ -31,6 +33,9 @@ ON_ITS_WAY = 0.05
 
 OF_EVENTS = range(254, 256)
 """Transmission types of PDOs that have an event timer (CiA 301, 7.5.2.37)."""
+
+TPDOS = COMMUNICATION_RECORDS[PdoDirection.TPDO]
+"""Communication records of the PDOs that a device sends."""
 
 SYNCS = 3
 """So many times its number of SYNCs a synchronous PDO may be late."""
@@ -143,7 +148,25 @@ class PdoWatcher(Watcher):
         for each in self._pdos.values():
             each.last = None
 
+    def _shared(self) -> None:
+        """Report identifiers that several devices without files were given for their TPDOs."""
+        nodes = [each for each in self.bus.nodes.values() if each.dictionary is None]
+        given = [
+            (entry, each)
+            for each in nodes
+            for (index, sub), entry in each.in_force().items()
+            if index in TPDOS and sub == COB_ID and not entry & NOT_VALID
+        ]
+        owners: dict[int, dict[str, None]] = {}
+        for entry, node in given:
+            owners.setdefault(identifier_of(entry), {})[node.name] = None
+        for cob_id, names in owners.items():
+            if len(names) > 1:
+                text = f"{' and '.join(names)} were both told to send a PDO under 0x{identifier_text(cob_id)}"
+                self.bus.found(BusRule.COB_ID_SHARED, "", text, cob_id)
+
     def end(self, time: float) -> None:
+        self._shared()
         for each in self._pdos.values():
             gap = 0.0 if each.last is None else time - each.last
             if each.timer and gap > LATE_AFTER * each.timer and each.sender.is_operational:
@@ -218,6 +241,17 @@ class StreamWatcher(Watcher):
             if stream.even >= STEADY and silence > max(STOPPED_AFTER * stream.period, LEAST_SILENCE):
                 stream.even = 0
                 self._stopped(cob_id, stream)
+
+    def last(self, cob_id: int) -> float | None:
+        """Return when a message came last, in s."""
+        stream = self._streams.get(cob_id)
+        return stream.last if stream else None
+
+    def silent(self, time: float) -> Iterator[tuple[int, str, float, float]]:
+        """Yield what has just stopped at a time in s: COB-ID, name, when it came last, and its period in s."""
+        for cob_id, stream in self._streams.items():
+            if stream.even >= STEADY and stream.last is not None and time - stream.last > SYNCS * stream.period:
+                yield cob_id, stream.name or f"0x{identifier_text(cob_id)}", stream.last, stream.period
 
     def _stopped(self, cob_id: int, stream: PeriodicStream) -> None:
         node = self.bus.nodes.get(cob_id & NODE_IDS[-1])  # as nearly all PDOs have it in their COB-ID
@@ -418,6 +452,9 @@ def _follows(before: bytes, present: bytes) -> bool:
 JUMP = 1.0
 """Seconds that TIME may deviate from the clock of the log from one message to the next."""
 
+TIMES = 3
+"""Periods of silence after which TIME has stopped: most are of a second, or more."""
+
 
 class TimeWatcher(Watcher):
     """Watches that TIME goes on as the clock of the log does, and that it does not stop."""
@@ -425,7 +462,7 @@ class TimeWatcher(Watcher):
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
         self._last: tuple[float, float] | None = None
-        self._stream = PeriodicStream(TIME_NAME)
+        self._intervals: deque[float] = deque(maxlen=2 * SYNCS)
 
     def take(self, time: float, meaning: Meaning) -> None:
         frame, before = meaning.raw, self._last
@@ -433,7 +470,24 @@ class TimeWatcher(Watcher):
             return
         milliseconds = int.from_bytes(frame.data[:4], "little") & 0x0FFF_FFFF
         said = (int.from_bytes(frame.data[4:6], "little") * DAY + milliseconds) / 1000
+        if before and time > before[0]:
+            self._intervals.append(time - before[0])
         self._last = time, said
         if before and abs((said - before[1]) - (time - before[0])) > JUMP:
             went = f"{said - before[1]:+g} s in {duration(time - before[0], 3)}"
             self.bus.found(BusRule.TIME_JUMPS, "", f"TIME jumps by {went}")
+
+    def tick(self, time: float) -> None:
+        if self._last is None or len(self._intervals) < SYNCS:
+            return
+        period, since = max(self._intervals), self._last[0]
+        if period > ONE_PRODUCER * min(self._intervals) or time - since < max(TIMES * period, LEAST_SILENCE):
+            return
+        self._intervals.clear()
+        is_told = self.bus.commanded > since - LEAST_SILENCE
+        if not is_told and any(each.state is NmtState.OPERATIONAL for each in self.bus.nodes.values()):
+            self.bus.found(BusRule.TIME_STOPS, "", f"TIME stops: {_came(period, since)}")
+
+    def gap(self, time: float) -> None:
+        self._last = None
+        self._intervals.clear()

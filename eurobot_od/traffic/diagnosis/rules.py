@@ -69,8 +69,8 @@ class BusRule(IncidentRule):
     LOG_DELTAS = RuleRow(
         Severity.INFO,
         "The times in the log seem to be differences, each from the frame before",
-        cause="it was recorded so, as by `candump -td`",
-        remedy="record it with absolute times (`candump -L`): what needs a time was not judged",
+        cause="it was recorded so, as by candump -td",
+        remedy="record it with absolute times (candump -L): what needs a time was not judged",
         clause="the log",
     )
     LOG_UNREADABLE = RuleRow(
@@ -85,8 +85,8 @@ class BusRule(IncidentRule):
         "The bus is full: it carries more than 90 % in a second",
         cause="a message is sent without a pause; heartbeats and answers come late, or not at all",
         remedy=(
-            "give that message an inhibit time, or an event timer (0x1800 and up, sub-indices 3 and 5); -b says the bit "
-            "rate"
+            "give that message an inhibit time, or an event timer (0x1800 and up, sub-indices 3 and 5); "
+            "-b says the bit rate"
         ),
         clause="CiA 301, 7.5.2.37 (inhibit time)",
     )
@@ -369,7 +369,7 @@ class BusRule(IncidentRule):
     PDO_DEADLINE = RuleRow(
         Severity.ERROR,
         "A PDO is not refreshed as its receiver expects",
-        cause="its sender was ended, hangs, or sends more slowly than the receiver's event timer (0x1400 and up, sub-index 5)",
+        cause="its sender was ended, hangs, or is slower than the receiver's event timer (0x1400 and up, sub-index 5)",
         remedy="look at its sender, often the master's program; or raise the receiver's event timer",
         clause="CiA 301, 7.5.2.35 (event timer of an RPDO), Table 26 (0x8250)",
     )
@@ -392,13 +392,6 @@ class BusRule(IncidentRule):
         "An identifier is in no file",
         cause="a file is missing, or a device is mapped otherwise than its file says",
         remedy="name the device's file by --eds; `scan` lists who is there",
-        clause="CiA 301, 7.3.3",
-    )
-    PDO_WITHOUT_FILE = RuleRow(
-        Severity.INFO,
-        "A node without a file has PDOs, which nobody can decode",
-        cause="the other nodes have files, and this one has none",
-        remedy="name its file by --eds; `devices` lists those that are known",
         clause="CiA 301, 7.3.3",
     )
     PDO_OFF = RuleRow(
@@ -582,13 +575,20 @@ class BusRule(IncidentRule):
         clause="CiA 301, 7.2.6",
     )
 
-    # What stops by itself: most often what is above explains it
+    # What says little: most often something above explains it
     PDO_STOPS = RuleRow(
         Severity.INFO,
         "A PDO came with a period, and stays away while its node is OPERATIONAL",
         cause="its sender has nothing to say any more, or has ended",
         remedy="nothing, if its sender is done; an event timer of the receiver (0x1400 and up) notices it",
         clause="CiA 301, 7.5.2.35, 7.5.2.37",
+    )
+    PDO_WITHOUT_FILE = RuleRow(
+        Severity.INFO,
+        "A node without a file has PDOs, which nobody can decode",
+        cause="the other nodes have files, and this one has none",
+        remedy="name its file by --eds; `devices` lists those that are known",
+        clause="CiA 301, 7.3.3",
     )
     # EMCY
     EMCY_RAISED = RuleRow(
@@ -631,7 +631,15 @@ class BusRule(IncidentRule):
 
 EXPLAINED: Mapping[str, Collection[str]] = {
     "LOAD_FULL": {
-        *("load-burst", "two-nodes", "heartbeat-lost", "heartbeat-late", "heartbeat-changed", "sdo-unanswered"),
+        *(
+            "load-high",
+            "load-burst",
+            "two-nodes",
+            "heartbeat-lost",
+            "heartbeat-late",
+            "heartbeat-changed",
+            "sdo-unanswered",
+        ),
         *("sdo-broken", "sdo-unasked", "sync-jitter", "sync-stops", "pdo-timer", "pdo-stops", "boots-again"),
         *("answer-missing", "answer-late", "emcy-raised", "emcy-cleared", "not-followed", "state-untold"),
     },
@@ -642,7 +650,8 @@ EXPLAINED: Mapping[str, Collection[str]] = {
     },
     "HEARTBEAT_LOST": {
         *("heartbeat-late", "sdo-unanswered", "sdo-broken", "pdo-timer", "pdo-stops", "pdo-not-sent", "pdo-deadline"),
-        *("answer-missing", "not-followed", "emcy-raised", "emcy-cleared", "boots-again", "state-untold", "not-started"),
+        *("answer-missing", "not-followed", "emcy-raised", "emcy-cleared", "emcy-register", "boots-again"),
+        *("state-untold", "not-started"),
     },
     "TWO_CLIENTS": {"two-clients", "sdo-broken", "sdo-toggle", "sdo-unasked", "sdo-abort"},
     "SYNC_TWO": {"sync-two", "sync-jitter", "sync-counter"},

@@ -66,6 +66,7 @@ DEVICES = {
     "timed": _device(5, "timed", _sends("0x185", type="255", timer="100"), heartbeat="0"),
     "synchronous": _device(5, "synchronous", _sends("0x185", type="1")),
     "event": _device(5, "event", _sends("0x185", type="255")),
+    "waiter": _device(5, "waiter", _takes("0x205")),
     "off": _device(5, "off", _sends("0x80000185", type="255")),
     "copy": _device(6, "copy", _sends("0x185", type="255"), heartbeat="0"),
     "taker": _device(6, "taker", _takes("0x185"), heartbeat="0"),
@@ -164,11 +165,17 @@ def status(word: int, start: float, until: float, mode: int = 1) -> Log:
     return every(0.1, f"185#{word.to_bytes(2, 'little').hex().upper()}{mode:02X}", until, start)
 
 
+SENDS_185 = at("605#2300180185010000", "585#6000180100000000")
+TOO = at("609#2300180185010000", "589#6000180100000000", start=0.03)
+AT_OFF = at("609#2300180185010080", "589#6000180100000000", start=0.03)
+PRODUCES = at("605#23061000A0860100", "585#6006100000000000", "605#2305100080000040", "585#6005100000000000", start=0.5)
+TIMER = "605#2B00140564000000"
 RUNS = status(0x0637, 0.0, 2.0)
 MOVES = [(4.0, "285#09000000")]
 WAITS_50 = at("609#2316100132000500", "589#6016100100000000", start=0.05)
 WAITS_200 = at("609#23161001C8000500", "589#6016100100000000", start=0.05)
 FULL = every(0.0002, "123#FFFFFFFFFFFFFFFF", 1.2)
+NEARLY_FULL = every(0.0003, "123#FFFFFFFFFFFFFFFF", 1.2)
 FULL_FOR_LONG = every(0.0002, "123#FFFFFFFFFFFFFFFF", 2.5)
 STARVING = MessageSet((PeriodicMessage(0x185, 135, 1000, 1000, node="timed", name="A"),) * 5)
 ANSWERS = MessageSet(
@@ -189,10 +196,17 @@ DEFECTS = [
         5.0,
         without(log(beats(until=6), beats(node=6, until=6)), 2.05, 2.95),
     ),
+    RuleDefect(
+        BusRule.LOG_DELTAS,
+        kept([(0.3, "705#05"), (0.1, "706#05"), (0.05, "705#05"), (0.2, "706#05")]),
+        0.1,
+        kept([(0.3, "705#05"), (0.1, "706#05"), (0.2, "705#05"), (0.3, "706#05")]),
+    ),
     RuleDefect(BusRule.LOG_BACKWARDS, kept([(5.0, "705#05"), (1.0, "705#05")]), 1.0, kept([(1.0, "705#05")] * 2)),
     RuleDefect(BusRule.LOG_UNREADABLE, at("705#05", "what is this"), 0.0, at("705#05", "705#05")),
     RuleDefect(BusRule.LOAD_BURST, FULL_FOR_LONG, 0.0, every(0.0004, "123#FFFFFFFFFFFFFFFF", 1.2)),
-    RuleDefect(BusRule.LOAD_HIGH, FULL, 0.0, every(0.0004, "123#FFFFFFFFFFFFFFFF", 1.2)),
+    RuleDefect(BusRule.LOAD_FULL, FULL, 0.0, NEARLY_FULL),
+    RuleDefect(BusRule.LOAD_HIGH, NEARLY_FULL, 0.0, every(0.0004, "123#FFFFFFFFFFFFFFFF", 1.2)),
     RuleDefect(
         BusRule.LOAD_BURST,
         log(every(0.0002, "123#FFFFFFFFFFFFFFFF", 0.06), beats()),
@@ -217,6 +231,12 @@ DEFECTS = [
         log(beats(until=1), at("705#00", start=1.05), beats(start=1.1)),
         1.05,
         log(beats(until=1), at("705#00", start=1.05), beats(127, start=1.15)),
+    ),
+    RuleDefect(
+        BusRule.TWO_NODES,
+        log(beats(until=1), at("705#00", start=1.012), beats(start=1.1)),
+        1.012,
+        log(beats(until=1), at("705#00", start=1.012), beats(start=1.112)),
     ),
     RuleDefect(
         BusRule.BOOTS_OPERATIONAL,
@@ -378,6 +398,7 @@ DEFECTS = [
     RuleDefect(BusRule.LSS_LEFT, at("7E5#0401000000000000"), 0.0, at("7E5#0401000000000000", "7E5#0400000000000000")),
     # PDO
     RuleDefect(BusRule.COB_ID_SHARED, at("185#0000"), 0.0, at("185#0000"), ("event", "copy"), None, ("event", "taker")),
+    RuleDefect(BusRule.COB_ID_SHARED, log(SENDS_185, TOO), 0.031, log(SENDS_185, AT_OFF)),
     RuleDefect(BusRule.PDO_LENGTH, at("185#00"), 0.0, at("185#0000"), ("event",)),
     RuleDefect(
         BusRule.PDO_STATE,
@@ -416,6 +437,20 @@ DEFECTS = [
         3.0,
         log(beats(until=3), every(0.1, "080#"), at("185#0000")),
         ("synchronous",),
+    ),
+    RuleDefect(BusRule.PDO_WITHOUT_FILE, at("186#00"), 0.0, at("185#0000"), ("event",)),
+    RuleDefect(
+        BusRule.PDO_DEADLINE,
+        log(beats(until=4), at(TIMER, "585#6000140500000000"), every(0.05, "205#0000", 2.0)),
+        3.0,
+        log(beats(until=4), at(TIMER, "585#6000140500000000"), every(0.05, "205#0000", 4.0)),
+        ("waiter",),
+    ),
+    RuleDefect(
+        BusRule.PDO_DEADLINE,
+        log(beats(), every(0.05, "205#0000", 1.0), at("085#5082110000000000", start=1.25)),
+        1.25,
+        log(beats(), every(0.05, "205#0000", 2.0), at("085#5082110000000000", start=1.23)),
     ),
     RuleDefect(BusRule.PDO_UNKNOWN, at("123#00"), 0.0, at("185#0000"), ("event",)),
     RuleDefect(BusRule.PDO_OFF, at("185#0000"), 0.0, at("705#05"), ("off",)),
@@ -548,6 +583,24 @@ DEFECTS = [
         0.55,
         log(every(0.1, "080#", 0.4), at("080#", start=0.52)),
         ("clock",),
+    ),
+    RuleDefect(
+        BusRule.SYNC_TWO,
+        log(every(0.1, "080#"), [(0.705, "080#"), (1.005, "080#"), (1.605, "080#")]),
+        0.705,
+        log(every(0.1, "080#"), [(0.705, "080#"), (1.005, "080#")]),
+    ),
+    RuleDefect(
+        BusRule.SYNC_TWO,
+        log(every(0.04, "080#"), PRODUCES),
+        0.6,
+        log(every(0.1, "080#"), PRODUCES),
+    ),
+    RuleDefect(
+        BusRule.TIME_STOPS,
+        log(beats(until=8), every(0.5, "100#000000000010", 4)),
+        5.5,
+        log(beats(until=8), every(0.5, "100#000000000010", 4), at("000#0205", start=3.9)),
     ),
     RuleDefect(
         BusRule.TIME_JUMPS,
