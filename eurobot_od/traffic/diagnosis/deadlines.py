@@ -20,7 +20,7 @@ RPDO_BASES = values.DEFAULT_PDO_BASES[PdoDirection.RPDO]
 """COB-IDs of the first RPDOs, without the node-ID (CiA 301, 7.3.3)."""
 
 
-class ExpectedPdo(NamedTuple):
+class Deadline(NamedTuple):
     """An RPDO with an event timer: its receiver, its name, and the timer in s."""
 
     receiver: ObservedNode
@@ -37,7 +37,7 @@ class DeadlineWatcher(Watcher):
         super().__init__(bus)
         self._streams = streams
         self._decoder: Decoder | None = None
-        self._expected: dict[int, ExpectedPdo] = {}
+        self._expected: dict[int, Deadline] = {}
         self._late: set[int] = set()
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -73,10 +73,10 @@ class DeadlineWatcher(Watcher):
                 text = f"{name} (0x{identifier_text(cob_id)}) is not refreshed: event timer {brief(timer)}"
                 self._report(cob_id, receiver, f"{text}, last at {last:.3f} s")
 
-    def _timers(self) -> Iterator[tuple[int, ExpectedPdo]]:
+    def _timers(self) -> Iterator[tuple[int, Deadline]]:
         """Yield the RPDOs that have event timers in force, by COB-ID."""
         for device in (*self.bus.decoder.dictionaries, *self.bus.decoder.learned):
             for pdo in device.read_pdos(device.default, lambda _: None, listening=True):
                 if pdo.direction is PdoDirection.RPDO and pdo.valid and pdo.event_timer:
                     node = self.bus.node(device.node_id)
-                    yield pdo.cob_id, ExpectedPdo(node, f"{node.name}.{pdo.key}", pdo.event_timer / 1000)
+                    yield pdo.cob_id, Deadline(node, f"{node.name}.{pdo.key}", pdo.event_timer / 1000)

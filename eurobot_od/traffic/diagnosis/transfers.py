@@ -25,7 +25,7 @@ from eurobot_od.traffic.meaning import Meaning, SdoTransfer
 from eurobot_od.traffic.services import NMT, CanopenService, SdoEnd, object_words
 from eurobot_od.traffic.transfers import ONE_WAY, SKIPPED, How
 
-IMPATIENT = 0.02
+IMPATIENT = 0.01
 """Seconds that no client waits less for an answer: who asks again before that is another one."""
 
 RESTLESS = 0.2
