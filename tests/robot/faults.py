@@ -54,8 +54,8 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Passage, RobotError, Source, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.flows import GotoReport
 from eurobot_od.robot.nodes.node import Objects
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol

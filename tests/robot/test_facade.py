@@ -26,7 +26,7 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Obstacle, Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
-from eurobot_od.robot.nodes.flows import GotoReport, NotStanding
+from eurobot_od.robot.nodes.core.flows import GotoReport, NotStanding
 from eurobot_od.robot.nodes.node import Detection
 from tests.bus.live.loose import LONG, until
 from tests.client.peers import new_channel, open_bus

@@ -22,7 +22,7 @@ from eurobot_od.robot.model.messages import GotoXY
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.flows import NotStanding, Standstill
+from eurobot_od.robot.nodes.core.flows import NotStanding, Standstill
 from eurobot_od.robot.world.world import assemble
 
 BEFORE = 10.0

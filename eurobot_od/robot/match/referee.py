@@ -32,7 +32,7 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.flows import GotoReport
+from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.world.world import EventKind, Timeline
 from eurobot_od.support import extras
 from eurobot_od.support.texts import amount

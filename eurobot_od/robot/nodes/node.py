@@ -5,23 +5,20 @@ Besides: nodes with calls, the core's settings and equipment, and what follows t
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
-from collections.abc import Callable, Collection, Iterable, Mapping
-from concurrent.futures import Future
+from collections import deque
+from collections.abc import Callable, Mapping
 from enum import Enum, IntEnum
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.controller import Reporter
-from eurobot_od.device.bound import Application, BoundObject, period, seconds, setting
+from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import Store, out_of_limits
-from eurobot_od.device.timers import START, Ask, Call, Flow, Result, Script
-from eurobot_od.errors import Cause, DictionaryError, Refused, StateError
-from eurobot_od.frame import Frame
+from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import Range, limits
 from eurobot_od.od.values import Address, Value
-from eurobot_od.pdo.kinds import Message, MessageT
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.gatekeeper import Gatekeeper
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.robot_file import Facts
@@ -233,86 +230,6 @@ DEVIATION, UNKNOWN = "Arrival deviation.Deviation", 0xFFFF
 """The object by which the drive says how well it knows its place, mm; its value while the place is unknown."""
 
 
-class Readiness:
-    """What has to be there before the first goto: all `nodes` checked, a start configuration confirmed.
-
-    `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since.
-    `configured` tells whether the latest start configuration was confirmed, `confirms` by which messages of a team's.
-    """
-
-    def __init__(self, nodes: Iterable[str]) -> None:
-        self.nodes = tuple(nodes)
-        self.checked: set[str] = set()
-        self.confirms: set[type[Message]] = set()
-        self.configured = False
-
-    def missing(self, without: Collection[str]) -> str:
-        """Say what is missing and what to call, '' if nothing is; nodes to do `without` need no check."""
-        unchecked = [f"the {node}" for node in self.nodes if node not in {*self.checked, *without}]
-        texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
-        texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
-        return "; ".join(texts)
-
-
-class CoreSettings(RobotNode):
-    """The settings of the core, for its scripts; what a master writes counts from the next question on.
-
-    `COMPONENTS` are a team's own nodes that are part of the start, by the names of their EDS files. `readiness` says
-    what a goto still needs.
-    """
-
-    readiness: Readiness
-    _absent: dict[str, Flow[None]]
-
-    COMPONENTS: ClassVar[Mapping[str, Component]] = {}
-
-    check_wait = seconds("Node check.Check wait")
-    check_attempts = setting("Node check.Check attempts")
-    identity_wait = seconds("Node check.Identity wait")
-    trusts_without_sdo = setting("Node check.Nodes without SDO")
-    configuration_wait = seconds("Configuration handshake.Configuration confirm wait")
-    configuration_transmissions = setting("Configuration handshake.Configuration transmissions")
-    confirm_wait = seconds("Goto handshake.Confirm wait")
-    transmissions = setting("Goto handshake.Transmissions")
-    first_state_request = seconds("Goto handshake.First state request")
-    state_request_period = period("Goto handshake.State request period")
-    state_answer_wait = seconds("Goto handshake.State answer wait")
-    goto_timeout = setting("Goto handshake.Time-out")  # s
-    lost_after = setting("Goto handshake.Lost after")
-    arrival_distance = setting("Arrival.Position tolerance")  # mm
-    arrival_angle = setting("Arrival.Angle tolerance")
-    polling_period = period("Position polling.Polling period")
-    polling_start_delay = seconds("Position polling.Start delay")
-    match_duration = setting("Match.Match duration")  # s
-    stop_distance = setting("Obstacle.Stop distance")  # mm
-    sensing_period = period("Obstacle.Sensing period")
-    stop_period = period("Standstill.Stop period")
-    standstill_wait = seconds("Standstill.Standstill wait")
-    standstill_distance = setting("Standstill.Standstill distance")  # mm
-    standstill_turn = setting("Standstill.Standstill turn")
-    displacement = setting("Recovery.Displacement")  # mm
-    keeps_place = setting(KEEP_PLACE)
-
-    @property
-    def without(self) -> tuple[str, ...]:
-        """The nodes that are lost in a match, and that the robot does without until they answer again."""
-        return tuple(sorted(self._absent))
-
-    @property
-    def parts(self) -> Mapping[str, Component]:
-        """All nodes that are part of the start, in the order in which they are checked."""
-        return {**NODES, **self.COMPONENTS}
-
-    def confirming(self) -> list[tuple[str, type[Message]]]:
-        """Return a team's own nodes that have to confirm the start configuration, and by which message."""
-        own = ((node, part.confirm) for node, part in self.COMPONENTS.items() if node not in self._absent)
-        return [(node, confirm) for node, confirm in own if confirm is not None]
-
-    def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
-        """Ask the drive as often, and wait as long, as the settings of the goto handshake say."""
-        return Ask(request, answer, self.state_answer_wait, self.transmissions)
-
-
 class FollowingNode(RobotNode):
     """A node that the core commands.
 
@@ -351,121 +268,3 @@ def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: F
     if issubclass(kind, RobotNode):
         return kind(dictionary, store=store, facts=facts)
     return kind(dictionary, store=store)
-
-
-# A node with calls: what takes time is a flow (see `device.timers`), and its caller gets a `Call`
-
-
-LEAVING = "the core is being switched off"
-
-
-class CallingNode(RobotNode):
-    """A node whose calls are flows; any number of them run at the same time.
-
-    `ONE_AT_A_TIME` are the attributes for flows of which there is at most one at a time, None while there is none.
-    Those in `NOBODYS` are the node's own, and nobody awaits them. `is_leaving` is True once nothing new may begin.
-    """
-
-    ONE_AT_A_TIME: ClassVar[tuple[str, ...]] = ()
-    NOBODYS: ClassVar[tuple[str, ...]] = ()
-
-    def __init__(self, dictionary: Dictionary, *, store: Store | None = None, facts: Facts | None = None) -> None:
-        super().__init__(dictionary, store=store, facts=facts)
-        self._flows: list[Flow[Any]] = []
-        self._told: defaultdict[type[Message], list[Callable[[Any], object]]] = defaultdict(list)
-        self.is_leaving = self._is_off = False
-
-    @property
-    def open_calls(self) -> int:
-        """The number of calls that have not ended, without the flows that nobody has called for."""
-        return len(self._flows) - sum(getattr(self, name) is not None for name in self.NOBODYS)
-
-    def reset(self) -> None:
-        """Give up whatever is going on, as after power-on."""
-        self.end_all("the core was reset")
-        super().reset()
-        self.is_leaving = self._is_off = False
-
-    def switched_off(self) -> None:
-        """End all calls, as nobody else would."""
-        with self.guard:
-            self.is_leaving = self._is_off = True
-            self.end_all(LEAVING)
-
-    def check_present(self) -> None:
-        """Raise StateError if the node is being switched off."""
-        if self.is_leaving:
-            raise StateError(LEAVING)
-
-    def begin(self, script: Script[Result]) -> Flow[Result]:
-        """Begin a flow; its first step is in the next `tick`."""
-
-        def send(request: Message | Frame) -> None:
-            if isinstance(request, Frame):
-                self.put(request)  # an SDO request is not a message, and has no TPDO
-            else:
-                self.offer(request)
-
-        def settled(call: Future[Result]) -> None:
-            if call.cancelled():  # this is the caller's thread, and only the node's may close the script
-                with self.guard:
-                    self.soon(flow.go_on)
-
-        flow = Flow(script, self._timers, send, self._ended)
-        with self.guard:
-            self._flows.append(flow)
-            self.soon(flow.go_on)
-            if self._is_off:  # no tick will come: it would wait for ever
-                self.end(flow, StateError(LEAVING))
-        flow.call.add_done_callback(settled)
-        return flow
-
-    def begin_ask(self, ask: Ask) -> Call[Any]:
-        """Send a request and wait for the answer; the call raises NoAnswer."""
-
-        def script() -> Script[Any]:
-            yield START
-            return (yield ask)
-
-        return self.begin(script()).call
-
-    def _ended(self, flow: Flow[Any]) -> None:
-        self._flows.remove(flow)
-        for name in self.ONE_AT_A_TIME:
-            if getattr(self, name) is flow:
-                setattr(self, name, None)
-
-    def end(self, flow: Flow[Any] | None, error: Exception) -> None:
-        """End a flow with an error, unless it has ended."""
-        if flow is not None and flow in self._flows:
-            flow.fail(error, self.now)
-
-    def end_all(self, why: str) -> None:
-        """End all flows."""
-        while self._flows:  # one that ends may begin another, such as the watch over a goto that is given up
-            self.end(self._flows[-1], StateError(why))
-
-    # Messages
-
-    def on(self, message: type[MessageT], function: Callable[[MessageT], object]) -> Callable[[], None]:
-        """Have a function called with each message of a type; return a function that ends that.
-
-        It is called on the core's thread, which waits for it, so it has to be quick. Raises StateError if the core has
-        no RPDO for such a message.
-        """
-        self.device.check_received(message)
-        self._told[message].append(function)
-        return lambda: self._told[message].remove(function)
-
-    def _act(self, message: Message) -> None:
-        super()._act(message)
-        self.answered(message)
-        # A copy: a function may end its own registration.
-        for function in tuple(self._told.get(type(message), ())):
-            function(message)
-
-    def answered(self, answer: Message | Frame) -> None:
-        """Pass a message or an SDO answer to the flows that wait for it."""
-        # A copy: a flow that gets its answer may end. All of them hear it, as two may have asked the same.
-        for flow in list(self._flows):
-            flow.heard(answer, self.now)

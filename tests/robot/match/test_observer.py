@@ -14,7 +14,7 @@ from eurobot_od.robot.model.messages import GotoXY
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.nodes.flows import GotoReport
+from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline
 
 GOTO = GotoXY(1500, 1000, 90, 80)

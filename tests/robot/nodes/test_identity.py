@@ -12,7 +12,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.standard import REVISION
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.agreement import QUESTIONS, NodeMismatch, number_in
+from eurobot_od.robot.nodes.core.agreement import QUESTIONS, NodeMismatch, number_in
 
 BOOTED = 0.1
 ONE, OTHER = dialects.names()[:2]

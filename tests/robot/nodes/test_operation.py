@@ -24,7 +24,7 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Obstacle, Outcome, Source
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.flows import GotoReport
+from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import RED, Bench, Seen
 

@@ -55,12 +55,12 @@ from eurobot_od.robot.model.values import (
     TeamColour,
 )
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
+from eurobot_od.robot.nodes.core.flows import GotoReport, NotStanding, Standstill
+from eurobot_od.robot.nodes.core.recovery import PlaceLost
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.flows import GotoReport, NotStanding, Standstill
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import DEVIATION, NO_MATCH, TIME_LEFT, Handlers
-from eurobot_od.robot.nodes.recovery import PlaceLost
 from tests.client.peers import new_channel, open_bus
 from tests.kit.bench import put
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, TUNING, Bench

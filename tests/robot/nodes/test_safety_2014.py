@@ -16,7 +16,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
-from eurobot_od.robot.nodes.flows import GotoReport
+from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.nodes.node import RobotNode
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.kit.bench import put

@@ -42,9 +42,9 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Direction, GotoFault, Obstacle, Outcome, Source, TeamColour
 from eurobot_od.robot.nodes import ROLES
-from eurobot_od.robot.nodes.agreement import NodeMismatch
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.flows import GotoReport
+from eurobot_od.robot.nodes.core.agreement import NodeMismatch
+from eurobot_od.robot.nodes.core.flows import GotoReport
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, as_if_started
 from tests.rows import rows
 

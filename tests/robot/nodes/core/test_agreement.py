@@ -24,7 +24,7 @@ from eurobot_od.robot.facade import Robot
 from eurobot_od.robot.model.messages import GotoXY
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.agreement import NodeMismatch
+from eurobot_od.robot.nodes.core.agreement import NodeMismatch
 from eurobot_od.robot.nodes.node import Component
 from tests.client.peers import new_channel, open_bus
 from tests.rows import rows

@@ -19,8 +19,9 @@ from eurobot_od.od.standard import REVISION
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
-from eurobot_od.robot.nodes.agreement import SdoClientParameter, compare
-from eurobot_od.robot.nodes.node import Component, CoreSettings
+from eurobot_od.robot.nodes.core.agreement import SdoClientParameter, compare
+from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.node import Component
 
 # The startup
 

@@ -22,7 +22,7 @@ from eurobot_od.od.fingerprints import FINGERPRINTS, FIRST, OF_ALL, MessageDiffe
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import COB_ID, MAPPING_OFFSET, Address, MappingEntry, PdoDirection, identifier
 from eurobot_od.robot import dialects
-from eurobot_od.robot.nodes.node import CoreSettings
+from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.sdo.client import TransferError, download, upload
 
 CHANNEL_NAME = "SDO client parameter {}"

@@ -13,8 +13,9 @@ from eurobot_od.device.timers import START, Ask, Pause, Script
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near
-from eurobot_od.robot.nodes.agreement import SdoClientParameter, number_in
-from eurobot_od.robot.nodes.flows import CONFIGURED, drive_position
+from eurobot_od.robot.nodes.core.agreement import SdoClientParameter, number_in
+from eurobot_od.robot.nodes.core.flows import CONFIGURED, drive_position
+from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.node import (
     KEEP_PLACE,
     NO_MATCH,
@@ -22,7 +23,6 @@ from eurobot_od.robot.nodes.node import (
     START_STATE,
     TIME_LEFT,
     UNKNOWN,
-    CoreSettings,
     KeepPlace,
     StartState,
 )

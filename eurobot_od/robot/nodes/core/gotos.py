@@ -1,0 +1,131 @@
+"""One goto at a time, the newest wins (document 2.1): it waits for lost nodes, is sent, and watched to its end."""
+
+from __future__ import annotations
+
+from eurobot_od.device.timers import START, Ask, Call, Script
+from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.values import Outcome
+from eurobot_od.robot.nodes.core import flows
+from eurobot_od.robot.nodes.core.agreement import SdoClientParameter, number_in
+from eurobot_od.robot.nodes.core.distrust import Distrust
+from eurobot_od.robot.nodes.core.doubts import GotoConfirms
+from eurobot_od.robot.nodes.core.equipment import Lookout
+from eurobot_od.robot.nodes.core.flows import GotoReport
+from eurobot_od.robot.nodes.core.match_clock import MatchClock
+from eurobot_od.robot.nodes.core.resumption import Resumption
+from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.core.startup import Startup
+from eurobot_od.robot.nodes.core.stops import Ended, Stops
+from eurobot_od.robot.nodes.node import DEVIATION, UNKNOWN
+
+
+class Gotos:
+    """Sends the drive to places; `deviation` is how well it knew the last one, mm, None if it has not said."""
+
+    def __init__(
+        self,
+        core: CoreSettings,
+        stops: Stops,
+        clock: MatchClock,
+        startup: Startup,
+        resumption: Resumption,
+        lookout: Lookout,
+        distrust: Distrust,
+    ) -> None:
+        self._core, self._stops, self._clock, self._startup = core, stops, clock, startup
+        self._resumption, self._lookout, self._distrust = resumption, lookout, distrust
+        self.deviation: int | None = None
+        self._confirms: GotoConfirms | None = None
+
+    def begin(self, goto: messages.GotoXY, timeout: float | None) -> Call[GotoReport]:
+        """Begin a goto, and replace the one before; raises StateError if it must not be sent."""
+        if not self._resumption.is_recalling:
+            self._check_may_drive()
+        if self._clock.is_over:
+            # Raised when it is awaited: a strategy that catches it in a loop yields, and can be cancelled.
+            late: Call[GotoReport] = Call()
+            late.set_exception(StateError("no goto after the match"))
+            return late
+        if self._resumption.is_due and self._stops.is_commanding:
+            self._stops.stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
+        self._stops.goto.end(Ended(Outcome.REPLACED))
+        # From now on there is something to stop, even if nobody ever hears of this goto again.
+        call, self._stops.latest = self._stops.goto.begin(self._goto(goto, timeout)), messages.StopDrive()
+        return call
+
+    def _check_may_drive(self) -> None:
+        """Raise StateError if a goto must not be sent, and say what is missing."""
+        if self._stops.shut_down:
+            raise StateError("no goto after an emergency shutdown: `await core.recover()` ends it")
+        is_ready = self._resumption.is_due or self._clock.is_over
+        if not is_ready and (missing := self._core.readiness.missing()):
+            raise StateError(f"no goto yet: {missing}")
+
+    def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
+        try:
+            yield START
+            if self._resumption.is_recalling:
+                yield from self._resumption.until_recalled()
+                self._check_may_drive()
+            if self._clock.is_over:  # as the drive remembers
+                raise StateError("no goto after the match")
+            yield from self._resumption.before_goto()
+        except Ended as ended:
+            return GotoReport(goto, ended.end.outcome, None, 0.0, ended.end.why)
+        return (yield from self._drive(goto, self._core.goto_timeout if timeout is None else timeout))
+
+    def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
+        core, stops = self._core, self._stops
+        stops.goto_begins()
+        for frame in core.device.first_heartbeat():  # from now on the drive has to miss us
+            core.put(frame)
+        started, confirmed = core.now, None
+        self.deviation, self._confirms = None, GotoConfirms(started, core.confirm_wait, core.transmissions)
+        limit = core.at(started + timeout, self._run_out_of_time)
+        # From the start, not from the confirm: the drive may be rolling while its confirm is lost.
+        self._lookout.begin()
+        try:
+            yield Ask(goto, messages.GotoConfirm, core.confirm_wait, core.transmissions)
+            confirmed = core.now - started
+            end = yield from flows.until_ended(core, goto)
+            if end.outcome is Outcome.ARRIVED:
+                self.deviation = yield from self._ask_deviation()
+        except Ended as ended:  # whoever ended it has dealt with the drive
+            end = ended.end
+        except BaseException:  # no answer, or nobody waits for the goto any more
+            stops.halt(messages.StopDrive())
+            raise
+        else:
+            if end.outcome is Outcome.LOST:
+                core.readiness.lost = end.why
+                stops.halt(messages.StopDrive())
+        finally:
+            limit.cancel()
+            self._lookout.end()
+        return GotoReport(goto, end.outcome, confirmed, core.now - started, end.why, self.deviation)
+
+    def _run_out_of_time(self, _: float) -> None:
+        self._stops.stop(messages.StopDrive(), Outcome.TIMED_OUT)
+
+    def _ask_deviation(self) -> Script[int | None]:
+        """Ask the drive how well it knows its place, mm; None if it does not know, or does not say."""
+        channel = SdoClientParameter.to("drive", self._core.device)
+        if channel is None or not self._startup.tells_deviation:
+            return None
+        address = self._core.device.dictionary.address(DEVIATION)
+        try:
+            answer = yield Ask(channel.ask(address), channel.answer, self._core.identity_wait, 1)
+        except NoAnswer:
+            self._startup.tells_deviation = False  # a drive without SDO would cost each goto this wait
+            return None
+        deviation = number_in(answer, address)
+        return None if deviation == UNKNOWN else deviation
+
+    def confirmed(self) -> None:
+        """Take in a confirm of the drive; stop if no goto explains it."""
+        confirms = self._confirms if self._stops.is_commanding else None
+        if confirms is not None and not confirms.is_asked_for(self._core.now):
+            self._distrust.stop("the drive has confirmed a goto that the core did not send")
+        else:
+            self._stops.stop_late_goto()
