@@ -12,7 +12,6 @@ import pytest
 
 from tests.kit import plant
 from tests.kit.plant import messages as m
-from tests.rows import rows
 
 resource = pytest.importorskip("resource", reason="limits of a process are POSIX's")
 
@@ -34,10 +33,10 @@ WRITING = (
 FORMER = "; what was there\n"
 
 
-def run(words: str, file: Path, folder: Path, bytes_left: int) -> subprocess.CompletedProcess[str]:
+def run(words: str, file: Path, folder: Path, bytes_left: int, content: str) -> subprocess.CompletedProcess[str]:
     """Run a command that writes a file, in a process that may write so many bytes to each file."""
     log = folder / "in.log"
-    log.write_text(LOG)
+    log.write_text(content)
     (folder / "bad.eds").write_text(EDS.read_text().replace("ObjectType=0x7", "ObjectType=", 1))
     named = words.replace(str(EDS), str(folder / "bad.eds")).replace("EDS", str(EDS))
     command = named.replace("LOG", str(log)).replace("FILE", str(file)).split()
@@ -57,23 +56,36 @@ def complaint(done: subprocess.CompletedProcess[str]) -> str:
     return done.stderr.splitlines()[-1]
 
 
-@pytest.mark.long
-@rows("words", WRITING)
-def test_a_full_disk_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:
-    file = tmp_path / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
+READ_ONLY = pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder in which not even root can write")
+
+
+def check_full_disk(words: str, folder: Path, content: str = LOG) -> None:
+    """Check that a command which cannot write all of its file leaves the former one."""
+    file = folder / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
     file.write_text(FORMER)
-    assert f"{file}: File too large" in complaint(run(words, file, tmp_path, 100))
+    assert f"{file}: File too large" in complaint(run(words, file, folder, 100, content))
     if "--log" not in words:  # a log is written as it comes
         assert file.read_text() == FORMER
-    assert not list(tmp_path.glob("*.new"))
+    assert not list(folder.glob("*.new"))
+
+
+def check_read_only(words: str, folder: Path, content: str = LOG) -> None:
+    """Check that a command which cannot make its file says so."""
+    file = Path("/proc/self") / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
+    assert str(file) in complaint(run(words, file, folder, 1 << 30, content))
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder in which not even root can write")
-@rows("words", WRITING)
+@pytest.mark.parametrize("words", WRITING)
+def test_a_full_disk_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:
+    check_full_disk(words, tmp_path)
+
+
+@pytest.mark.long
+@READ_ONLY
+@pytest.mark.parametrize("words", WRITING)
 def test_a_read_only_folder_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:
-    file = Path("/proc/self") / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
-    assert str(file) in complaint(run(words, file, tmp_path, 1 << 30))
+    check_read_only(words, tmp_path)
 
 
 OPENS_TO_WRITE = re.compile(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Callable
 from importlib import import_module
 from itertools import product
 from pathlib import Path
@@ -13,16 +11,12 @@ from typing import Any
 import pytest
 
 import eurobot_od
-from eurobot_od.errors import FieldError, FrameLengthError, UnknownIdentifier, UnknownName
+from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.make import read_table
-from eurobot_od.od.make.text import make_files, write_files
 from eurobot_od.pdo.kinds import Message, OutOfRange, flagged_fields
-from eurobot_od.pdo.protocol import ErrorWords, Protocol
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
-    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -49,7 +43,6 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.eds_text import DEVICE_TYPE, pdo
 from tests.robot.document import NAMES, TABLES_4_AND_5
 from tests.rows import rows
 
@@ -58,7 +51,6 @@ PROTOCOL = EurobotProtocol.load("canopen")
 FIRMWARE = EurobotProtocol.load("firmware2014")
 GOLDEN = json.loads((ROOT / "tests" / "golden" / "firmware2014.json").read_text())
 
-Spoil = Callable[..., Path]
 
 GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
 START = StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)
@@ -104,64 +96,6 @@ FRAMES: list[tuple[Message, str]] = [
     (CheckDriveResponse(), "400#"),
 ]
 
-# What may not be sent: the message, the field that is named, and what is said to be allowed.
-FORBIDDEN: list[tuple[Message, str, str]] = [
-    (EmergencyStop(OutOfRange(2)), "obstacle", "object (0), enemy (1)"),
-    (GOTO._replace(x=3001), "x", "0..3000 mm"),
-    (GOTO._replace(x=-1), "x", "0..3000 mm"),
-    (GOTO._replace(x=-3001), "x", "0..3000 mm"),  # the first from the end of a table of all places
-    (GOTO._replace(x=-6002), "x", "0..3000 mm"),
-    (GOTO._replace(x=-1 << 64), "x", "0..3000 mm"),
-    (GOTO._replace(x=1 << 64), "x", "0..3000 mm"),
-    (GOTO._replace(y=2001), "y", "0..2000 mm"),
-    (GOTO._replace(speed=101), "speed", "0..100 %"),
-    (GOTO._replace(barriers=Barriers(0x10000)), "barriers", "0..65535, or fire-1, fire-2, fire-3,"),
-    (GOTO._replace(direction=Direction.BACKWARD), "direction", "forward, as the loaded EDS does not map it"),
-    (GOTO._replace(route=Route.DIRECT), "route", "planned, as the loaded EDS does not map it"),
-    (
-        GotoStateResponse(0x0FFFFF),
-        "time",
-        "0..1048574 ms, arrived (0), None for unknown",
-    ),
-    (
-        GotoStateResponse(-1),
-        "time",
-        "0..1048574 ms, arrived (0), None for unknown",
-    ),
-    (NaviPositionResponse(None, 5, 5, Source.INTERNAL), "x", "0..3000 mm, or x, y and angle None for unknown"),
-    (NaviPositionResponse(5, None, None, Source.INTERNAL), "y", "0..2000 mm, or x, y and angle None for unknown"),
-    (KalmanPositionResponse(None, None, 5, Source.INTERNAL), "x", "0..3000 mm, or x, y and angle None for unknown"),
-    # a real place whose bits would say "unknown"
-    (
-        NaviPositionResponse(255, 255, None, Source.INTERNAL),
-        "x",
-        "another value: with angle unknown all would be unknown",
-    ),
-    (
-        Enemy1PositionResponse(5, 5, 5, OutOfRange(4)),
-        "source",
-        "internal (0), confederate (1), enemy 1 (2), enemy 2 (3)",
-    ),
-    (START._replace(enemies=3), "enemies", "0..2"),
-    (START._replace(confederates=2), "confederates", "0..1"),
-    (START._replace(enemy_1_diameter=51), "enemy_1_diameter", "0..50 cm"),
-    (START._replace(enemy_2_diameter=-1), "enemy_2_diameter", "0..50 cm"),
-]
-
-# Received values outside their range stay what they are, flagged: frame, and the fields concerned.
-OUT_OF_RANGE: list[tuple[str, dict[str, int]]] = [
-    ("008#B90B7D6791010000", {"x": 3001}),
-    ("008#B81B7D6791010000", {"y": 2001}),
-    ("008#D27423FF2F010000", {"angle": 0x3FF}),  # a goto has no unknown angle
-    ("008#0000000094010000", {"speed": 101}),
-    ("014#000010", {"time": 0x100000}),
-    ("014#FDFFFF", {"time": 0xFFFFFD}),
-    ("080#FFFFFFFF03", {"x": 4095, "y": 4095}),
-    ("100#0000006801", {"angle": 360}),
-    ("180#0000000010", {"source": 4}),
-    ("2C0#FFFF", {"enemies": 3, "enemy_1_diameter": 63, "enemy_2_diameter": 63}),
-]
-
 
 def frame(text: str) -> Frame:
     cob_id, _, data = text.partition("#")
@@ -178,27 +112,8 @@ def test_messages_are_those_of_the_documents_tables(dialect: str) -> None:
     assert [(each.cob_id, each.name, each.senders, each.receivers) for each in bindings] == rows
 
 
-@rows("cob_id, name", [row[:2] for row in TABLES_4_AND_5])
-def test_message_is_found_by_identifier_name_and_type(cob_id: int, name: str) -> None:
-    binding = PROTOCOL.binding_of(cob_id)
-    assert PROTOCOL.binding(name) is PROTOCOL.binding(name.lower()) is PROTOCOL.binding(binding.type) is binding
-    assert PROTOCOL.cob_id(binding.type) == PROTOCOL.cob_id(name) == cob_id
-    assert PROTOCOL.name(binding.type) == name
-
-
 def test_every_message_of_the_document_has_a_frame_in_the_table() -> None:
     assert {PROTOCOL.name(type(message)) for message, _ in FRAMES} == set(NAMES)
-
-
-def test_a_node_knows_its_own_messages_only() -> None:
-    core = EurobotProtocol.of(dialects.load("core"))
-    assert "Goto XY" in core.names()
-    with pytest.raises(UnknownName, match="unknown message 'NaviPositionResponse'"):
-        core.cob_id(NaviPositionResponse)  # its PDO is not valid until somebody configures it
-    with pytest.raises(UnknownName, match="unknown message 'NaviPositionResponse'"):
-        core.encode(NaviPositionResponse(1, 1, 1, Source.INTERNAL))
-    with pytest.raises(UnknownIdentifier):
-        core.decode(0x080, bytes(5))
 
 
 def test_names_of_the_package_are_loaded_when_asked_for() -> None:
@@ -234,26 +149,6 @@ def test_any_whole_angle_is_brought_to_the_circle(angle: Any, sent: int) -> None
     assert PROTOCOL.encode(place) == PROTOCOL.encode(place._replace(angle=sent))
 
 
-@rows("message, field, allowed", FORBIDDEN)
-def test_refuses_to_send_a_value_out_of_range(message: Message, field: str, allowed: str) -> None:
-    with pytest.raises(FieldError) as error:
-        PROTOCOL.encode(message)
-    name = PROTOCOL.name(type(message))
-    assert (error.value.message, error.value.field) == (name, field)
-    assert error.value.value == getattr(message, field)
-    assert error.value.allowed.startswith(allowed)
-    assert str(error.value).startswith(f"{name}: {field} = ")
-
-
-@rows("text, fields", OUT_OF_RANGE)
-def test_flags_received_values_out_of_range_and_keeps_them(text: str, fields: dict[str, int]) -> None:
-    message = PROTOCOL.decode(*frame(text))
-    assert flagged_fields(message) == list(fields)
-    assert {field: int(getattr(message, field)) for field in fields} == fields
-    with pytest.raises(FieldError):
-        PROTOCOL.encode(message)  # what was flagged does not go on
-
-
 # Lengths
 
 
@@ -278,38 +173,6 @@ def test_goto_may_leave_out_its_barriers(protocol: Protocol) -> None:
     values = protocol.unpack(full.cob_id, full.data[:6])[1]
     assert values["barriers"] == 0
     assert values.get("route", 1) == 1
-
-
-@rows("reserved", range(1, 1 << 6))
-def test_reserved_bits_are_not_looked_at_and_sent_as_0(reserved: int) -> None:
-    goto = GOTO._replace(barriers=Barriers(0xA5C3))
-    sent = PROTOCOL.encode(goto)
-    received = (int.from_bytes(sent.data, "little") | reserved << 42).to_bytes(8, "little")
-    assert PROTOCOL.decode(sent.cob_id, received) == goto
-    assert PROTOCOL.decode(sent.cob_id, received[:6]) == GOTO
-    name, values = PROTOCOL.unpack(sent.cob_id, received)
-    assert PROTOCOL.pack(name, **values) == sent.data
-
-
-# Raw integers
-
-
-def test_pack_and_unpack_speak_raw_integers() -> None:
-    data = PROTOCOL.pack("Goto XY", x=1234, y=567, angle=89, speed=75, barriers=0xA5C3)
-    assert data.hex().upper() == "D27423592C01C3A5"
-    values = {"x": 1234, "y": 567, "angle": 89, "speed": 75, "barriers": 0xA5C3}
-    assert PROTOCOL.unpack(0x008, data) == ("Goto XY", values)
-
-
-def test_pack_looks_at_widths_only() -> None:
-    assert PROTOCOL.pack("Goto XY", x=4095, y=4095, angle=1023, speed=255, barriers=0xFFFF).hex() == "ffffffffff03ffff"
-    assert PROTOCOL.pack("Goto State Response", time=0xABCDEF) == bytes.fromhex("EFCDAB")
-
-
-def test_pack_may_leave_out_optional_fields() -> None:
-    short = {"x": 1, "y": 2, "angle": 3, "speed": 4}
-    assert PROTOCOL.pack("Goto XY", **short) == PROTOCOL.pack("Goto XY", **short, barriers=0)
-    assert FIRMWARE.pack("Goto XY", **short) == FIRMWARE.pack("Goto XY", **short, barriers=0, direction=0, route=1)
 
 
 # The 2014 robot
@@ -370,61 +233,3 @@ def test_2014_unmasked_obstacle_byte() -> None:
         message = FIRMWARE.decode(0x002, bytes([byte]))
         assert message == EmergencyStop(OutOfRange(byte))
         assert flagged_fields(message) == ["obstacle"]
-
-
-def test_a_goto_may_be_mapped_without_barriers(spoil_eds: Spoil) -> None:
-    protocol = EurobotProtocol.load(
-        spoil_eds(("core", "1A03sub0", "DefaultValue", "4"), ("drive", "1603sub0", "DefaultValue", "4"))
-    )
-    assert protocol.encode(GOTO).data.hex() == "d27423592c01"
-    assert protocol.decode(*protocol.encode(GOTO)) == GOTO
-    with pytest.raises(FieldError, match=r"barriers = .* allowed: none, as the loaded EDS does not map it"):
-        protocol.encode(GOTO._replace(barriers=Barriers(1)))
-
-
-# A field narrower than its meanings: what does not fit is refused, not cut.
-NARROW = [
-    (
-        "time",
-        [("drive", "1A01sub1", "0x20020114"), ("core", "1601sub1", "0x20020114")],
-        GotoStateResponse(5),
-        GotoFault.BLOCKED,
-    ),
-    (
-        "time",
-        [("drive", "1A01sub1", "0x20020112"), ("core", "1601sub1", "0x20020112")],
-        GotoStateResponse(0x3FFFF),
-        0x40000,
-    ),
-    ("angle", [("core", "1A03sub3", "0x20000308"), ("drive", "1603sub3", "0x20000308")], GOTO, 359),
-]
-
-
-@pytest.mark.parametrize(("field", "entries", "message", "value"), NARROW)
-def test_a_value_that_its_bits_cannot_hold_is_not_sent(
-    field: str, entries: list[tuple[str, str, str]], message: Message, value: Any, spoil_eds: Spoil
-) -> None:
-    protocol = EurobotProtocol.load(
-        spoil_eds(*((node, section, "DefaultValue", entry) for node, section, entry in entries))
-    )
-    assert protocol.decode(*protocol.encode(message)) == message
-    with pytest.raises(FieldError, match=f"{field} = .* bits that the loaded EDS maps"):
-        protocol.encode(message._replace(**{field: value}))
-
-
-def test_the_codec_follows_the_table(tmp_path: Path) -> None:
-    table = (ROOT / "eds" / "protocol.yaml").read_text().replace("{Barriers: 6}", "{Barriers: 4}")
-    wider, count = re.subn(r"(Goto XY:.*\n.*\n.*\n.*\n *X position: \{bits: )12", r"\g<1>14", table)
-    assert count == 1
-    write_files(make_files(read_table(wider, "protocol.yaml")), tmp_path)
-    protocol = EurobotProtocol.load(tmp_path / "canopen")
-    word = 1234 | 567 << 14 | 89 << 26 | 75 << 36 | 0xA5C3 << 48
-    assert protocol.encode(GOTO._replace(barriers=Barriers(0xA5C3))) == Frame(0x008, word.to_bytes(8, "little"))
-
-
-@pytest.mark.parametrize(("name", "text"), [("Goto XY", "drive blocked"), ("Balance", "device specific")])
-def test_the_robots_words_are_for_its_own_devices(name: str, text: str) -> None:
-    device = Dictionary.read(
-        (DEVICE_TYPE + pdo(0x1800, "0x20000010", cob_id="0x185", name=name)).encode(), Path("a"), 5
-    )
-    assert ErrorWords.of_devices([device], CATALOGUE).of(5)(0xFF02) == text
