@@ -20,9 +20,9 @@ from eurobot_od.robot.model.values import TeamColour as TeamColour
 from eurobot_od.robot.nodes import Core as Core
 from eurobot_od.robot.nodes import Drive as Drive
 from eurobot_od.robot.nodes import Navigation as Navigation
-from eurobot_od.robot.nodes.agreement import NodeMismatch as NodeMismatch
-from eurobot_od.robot.nodes.flows import GotoReport as GotoReport
-from eurobot_od.robot.nodes.flows import NotStanding as NotStanding
+from eurobot_od.robot.nodes.core.agreement import NodeMismatch as NodeMismatch
+from eurobot_od.robot.nodes.core.flows import GotoReport as GotoReport
+from eurobot_od.robot.nodes.core.flows import NotStanding as NotStanding
 from eurobot_od.robot.nodes.node import Component as Component
 from eurobot_od.robot.nodes.node import Detection as Detection
 from eurobot_od.robot.nodes.node import Loss as Loss

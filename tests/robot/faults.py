@@ -188,7 +188,7 @@ class ShutdownForgotten(Core):
 
     def goto(self, *place: Any, **how: Any) -> Call[GotoReport]:
         """Send the drive to a place whatever has been."""
-        self.shut_down = False
+        self._stops.shut_down = False
         return super().goto(*place, **how)
 
 

@@ -67,7 +67,7 @@ class CallingNode(RobotNode):
                 with self.guard:
                     self.soon(flow.go_on)
 
-        flow = Flow(script, self._timers, send, self._flows.pop)
+        flow = Flow(script, self._timers, send, self._flows.__delitem__)
         with self.guard:
             self._flows[flow] = is_called
             self.soon(flow.go_on)
