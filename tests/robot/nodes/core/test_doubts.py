@@ -29,7 +29,7 @@ from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Bench, Peer
 from tests.robot.nodes.test_safety import FAR, NEAR, drive_off, match_under_way
 from tests.rows import rows
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 
 BACK = GotoXY(400, 1700, 0, 50)
 
