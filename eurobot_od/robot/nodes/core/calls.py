@@ -1,6 +1,6 @@
 """A node with calls: what takes time is a flow (see `device.timers`), and its caller gets a `Call`.
 
-Any number of flows run at the same time. A slot holds the one flow of its kind.
+Any number of flows run at the same time. A `SingleFlow` holds the one flow of its kind.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class CallingNode(RobotNode):
             flow.heard(answer, self.now)
 
 
-class Slot(Generic[Result]):
+class SingleFlow(Generic[Result]):
     """The place for the one flow of its kind in a node; `is_called` tells whether somebody has called for it."""
 
     def __init__(self, node: CallingNode, *, is_called: bool = True) -> None:

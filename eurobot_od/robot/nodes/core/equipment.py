@@ -13,7 +13,7 @@ from eurobot_od.device.timers import START, Call, Pause, Script, Timer
 from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome
-from eurobot_od.robot.nodes.core.calls import Slot
+from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.match_clock import MATCH_OVER, MatchClock
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.core.stops import Stops
@@ -60,7 +60,7 @@ class Tasks:
 
     def __init__(self, core: CoreSettings, clock: MatchClock) -> None:
         self._core, self._clock = core, clock
-        self._running: Slot[int] = Slot(core)
+        self._running: SingleFlow[int] = SingleFlow(core)
 
     def begin(self, task: str) -> Call[int]:
         """Begin a task, and give up the one before."""

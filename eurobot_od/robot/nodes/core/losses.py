@@ -14,7 +14,7 @@ from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.nodes.core import flows
 from eurobot_od.robot.nodes.core.agreement import NodeMismatch, SdoClientParameter
-from eurobot_od.robot.nodes.core.calls import Slot
+from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.match_clock import MATCH_OVER, MatchClock
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.core.stops import Stops
@@ -38,7 +38,7 @@ class Losses:
         self._core, self._stops, self._clock = core, stops, clock
         self._readiness = core.readiness
         self._heard = 0.0
-        self._missing: Slot[None] = Slot(core, is_called=False)
+        self._missing: SingleFlow[None] = SingleFlow(core, is_called=False)
 
     @property
     def is_in_match(self) -> bool:

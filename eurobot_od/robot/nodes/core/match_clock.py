@@ -8,7 +8,7 @@ from math import inf
 from eurobot_od.device.timers import START, Script, Timer
 from eurobot_od.errors import StateError
 from eurobot_od.robot.nodes.core import recovery
-from eurobot_od.robot.nodes.core.calls import Slot
+from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.node import TIME_LEFT, milliseconds_until
 
@@ -23,7 +23,7 @@ class MatchClock:
         self.is_over = False
         self.end: float | None = None
         self._timer: Timer | None = None
-        self._telling: Slot[bool] = Slot(core, is_called=False)
+        self._telling: SingleFlow[bool] = SingleFlow(core, is_called=False)
 
     @property
     def time_left(self) -> float:

@@ -11,7 +11,7 @@ from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.nodes.core import flows, recovery
-from eurobot_od.robot.nodes.core.calls import Slot
+from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.match_clock import MatchClock
 from eurobot_od.robot.nodes.core.positions import Positions
@@ -34,7 +34,7 @@ class Resumption:
     ) -> None:
         self._core, self._stops, self._clock = core, stops, clock
         self._losses, self._positions, self._startup = losses, positions, startup
-        self._recalling: Slot[None] = Slot(core, is_called=False)
+        self._recalling: SingleFlow[None] = SingleFlow(core, is_called=False)
 
     @property
     def is_recalling(self) -> bool:

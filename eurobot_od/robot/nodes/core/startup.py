@@ -13,7 +13,7 @@ from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import flows, recovery
-from eurobot_od.robot.nodes.core.calls import Slot
+from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.distrust import Distrust
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.positions import Positions
@@ -34,7 +34,7 @@ class Startup:
     ) -> None:
         self._core, self._stops, self._losses = core, stops, losses
         self._positions, self._distrust = positions, distrust
-        self.running: Slot[Any] = Slot(core)
+        self.running: SingleFlow[Any] = SingleFlow(core)
         self.is_recovering, self.tells_deviation = False, True
         self._asked_until = 0.0
 

@@ -20,7 +20,7 @@ from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome, RobotError
 from eurobot_od.robot.nodes.core import flows
-from eurobot_od.robot.nodes.core.calls import Slot
+from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.flows import GotoReport, Standstill
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 
@@ -41,11 +41,11 @@ class Stops:
 
     def __init__(self, core: CoreSettings) -> None:
         self._core = core
-        self.goto: Slot[GotoReport] = Slot(core)
+        self.goto: SingleFlow[GotoReport] = SingleFlow(core)
         self.latest: messages.StopMessage | None = None
         self.shut_down = self.is_shutdown_ours = False
-        self._watch: Slot[Standstill] = Slot(core)
-        self._endless_watch: Slot[Standstill] = Slot(core, is_called=False)
+        self._watch: SingleFlow[Standstill] = SingleFlow(core)
+        self._endless_watch: SingleFlow[Standstill] = SingleFlow(core, is_called=False)
 
     @property
     def is_commanding(self) -> bool:
