@@ -16,7 +16,7 @@ from eurobot_od.robot.nodes.core.match_clock import MatchClock
 from eurobot_od.robot.nodes.core.resumption import Resumption
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.core.startup import Startup
-from eurobot_od.robot.nodes.core.stops import Ended, Stops
+from eurobot_od.robot.nodes.core.stops import GotoEnded, Stops
 from eurobot_od.robot.nodes.node import DEVIATION, UNKNOWN
 
 
@@ -49,7 +49,7 @@ class Gotos:
             return late
         if self._resumption.is_due and self._stops.is_commanding:
             self._stops.stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
-        self._stops.goto.end(Ended(Outcome.REPLACED))
+        self._stops.goto.end(GotoEnded(Outcome.REPLACED))
         # From now on there is something to stop, even if nobody ever hears of this goto again.
         call, self._stops.latest = self._stops.goto.begin(self._goto(goto, timeout)), messages.StopDrive()
         return call
@@ -71,7 +71,7 @@ class Gotos:
             if self._clock.is_over:  # as the drive remembers
                 raise StateError("no goto after the match")
             yield from self._resumption.before_goto()
-        except Ended as ended:
+        except GotoEnded as ended:
             return GotoReport(goto, ended.end.outcome, None, 0.0, ended.end.why)
         return (yield from self._drive(goto, self._core.goto_timeout if timeout is None else timeout))
 
@@ -91,7 +91,7 @@ class Gotos:
             end = yield from flows.until_ended(core, goto)
             if end.outcome is Outcome.ARRIVED:
                 self.deviation = yield from self._ask_deviation()
-        except Ended as ended:  # whoever ended it has dealt with the drive
+        except GotoEnded as ended:  # whoever ended it has dealt with the drive
             end = ended.end
         except BaseException:  # no answer, or nobody waits for the goto any more
             stops.halt(messages.StopDrive())

@@ -25,7 +25,7 @@ from eurobot_od.robot.nodes.core.flows import GotoReport, Standstill
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 
 
-class Ended(Exception):
+class GotoEnded(Exception):
     """Thrown into a goto's flow to end it; the flow turns it into its report."""
 
     def __init__(self, outcome: Outcome, why: str = "") -> None:
@@ -56,7 +56,7 @@ class Stops:
         """Send a stop, end the goto that is under way, and watch until the robot stands."""
         with self._core.guard:
             call = self.halt(stop)
-            self.goto.end(Ended(outcome, why))
+            self.goto.end(GotoEnded(outcome, why))
             return call
 
     def halt(self, stop: messages.StopMessage) -> Call[Standstill]:
