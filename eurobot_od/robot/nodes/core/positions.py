@@ -1,7 +1,7 @@
 """Where robots are, as far as the core is told: it asks for positions again and again, and keeps what it hears.
 
 A drive that has booted says "unknown", and once it is configured its start place. So `place`, where the drive was last
-really seen, is kept apart from the sightings; while the drive is `astray` its answers do not replace that place.
+really seen, is kept apart from the sightings; while it `is_astray` its answers do not replace that place.
 """
 
 from __future__ import annotations
