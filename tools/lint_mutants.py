@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the defects are the tests'
 
-from eurobot_od.lint import network  # noqa: E402
+from eurobot_od.lint import network, stack_rules  # noqa: E402
 from eurobot_od.lint.findings import Rule, Severity  # noqa: E402
 from eurobot_od.lint.rules import FILE_RULES, lint  # noqa: E402
 from tests.lint.mutations import BASES, DEFECTS, Defect, broken_file  # noqa: E402
@@ -38,6 +38,7 @@ PARTS = {
     "6": "PDOs",
     "7": "Device configuration files",
     "8": "The network",
+    "9": "What CANopenNode asks for (`lint --for canopennode`)",
 }
 """Titles by the first digit of the codes."""
 
@@ -143,7 +144,7 @@ def _cell(text: str) -> str:
 
 def rules_text() -> str:
     """Write the rules, part by part."""
-    rules = sorted([*FILE_RULES, *network.RULES], key=lambda each: each.code[1:])
+    rules = sorted([*FILE_RULES, *network.RULES, *stack_rules.RULES], key=lambda each: each.code[1:])
     counts = ", ".join(f"{sum(e.severity is s for e in rules)} {s.name.lower()}s" for s in Severity)
     lines = [HEAD, f"{len(rules)} rules: {counts}.", ""]
     for digit, title in PARTS.items():

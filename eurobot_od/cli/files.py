@@ -13,7 +13,17 @@ from eurobot_od import loading
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
-from eurobot_od.cli.options import Clone, FrameNames, Output, write
+from eurobot_od.cli.options import (
+    BIT_RATE,
+    BitRate,
+    Clone,
+    FrameNames,
+    OneDevice,
+    Output,
+    assigned,
+    write,
+    write_dcf,
+)
 from eurobot_od.cli.signature import Forms, Option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od.dictionary import Dictionary
@@ -110,7 +120,86 @@ def mcap(
     print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
 
 
-def xdd(file: Annotated[str, Option(metavar="FILE", is_file=True)], *, output: Output = None) -> None:
+DeviceFile: TypeAlias = Annotated[str, Option(metavar="FILE", is_file=True)]
+
+
+def canopennode(
+    file: DeviceFile,
+    *,
+    output: Annotated[Path, Option("-o", metavar="FOLDER")],
+    name: Annotated[str, "begins all identifiers, and names the files"] = "OD",
+    storage: Annotated[Sequence[tuple[str, str]], assigned("INDEX=GROUP")] = (),
+    device: OneDevice,
+) -> ExitStatus:
+    """Write the object dictionary as C for CANopenNode 4: OD.h and OD.c.
+
+    What the stack with its default configuration needs and the file lacks is said, as by `lint --for canopennode`; the
+    exit status is 1 then.
+
+    file: an EDS, DCF, XDD or XDC
+    output: the folder for OD.h and OD.c
+    storage: storage group of an object, such as 2100=PERSIST_APP; repeatable
+
+    $ export canopennode motor.eds -o firmware
+    """
+    from eurobot_od.export.canopennode import object_dictionary, storage_groups
+    from eurobot_od.lint.findings import Severity, count
+    from eurobot_od.lint.rules import stack_findings
+
+    groups = storage_groups(storage, name)
+    dictionary = device.load(file)
+    complain_of_repairs([dictionary])
+    found = stack_findings(dictionary.content, str(dictionary.file), "canopennode")
+    made = object_dictionary(dictionary, name, groups)
+    output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
+    for file_name, text in made.items():
+        write(output / file_name, text)
+    print("\n".join(map(str, found)), end="\n" if found else "")
+    print(f"{output}: {' and '.join(made)}, {amount(len(dictionary.members), 'object')}")
+    return ExitStatus.FOUND if count(found, Severity.ERROR) else ExitStatus.FINE
+
+
+def eds(file: DeviceFile, *, output: Output = None, device: OneDevice) -> None:
+    """Write the EDS of a device in the form that every tool reads.
+
+    Of a DCF it leaves out what is one device's own: values, node-ID and bit rate.
+
+    file: an EDS, DCF, XDD or XDC
+
+    $ export eds motor.xdd -o motor.eds
+    """
+    from eurobot_od.od.dcf import Dcf, eds_text
+
+    dictionary = device.load(file)
+    complain_of_repairs([dictionary])
+    name = output.name if output else f"{dictionary.file.stem}.eds"
+    write_dcf(output, Dcf(eds_text(dictionary, name).encode(dictionary.encoding), {}))
+
+
+def dcf(
+    file: Annotated[str, Option(metavar="NODE-ID=FILE", is_file=True)],
+    *,
+    output: Output = None,
+    bitrate: BitRate = BIT_RATE,
+    device: OneDevice,
+) -> None:
+    """Write the DCF of a device that need not be there: its file, the values of a patch, its node-ID and bit rate.
+
+    file: node-ID, and an EDS, DCF, XDD or XDC
+
+    $ export dcf 5=motor.eds --patch ours.yaml -o motor5.dcf
+    """
+    from eurobot_od.od.dcf import with_contents
+
+    if node_file(file).node_id is None:
+        raise LocalError(f"say which node the DCF is for: 5={file}")
+    dictionary = device.load(file)
+    complain_of_repairs([dictionary])
+    stem = output.stem if output else dictionary.file.stem
+    write_dcf(output, with_contents(dictionary, {}, dictionary.node_id, stem, bitrate // 1000, stem))
+
+
+def xdd(file: DeviceFile, *, output: Output = None, device: OneDevice) -> None:
     """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it.
 
     Of a network the descriptions of all nodes are written, into a folder.
@@ -120,10 +209,10 @@ def xdd(file: Annotated[str, Option(metavar="FILE", is_file=True)], *, output: O
 
     $ export xdd motor.eds -o motor.xdd
     """
-    from eurobot_od.export.xdd import load, xdd_text
+    from eurobot_od.export.xdd import xdd_text
 
     if not is_network(file):
-        dictionary = load(file)
+        dictionary = device.load(file)
         complain_of_repairs([dictionary])
         write(output, xdd_text(dictionary))
         return
@@ -259,8 +348,8 @@ def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output
 
 
 export = Forms(
-    "Turn EDS and DCF files into C, DBC, documents, a Wireshark dissector, XDD, concise DCF, bus.yml; logs into MCAP.",
-    {"c": c, "dbc": dbc, "docs": docs, "wireshark": wireshark, "mcap": mcap, "xdd": xdd, "cdcf": cdcf, "bus": bus},
+    "Turn device files into other forms: EDS, DCF, XDD, C, DBC, documents, a Wireshark dissector; logs into MCAP.",
+    {each.__name__: each for each in (c, canopennode, dbc, docs, wireshark, mcap, eds, dcf, xdd, cdcf, bus)},
 )
 
 

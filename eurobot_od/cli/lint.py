@@ -6,15 +6,16 @@ import gc
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from eurobot_od.cli import ExitStatus, complain
-from eurobot_od.cli.options import BusOptions, Json, check_node_id, give
+from eurobot_od.cli.options import BusOptions, Json, OneDevice, check_node_id, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName, look_up
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sarif, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
+from eurobot_od.lint.stack_rules import STACKS
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
 from eurobot_od.od.values import Address
@@ -34,7 +35,8 @@ def _rules(_: Plugin | None = None) -> Mapping[str, Rule]:
     """Return all rules by their codes."""
     from eurobot_od.lint.network import RULES  # costs what most files do not need
 
-    return {each.code: each for each in (*FILE_RULES, *RULES)}
+    of_stacks = (each for rules in STACKS.values() for each in rules)
+    return {each.code: each for each in (*FILE_RULES, *RULES, *of_stacks)}
 
 
 Codes: TypeAlias = Annotated[tuple[str, ...], Option(metavar="CODES", read=_codes)]
@@ -85,6 +87,8 @@ def lint(
     *,
     network: bool = False,
     report: LintReport,
+    device: OneDevice,
+    stack: Annotated[Literal["canopennode"] | None, Option("--for")] = None,
     fix: bool = False,
     output: Annotated[str | None, Option("-o", metavar="FILE", is_file=True)] = None,
     explain: Annotated[str | None, Option(metavar="CODE", suggest=_rules)] = None,
@@ -95,6 +99,7 @@ def lint(
 
     files: EDS, DCF, XDD, XDC or a folder; with --network also a network file
     network: check the files as the nodes of one network
+    stack: check also what this stack asks of the object dictionary that it is compiled with
     fix: rewrite the files in the normal form that every tool reads, and list the changes
     output: with --fix: the file to write (default: the same file)
     explain: print what a rule demands, and its source
@@ -111,7 +116,8 @@ def lint(
     if fix:  # one by one: a whole folder is not rewritten by mistake
         return _fix(files, output)
     unreadable: list[DictionaryError] = []
-    status = report.give(*_found(files if network else _in_folders(files), network, unreadable))
+    checks = Checks(stack or "", device, unreadable)
+    status = report.give(*_found(files if network else _in_folders(files), network, checks))
     for each in unreadable:
         complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status
@@ -123,8 +129,24 @@ def _in_folders(paths: Sequence[str]) -> list[str]:
     return [file for files in each_of for file in files]
 
 
+class Checks(NamedTuple):
+    """How each file is checked: for which stack, with what laid over it; files that cannot be read are kept apart."""
+
+    stack: str
+    over: OneDevice
+    unreadable: list[DictionaryError]
+
+    def findings(self, file: str) -> list[Finding]:
+        """Check a file; raises DictionaryError for what is none of a device."""
+        device = load(read_bytes(file), file, self.over.patch, self.over.module)
+        is_named = file.lower().endswith(SUFFIXES)  # of these, what is missing are findings
+        if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
+            raise DictionaryError(file, None, "not an EDS: it has no section of one")
+        return lint_device(device, file, self.stack)
+
+
 def _found(
-    files: Sequence[str], as_network: bool, unreadable: list[DictionaryError]
+    files: Sequence[str], as_network: bool, checks: Checks
 ) -> tuple[list[Finding], int, Sequence[tuple[str, ...]]]:
     """Check files, one by one or as a network; return the findings, the number of files, and the identifiers."""
     gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
@@ -142,14 +164,10 @@ def _found(
         findings: list[Finding] = []
         for file in counted:
             try:
-                device = load(read_bytes(file), file)
-                is_named = file.lower().endswith(SUFFIXES)  # of these, what is missing are findings
-                if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
-                    raise DictionaryError(file, None, "not an EDS: it has no section of one")
-                findings += lint_device(device, file)
+                findings += checks.findings(file)
             except DictionaryError as error:  # the other files are checked all the same
-                unreadable.append(error)
-        return findings, len(files) - len(unreadable), ()
+                checks.unreadable.append(error)
+        return findings, len(files) - len(checks.unreadable), ()
     finally:
         gc.enable()
 

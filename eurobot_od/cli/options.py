@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from eurobot_od.bus.live.buses import Opener
     from eurobot_od.client.master import Guard, Master
     from eurobot_od.od.dcf import Dcf
+    from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.renumbering import ChosenCobIds
     from eurobot_od.plugin import Plugins
     from eurobot_od.season.campaign import Workers
@@ -78,6 +79,11 @@ def check_node_id(number: int) -> int:
     if number not in NODE_IDS:
         raise LocalError(f"node-ID {number} is not in 1..127")
     return number
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """Read names or numbers between commas."""
+    return tuple(each.strip() for each in text.split(","))
 
 
 # Options
@@ -181,6 +187,27 @@ class Clone:
         if self.keep_cob_ids:
             return ChosenCobIds.KEEP
         return ChosenCobIds.MOVE if self.move_cob_ids else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneDevice:
+    """What is laid over the file of a device.
+
+    module: modules that are plugged into the device, in their order: numbers or names, such as 1,1,3
+    patch: patch over the file: objects in YAML, or a DCF's values; repeatable
+    """
+
+    module: Annotated[tuple[str, ...] | None, Option(metavar="MODULES", read=listed)] = None
+    patch: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = ()
+
+    def load(self, file: str) -> Dictionary:
+        """Read a device's file, `FILE` or `NODE-ID=FILE`, for any node-ID if none is said; raises DictionaryError."""
+        from eurobot_od.od.dictionary import Dictionary  # which needs canopen
+        from eurobot_od.od.network import node_file
+
+        named = node_file(file)
+        node_id = named.node_id or NODE_IDS[0]
+        return Dictionary.load(named.file, node_id, modules=self.module, patch=self.patch)
 
 
 # What is printed, and files that are written

@@ -81,7 +81,7 @@ class Member(NamedTuple):
     def number(self, value: int) -> str:
         """Write a number of its type."""
         if self.field.numeral is description.Numeral.SIGNED:
-            return _signed(value, self.bits)
+            return signed(value, self.bits)
         # An int has at least 16 bits; a wider constant needs the macro of its type (C99, 7.18.4).
         return f"{value}u" if self.bits <= 16 else f"UINT{self.bits}_C({value})"
 
@@ -94,8 +94,8 @@ class Member(NamedTuple):
             return ""
         if self.field.numeral is description.Numeral.SIGNED:
             sign = 1 << (width - 1)
-            return f"{value} < {_signed(-sign, self.bits)} || {value} > {_signed(sign - 1, self.bits)}"
-        return f"{value} > {_unsigned((1 << width) - 1, self.bits)}"
+            return f"{value} < {signed(-sign, self.bits)} || {value} > {signed(sign - 1, self.bits)}"
+        return f"{value} > {unsigned((1 << width) - 1, self.bits)}"
 
     @property
     def meaning(self) -> str:
@@ -107,9 +107,9 @@ class Member(NamedTuple):
             return raw
         # Converting an unsigned number that the signed type cannot hold is implementation-defined (C99, 6.3.1.3).
         sign_bit = 1 << (self.field.width - 1)
-        low = f"({self.type})({raw} & {_unsigned(sign_bit - 1, self.bits)})"
-        negative = f"{low} - {_signed(sign_bit - 1, self.bits)} - 1"
-        return f"({self.type})(({raw} & {_unsigned(sign_bit, self.bits)}) != 0u ? {negative} : {low})"
+        low = f"({self.type})({raw} & {unsigned(sign_bit - 1, self.bits)})"
+        negative = f"{low} - {signed(sign_bit - 1, self.bits)} - 1"
+        return f"({self.type})(({raw} & {unsigned(sign_bit, self.bits)}) != 0u ? {negative} : {low})"
 
 
 class MessageBlock(NamedTuple):
@@ -157,7 +157,7 @@ def blocks_of(messages: Iterable[description.DescribedMessage], name: str) -> li
 
 def _head(prefix: str, blocks: Iterable[MessageBlock]) -> Iterator[str]:
     files = dict.fromkeys(each.message.file.name for each in blocks)
-    yield f"/* Messages of {_comment(', '.join(files))}, made by `eurobot-od export c`; do not edit."
+    yield f"/* Messages of {comment(', '.join(files))}, made by `eurobot-od export c`; do not edit."
     yield " *"
     yield " * pack: puts a message into `data`, which holds `size` bytes; returns the frame's length, 0 if it does not"
     yield " * fit or if a value is too wide for its field. unpack: takes a message out of a frame's data; returns false"
@@ -177,7 +177,7 @@ def _head(prefix: str, blocks: Iterable[MessageBlock]) -> Iterator[str]:
             yield f"typedef char {prefix}_{real}_has_{bits}_bits[sizeof({real}) == {bits // 8} ? 1 : -1];"
 
 
-def _comment(text: str) -> str:
+def comment(text: str) -> str:
     """Make a text fit for a comment; `??` could begin a trigraph."""
     return description.printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
@@ -189,7 +189,7 @@ def _block(block: MessageBlock, macros: description.Identifiers) -> Iterator[str
     message = block.message
     about = f"{message.name}: {message.path}" + (f". {message.text}" if message.text else "")
     yield ""
-    yield f"/* {WIDE.fill(_comment(about))} */"
+    yield f"/* {WIDE.fill(comment(about))} */"
     yield ""
     yield f"#define {_macro(macros, block.name, 'cob_id')} 0x{message.cob_id:03X}u"
     yield f"#define {_macro(macros, block.name, 'length')} {message.length}u"
@@ -201,7 +201,7 @@ def _block(block: MessageBlock, macros: description.Identifiers) -> Iterator[str
         yield ""
         yield "typedef struct {"
         for member in block.members:
-            yield f"    {member.type} {member.name}; /* {_comment(member.field.allowed)} */"
+            yield f"    {member.type} {member.name}; /* {comment(member.field.allowed)} */"
         yield f"}} {block.name}_t;"
         yield from _pack(block)
         yield from _unpack(block)
@@ -220,7 +220,7 @@ def _macros(block: MessageBlock, member: Member, macros: description.Identifiers
             yield f"#define {_macro(macros, block.name, member.name, word)} {member.number(value)}"
     if field.unit:
         # Without backslash and quote it cannot end the literal, nor have a pair of them cut in half.
-        unit = _comment(field.unit).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
+        unit = comment(field.unit).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
         yield f'#define {_macro(macros, block.name, member.name, "unit")} "{unit}"'
     if field.unknown is not None and field.unknown not in field.named:
         yield f"#define {_macro(macros, block.name, member.name, 'unknown')} {member.number(field.unknown)}"
@@ -231,16 +231,16 @@ def _macros(block: MessageBlock, member: Member, macros: description.Identifiers
 # Numbers
 
 
-def _unsigned(value: int, bits: int) -> str:
+def unsigned(value: int, bits: int) -> str:
     """Write a number of an unsigned type as wide as `bits`, in hexadecimal."""
     # int has at least 16 bits (C99, 5.2.4.2.1), so up to there a plain constant will do.
     return f"0x{value:X}u" if bits <= 16 else f"UINT{bits}_C(0x{value:X})"
 
 
-def _signed(value: int, bits: int) -> str:
+def signed(value: int, bits: int) -> str:
     """Write a number of a signed type; the lowest has no literal, as minus is an operator in C."""
     if value == -1 << (bits - 1):
-        return f"({_signed(value + 1, bits)} - 1)"
+        return f"({signed(value + 1, bits)} - 1)"
     text = str(value) if bits <= 16 else f"INT{bits}_C({abs(value)})"
     return f"({'-' * (bits > 16)}{text})" if value < 0 else text
 
@@ -304,7 +304,7 @@ def _unpack(block: MessageBlock) -> Iterator[str]:
         )
         taken = f"({kind})({' | '.join(bits)})"
         if default is not None:
-            taken = f"({kind})(length < {length}u ? {_unsigned(default, member.bits)} : {taken})"
+            taken = f"({kind})(length < {length}u ? {unsigned(default, member.bits)} : {taken})"
         yield f"    const {kind} {raw} = {taken};"
         if member.is_real:
             yield f"    memcpy(&message->{member.name}, &{raw}, sizeof {raw});"

@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element
 from eurobot_od.od import formats
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.document import BIT_RATES
+from eurobot_od.od.document import BIT_RATES, Section
 from eurobot_od.od.units import RAW, UnitScale, digits, own_scale_of
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NO_ACCESS, NODE_IDS, PdoDirection
 
@@ -41,11 +41,11 @@ COMMISSIONED = {
 }
 """Attributes of a commissioned device, their keys in a DCF, and the value without such a key."""
 
+PARAMETER_ACCESS = {access: name for name, access in formats.PARAMETER_ACCESS.items()} | {NO_ACCESS: "noAccess"}
+"""Access of a parameter by that of an EDS."""
+
 PARAMETER_TYPES = {code: name for name, code in reversed(formats.SIMPLE_TYPES.items())}
 """Data types of the application process by CANopen's code: of several, the first."""
-
-PARAMETER_ACCESS = {access: name for name, access in formats.PARAMETER_ACCESS.items()} | {NO_ACCESS: "noAccess"}
-"""Access of a parameter of the application process by an EDS's."""
 
 NO_DAY = "1970-01-01"
 """The date of a file that has none, as the schema requires one."""
@@ -73,8 +73,14 @@ def _texts(texts: Mapping[str, str | None]) -> list[Element]:
     return [_element(tag, {}, text=text) for tag, text in texts.items()]
 
 
-def _parameter_id(variable: DescribedVariable) -> str:
-    return f"UID_{variable.index:04X}{variable.sub:02X}"
+def _parameter_id(index: int, sub: int | None = None) -> str:
+    return f"UID_{index:04X}" + ("" if sub is None else f"{sub:02X}")
+
+
+def _properties(section: Section) -> list[Element]:
+    """Return what an object says by CANopenNode's own properties."""
+    entries = (each for key, each in section.entries.items() if key.startswith(formats.PROPERTY.lower()))
+    return [_element("co:property", {"name": each.key, "value": each.value}) for each in entries]
 
 
 def _boolean(flag: bool) -> str:
@@ -160,14 +166,20 @@ class _XddWriter:
         return [identity, function, *self._application_process()]
 
     def _application_process(self) -> Iterator[Element]:
-        """Yield the parameters of objects: only a parameter can say `noAccess`, or a unit."""
-        found = (each for described in self._device.objects.values() for each in described.variables())
-        listed = [each for each in found if self._is_parameter(each)]
+        """Yield the parameters of objects: only a parameter can say `noAccess`, a unit, or CANopenNode's properties."""
+        listed = []
+        for index in self._dictionary.members:
+            described = self._device.objects[index]
+            if described.code not in SIMPLE and (properties := _properties(described.place)):
+                label = _element("label", {"lang": "en"}, text=described.name)
+                listed.append(_element("co:parameter", {"uniqueID": _parameter_id(index)}, label, *properties))
+            listed += [self._parameter(each) for each in described.variables() if self._is_parameter(each)]
         if listed:
-            yield _element("co:ApplicationProcess", {}, _element("co:parameterList", {}, *map(self._parameter, listed)))
+            yield _element("co:ApplicationProcess", {}, _element("co:parameterList", {}, *listed))
 
     def _is_parameter(self, variable: DescribedVariable) -> bool:
-        return variable.access == NO_ACCESS or self._scale(variable) != RAW
+        is_said = variable.access == NO_ACCESS or bool(_properties(variable.section))
+        return is_said or self._scale(variable) != RAW
 
     def _scale(self, variable: DescribedVariable) -> UnitScale:
         known = self._dictionary.variable((variable.index, variable.sub))
@@ -177,13 +189,14 @@ class _XddWriter:
         type_ = variable.type.code if variable.type else DOMAIN.code
         scale = self._scale(variable)
         offset = {"offset": digits(scale.offset)} if scale.offset else {}
-        attributes = {"uniqueID": _parameter_id(variable), "access": PARAMETER_ACCESS.get(variable.access), **offset}
+        access = PARAMETER_ACCESS.get(variable.access)
+        names = {"uniqueID": _parameter_id(variable.index, variable.sub), "access": access}
         label = _element("label", {"lang": "en"}, text=variable.name)
         parts = [label, _element(PARAMETER_TYPES.get(type_, "BITSTRING"), {})]
         if scale != RAW:
             unit = _element("label", {"lang": "en"}, text=scale.unit)
             parts.append(_element("co:unit", {"multiplier": digits(scale.factor), "unitURI": ""}, unit))
-        return _element("co:parameter", attributes, *parts)
+        return _element("co:parameter", {**names, **offset}, *parts, *_properties(variable.section))
 
     # Communication
 
@@ -223,6 +236,8 @@ class _XddWriter:
             type_ = str((ObjectCode.DOMAIN if is_domain else ObjectCode.VAR).value)
             named = {"subIndex": f"{sub:02X}", "name": each.name, "objectType": type_}
             listed.append(_element("CANopenSubObject", {**named, **self._variable(each)}))
+        if _properties(described.place):
+            attributes["uniqueIDRef"] = _parameter_id(index)
         return _element("CANopenObject", {**attributes, "subNumber": str(len(listed))}, *listed)
 
     def _variable(self, variable: DescribedVariable) -> dict[str, str | None]:
@@ -231,7 +246,7 @@ class _XddWriter:
         return {
             "dataType": self._type(variable),
             "accessType": access if access in SAME_ACCESS else None,
-            "uniqueIDRef": _parameter_id(variable) if self._is_parameter(variable) else None,
+            "uniqueIDRef": _parameter_id(variable.index, variable.sub) if self._is_parameter(variable) else None,
             "PDOmapping": mapping if variable.is_mappable else "no",
             **{name: self._value(variable, key.lower()) for name, key in formats.VALUES.items()},
             "denotation": variable.section.text("denotation") or None,

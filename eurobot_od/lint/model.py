@@ -7,10 +7,11 @@ silent, because another rule reports it.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
+from eurobot_od.errors import DictionaryError
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
 from eurobot_od.od.document import TYPED, Document, Entry, Section
@@ -40,17 +41,20 @@ class GivenValue(NamedTuple):
         return values.NODE_ID in self.entry.value.upper()
 
 
-def load(data: bytes, file: str, patches: Iterable[str] = ()) -> LintedDevice:
-    """Read the bytes of an EDS or DCF as a device, with patches over it.
+def load(data: bytes, file: str, patches: Iterable[str] = (), modules: Sequence[str] | None = None) -> LintedDevice:
+    """Read the bytes of an EDS or DCF as a device, with modules plugged into it, and patches over it.
 
-    Nothing raises but patches that do not fit: they raise DictionaryError.
+    Nothing raises but patches and modules that do not fit: they raise DictionaryError.
     """
     document = read(data)
-    if patches:
+    if patches or modules is not None:
         from eurobot_od.od.patches import patched, read_patch, with_settings
 
         over = [read_patch(each) for each in patches]
-        document = patched(with_settings(document, over), over)
+        whole, misfits = with_modules(with_settings(document, over), modules)
+        if misfits:
+            raise DictionaryError(file, None, misfits[0].what)
+        document = patched(whole, over)
     # By hand, as `lint` starts without pathlib; of Windows' paths as well.
     return LintedDevice(document, file.replace("\\", "/").rpartition("/")[2])
 

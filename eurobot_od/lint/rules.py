@@ -6,9 +6,12 @@ finds.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from eurobot_od.lint import file_rules, object_rules, pdo_rules
-from eurobot_od.lint.findings import Finding
+from eurobot_od.lint.findings import Finding, Rule
 from eurobot_od.lint.model import LintedDevice, load
+from eurobot_od.lint.stack_rules import STACKS
 
 FILE_RULES = (*file_rules.RULES, *object_rules.RULES, *file_rules.MODULES, *pdo_rules.RULES, *file_rules.CONFIGURATION)
 """The rules for one file, by code."""
@@ -20,13 +23,22 @@ NOT_OF_XML = frozenset(
 """Codes about keys that an EDS must have, and a device description in XML says elsewhere, otherwise or not at all."""
 
 
-def lint(data: bytes, file: str) -> list[Finding]:
+def lint(data: bytes, file: str, stack: str = "") -> list[Finding]:
     """Check the bytes of an EDS or DCF; `file` is its path, which findings name. Findings are in the file's order."""
-    return lint_device(load(data, file), file)
+    return lint_device(load(data, file), file, stack)
 
 
-def lint_device(device: LintedDevice, file: str) -> list[Finding]:
-    """Check a device that has been read."""
+def stack_findings(data: bytes, file: str, stack: str) -> list[Finding]:
+    """Return what a stack of STACKS lacks in a device's file, in the file's order."""
+    return _findings(load(data, file), file, STACKS[stack])
+
+
+def lint_device(device: LintedDevice, file: str, stack: str = "") -> list[Finding]:
+    """Check a device that has been read, also for a `stack` of STACKS."""
     rules = [each for each in FILE_RULES if not device.document.is_xml or each.code not in NOT_OF_XML]
+    return _findings(device, file, [*rules, *(STACKS[stack] if stack else ())])
+
+
+def _findings(device: LintedDevice, file: str, rules: Iterable[Rule]) -> list[Finding]:
     found = {Finding(file, at.line, at.column, rule.code, text) for rule in rules for at, text in rule.check(device)}
     return sorted(found, key=lambda each: each[1:])

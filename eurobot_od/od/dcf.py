@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
 from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, Document, Rewriting, is_text, read_bytes
+from eurobot_od.od.modules import CONNECTED, is_of_modules
 from eurobot_od.od.objects import data_type, value_text
 from eurobot_od.od.renumbering import relative_text
 from eurobot_od.od.values import DOMAIN, TIMES, UNICODE_STRING, VISIBLE_STRING, Address, Value, label, parse_number
@@ -29,6 +30,10 @@ COB_ID_DIGITS = 8
 
 UNICODE_BYTES = "utf-16-le"
 """A UNICODE_STRING in an SDO (CiA 301, 7.1.6.5)."""
+
+
+OF_ONE_DEVICE = ("ParameterValue", "UploadFile", "DownloadFile")
+"""Keys of a DCF's values; an EDS has none of them."""
 
 
 class FileBeside(NamedTuple):
@@ -155,6 +160,27 @@ def _become_dcf(rewriting: Rewriting, device: DescribedDevice) -> None:
         rewriting.drop(device.commissioning)
 
 
+def eds_text(dictionary: Dictionary, file_name: str) -> str:
+    """Return the EDS of a device: its file in normal form without what a DCF says of one device of the type.
+
+    Connected modules are its own objects then. Lines end in LF.
+    """
+    device = dictionary.device
+    rewriting = Rewriting(device.document)
+    left_out = {COMMISSIONING.lower(), "devicecommissioning", CONNECTED}
+    for name, section in device.document.sections.items():
+        if name in left_out or (dictionary.has_modules and is_of_modules(name)):
+            rewriting.drop(section)
+    for _, section in device.object_sections:
+        for key in OF_ONE_DEVICE:
+            rewriting.unset(section, key)
+    info = device.section("fileinfo")
+    if info:
+        rewriting.set(info, "FileName", file_name)
+        rewriting.unset(info, "LastEDS")
+    return rewriting.text()
+
+
 def missing(document: Document) -> list[str]:
     """Return the sections that an EDS or DCF announces and does not have: listed objects and counted sub-indices."""
     members = Counter(name.partition("sub")[0] for name in document.sections if "sub" in name)
@@ -180,7 +206,7 @@ def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileB
         entries = {"UploadFile": value.name, "DownloadFile": value.name}
     else:
         entries = {"ParameterValue": relative or _written(variable, value)}
-    for key in ("ParameterValue", "UploadFile", "DownloadFile"):
+    for key in OF_ONE_DEVICE:
         # a value and a file at once would leave it to each tool which of them counts
         if key in entries:
             rewriting.set(variable.section, key, entries[key])

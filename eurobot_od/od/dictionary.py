@@ -129,9 +129,14 @@ class Dictionary:
         return [each for each in self._normal.changes if not each.standard]
 
     @property
+    def has_modules(self) -> bool:
+        """Whether connected modules have brought some of its objects."""
+        return self._normal.has_modules
+
+    @property
     def idle_modules(self) -> tuple[Module, ...]:
         """The modules that a modular device supports, if none is connected: their objects are not there."""
-        return () if self._normal.has_modules else tuple(Modules(self.device.document).supported.values())
+        return () if self.has_modules else tuple(Modules(self.device.document).supported.values())
 
     @property
     def left_out(self) -> list[Refusal]:

@@ -574,7 +574,7 @@ def _object(index: int, each: XmlElement, parameters: _Parameters) -> Iterator[S
     if not subs and "subNumber" not in each.attributes:
         yield _section(name, each, _entries(each, parameters))
         return
-    head = {key: text for key, text in _entries(each, parameters).items() if key in ("ParameterName", "ObjectType")}
+    head = {key: text for key, text in _entries(each, parameters).items() if key in HEAD or key.startswith(PROPERTY)}
     # SubNumber does not count sub-index 0xFF, the structure (CiA 306-1).
     yield _section(name, each, {**head, "SubNumber": str(sum(sub != values.STRUCTURE for sub, _ in subs))})
     for sub, at in subs:
@@ -609,6 +609,12 @@ def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
         entries = {key: BOOLEANS.get(text, text) for key, text in entries.items()}
     return entries
 
+
+HEAD = ("ParameterName", "ObjectType")
+"""What an object with sub-indices says for all of them."""
+
+PROPERTY = "CO_"
+"""Begins the names of CANopenNode's own properties, such as CO_storageGroup."""
 
 PARAMETER_VALUES = (("defaultValue", "DefaultValue"), ("actualValue", "ParameterValue"))
 SCALE = {"multiplier": "Factor", "offset": "Offset"}
@@ -670,6 +676,10 @@ class _Parameters:
             if each and "value" in each.attributes:
                 said[key] = each.attributes["value"]
         said |= _limits(parameter)
+        properties = (each.attributes for each in parameter.children if each.tag == "property")
+        said |= {
+            each["name"]: each.get("value", "") for each in properties if each.get("name", "").startswith(PROPERTY)
+        }
         denotation = parameter.child("denotation")
         label = denotation.child("label") if denotation else None
         said |= {"Denotation": label.text} if label else {}

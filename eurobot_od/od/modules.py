@@ -42,6 +42,11 @@ FIXED = re.compile(r"(m[0-9]+fixed[0-9a-f]{4})((?:sub.*)?)")
 """A section of a fixed object, and the rest of its name."""
 
 
+def is_of_modules(name: str) -> bool:
+    """Whether the section of a name, in lower case, describes modules that may be connected."""
+    return name == SUPPORTED or MODULE_SECTION.fullmatch(name) is not None
+
+
 class Module(NamedTuple):
     """A module that a file describes: its number, and what it is called."""
 

@@ -10,6 +10,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.cli.files import export
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import load, read_network
 from tests.cli.console import run
 from tests.kit import plant
@@ -17,6 +18,9 @@ from tests.od.make.tables import TABLE
 from tests.rows import rows
 
 LIFT = str(plant.FILES.folder() / "lift.eds")
+
+DOCS = Path(__file__).parents[2] / "docs"
+SERVO, SERVO_DCF = str(DOCS / "servo.eds"), str(DOCS / "servo.dcf")
 
 CALLS = [
     # (form and options, begin of the output)
@@ -26,6 +30,7 @@ CALLS = [
     (["docs", "--format", "html"], "<!DOCTYPE html>"),
     (["wireshark"], "-- Messages of panel.eds"),
     (["xdd", LIFT], "<?xml version="),
+    (["eds", SERVO_DCF], "[FileInfo]"),
 ]
 
 
@@ -39,7 +44,10 @@ def test_a_form_goes_to_standard_output_or_into_a_file(
     file = tmp_path / ("pdo.md" if words == ["docs"] else "pdo.html")
     file.write_text("old")
     assert run(capsys, "export", *words, "-o", str(file)) == (0, "", "")
-    assert file.read_text() == said.out
+    named = (
+        file.read_text().replace(file.name, Path(words[-1]).stem + ".eds") if words[0] == "eds" else file.read_text()
+    )
+    assert named == said.out
     assert list(tmp_path.iterdir()) == [file]
 
 
@@ -84,7 +92,7 @@ MISTAKES = [
     (["docs", "--format", "pdf"], 2, "argument --format: unknown value 'pdf'; known: markdown, html"),
     (["xdd", "none.eds"], 2, "none.eds: No such file or directory"),
     (["xdd", os.__file__], 2, "not an EDS: it describes no object"),
-    (["nonsense"], 2, "unknown form 'nonsense'; known: c, dbc, docs"),
+    (["nonsense"], 2, "unknown form 'nonsense'; known: c, canopennode, dbc, docs"),
 ]
 
 
@@ -142,6 +150,57 @@ def test_of_a_network_each_node_has_a_file(form: str, tmp_path: Path, monkeypatc
     Path("net.yaml").write_text(f"nodes: {{left: {{file: {LIFT}, node_id: 5}}, right: {{file: {LIFT}, node_id: 6}}}}")
     assert cli.main(["export", form, "net.yaml", "-o", "made"]) == 0
     assert sorted(each.name for each in Path("made").iterdir()) == [f"left.{form}", f"right.{form}"]
+
+
+def test_a_dcf_is_made_without_a_device(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    patch, file = tmp_path / "ours.yaml", tmp_path / "arm.dcf"
+    patch.write_text("0x1017: {ParameterValue: 250}\n")
+    assert (
+        run(capsys, "export", "dcf", f"5={SERVO}", "--patch", str(patch), "-b", "250000", "-o", str(file)).status == 0
+    )
+    made = Dictionary.load(file)
+    assert (made.node_id, made.default((0x1017, 0)), made.stock_value((0x1017, 0))) == (5, 250, 100)
+    assert [each for each in file.read_text().splitlines() if "=arm" in each or "=250" in each][-2:] == [
+        "NodeName=arm",
+        "Baudrate=250",
+    ]
+    assert run(capsys, "lint", "--select", "E", str(file)).status == 0
+
+
+def test_a_dcf_is_for_a_node(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "export", "dcf", SERVO) == (2, "", f"eurobot-od: say which node the DCF is for: 5={SERVO}\n")
+
+
+def test_code_for_canopennode_and_what_it_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "firmware"
+    said = run(capsys, "export", "canopennode", SERVO, "-o", str(folder), "--storage", "2000=MINE")
+    assert said == (0, f"{folder}: OD.h and OD.c, 101 objects\n", "")
+    assert "OD_MINE" in (folder / "OD.h").read_text()
+    motor = str(DOCS / "motor.eds")
+    said = run(capsys, "export", "canopennode", motor, "-o", str(folder), "--name", "motor")
+    lacks = f"{motor}:1:1: E901 CANopenNode needs 0x1016:1; add: Consumer heartbeat time, UNSIGNED32, rw\n"
+    assert said == (1, f"{lacks}{folder}: motor.h and motor.c, 15 objects\n", "")
+    assert run(capsys, "lint", "--for", "canopennode", "--select", "E9", motor).out.startswith(lacks)
+
+
+@pytest.mark.parametrize("form", ["eds", "xdd"])
+def test_a_form_has_what_a_patch_says(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    patch, file = tmp_path / "ours.yaml", tmp_path / f"made.{form}"
+    patch.write_text("0x1017: {DefaultValue: 250}\n")
+    assert run(capsys, "export", form, SERVO, "--patch", str(patch), "-o", str(file)).status == 0
+    assert Dictionary.load(file, 1).default((0x1017, 0)) == 250
+
+
+def test_modules_become_objects_of_an_eds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    coupler = "tests/od/samples/coupler.eds"
+    file = tmp_path / "flat.eds"
+    assert run(capsys, "export", "eds", coupler, "--module", "1,1", "-o", str(file)).status == 0
+    flat, modular = Dictionary.load(file, 1), Dictionary.load(coupler, 1, modules=["1", "1"])
+    assert flat.members.keys() == modular.members.keys() > Dictionary.load(coupler, 1).members.keys()
+    assert (flat.has_modules, flat.idle_modules) == (False, ())
+    assert run(capsys, "lint", coupler, "--module", "77").complaint.startswith(
+        f"eurobot-od: {coupler}: module 77 is not supported"
+    )
 
 
 # make-eds

@@ -1,0 +1,92 @@
+"""Rules about what a stack asks of the object dictionary that it is compiled with: `lint --for canopennode`.
+
+They are what CANopenNode 4 with its default configuration needs; a part of the stack that is switched off needs less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from eurobot_od.lint.findings import Rules, Violations
+from eurobot_od.lint.model import TOP, LintedDevice
+from eurobot_od.od import standard, values
+
+RULES = Rules()
+
+NEEDED: Mapping[tuple[int, int], str] = {
+    standard.DEVICE_TYPE: "Device type, UNSIGNED32, ro",
+    standard.ERROR_REGISTER: "Error register, UNSIGNED8, ro",
+    standard.EMCY: "COB-ID EMCY, UNSIGNED32, rw, $NODEID+0x80",
+    (standard.CONSUMED_HEARTBEATS, 1): "Consumer heartbeat time, UNSIGNED32, rw",
+    standard.HEARTBEAT_TIME: "Producer heartbeat time, UNSIGNED16, rw",
+    (standard.IDENTITY, 1): "Vendor-ID, UNSIGNED32, ro",
+    (standard.IDENTITY, 2): "Product code, UNSIGNED32, ro",
+    (standard.IDENTITY, 3): "Revision number, UNSIGNED32, ro",
+    (standard.IDENTITY, 4): "Serial number, UNSIGNED32, ro",
+}
+"""Variables without which the stack does not compile, and what to add."""
+
+PARTNERS = {
+    0x1005: (0x1006,),
+    0x1300: (0x1301,),
+    0x1301: (0x1381, 0x13FE, 0x13FF),
+}
+"""Objects that the stack uses together with others."""
+
+NUMBERED = {
+    "SDO server": standard.SDO_SERVERS,
+    "SDO client": standard.SDO_CLIENTS,
+    **{each.name: values.COMMUNICATION_RECORDS[each] for each in values.PdoDirection},
+}
+"""Services that the stack counts through from the first on."""
+
+ADDED_BY_THE_STACK = (standard.EMCY[0], *standard.SDO_SERVERS, *values.PDO_PARAMETERS)
+"""Objects to whose COB-IDs the stack adds the node-ID."""
+
+
+@RULES.rule("E901", "public: CANopenNode, objectDictionary.md, requirements")
+def missing(device: LintedDevice) -> Violations:
+    """CANopenNode's default configuration has the objects that it compiles with."""
+    for (index, sub), what in NEEDED.items():
+        found = device.objects.get(index)
+        if found is None or found.variable(sub) is None:
+            yield found.place if found else TOP, f"CANopenNode needs {values.label((index, sub))}; add: {what}"
+
+
+@RULES.rule("E902", "public: CANopenNode, CANopen.c")
+def without_partner(device: LintedDevice) -> Violations:
+    """An object that CANopenNode uses together with another one is not alone."""
+    for index, others in (*PARTNERS.items(), *_pdos(device)):
+        found = device.objects.get(index)
+        for other in others if found else ():
+            if found and other not in device.objects:
+                yield found.place, f"with 0x{index:04X} CANopenNode needs 0x{other:04X}, too"
+
+
+def _pdos(device: LintedDevice) -> Iterator[tuple[int, tuple[int, ...]]]:
+    for each in device.pdos:
+        yield each.index, (each.mapping_index,)
+
+
+@RULES.rule("E903", "public: CANopenNode, CANopen.c")
+def with_gap(device: LintedDevice) -> Violations:
+    """PDOs, SDO servers and SDO clients are numbered from the first on: CANopenNode counts them through."""
+    for name, records in NUMBERED.items():
+        present = [each in device.objects for each in records]
+        last = max((at for at, is_there in enumerate(present) if is_there), default=-1)
+        gap = next((at for at in range(last) if not present[at]), None)
+        if gap is not None:
+            place = device.objects[records[last]].place
+            yield place, f"{name} {last + 1} is there and {name} {gap + 1} (0x{records[gap]:04X}) is not; add it"
+
+
+@RULES.rule("W904", "public: CANopenNode, CO_PDO.c, CO_Emergency.c, CO_SDOserver.c")
+def node_id_of_a_value(device: LintedDevice) -> Violations:
+    """A value with $NODEID is one to which CANopenNode adds the node-ID."""
+    for each in device.given:
+        if each.number and each.number.relative and each.variable.index not in ADDED_BY_THE_STACK:
+            yield each.entry, f"CANopenNode does not add the node-ID to {each.variable.where}: your program has to"
+
+
+STACKS = {"canopennode": RULES}
+"""The rules by stack."""
