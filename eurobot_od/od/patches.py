@@ -64,8 +64,8 @@ class Patch(NamedTuple):
     settings: Mapping[str, Section] = MappingProxyType({})
 
     def wrong(self, line: int, what: str) -> DictionaryError:
-        """Return the error of a line."""
-        return DictionaryError(f"{self.file}:{line}", None, what)
+        """Return the error of a line; one that was not read from a file has line 0."""
+        return DictionaryError(f"{self.file}:{line}" if line else self.file, None, what)
 
 
 def read_patch(file: str | Path) -> Patch:
@@ -187,6 +187,16 @@ def patched(document: Document, patches: Iterable[Patch]) -> Document:
     return document
 
 
+def address_in(document: Document, target: str) -> tuple[int, int | None]:
+    """Return index and sub-index of what a target names, None for a whole object and for a VAR; raises as `patched`."""
+    return _Patching(document, Patch(target, ())).address(ObjectPatch(target, 0, ()))
+
+
+def section_name(index: int, sub: int | None) -> str:
+    """Return the name of the section of an object, or of a sub-index."""
+    return f"{index:04X}" if sub is None else f"{index:04X}sub{sub:X}"
+
+
 class _Patching:
     """One patch over one document; new objects have line 0, where no comment of the file stands."""
 
@@ -205,7 +215,7 @@ class _Patching:
         return self._base._replace(sections=self._sections)
 
     def _apply(self, each: ObjectPatch) -> None:
-        index, sub = self._address(each)
+        index, sub = self.address(each)
         section = self._section(index, sub)
         own: dict[str, Entry] = {}
         for entry in each.entries:
@@ -231,11 +241,12 @@ class _Patching:
             entries[key] = Entry(spelled, text, line, section.column)
             if not text:
                 del entries[key]
-        self._sections[_name(index, sub).lower()] = section._replace(name=_name(index, sub), entries=entries)
+        name = section_name(index, sub)
+        self._sections[name.lower()] = section._replace(name=name, entries=entries)
 
     # Which object
 
-    def _address(self, each: ObjectPatch) -> tuple[int, int | None]:
+    def address(self, each: ObjectPatch) -> tuple[int, int | None]:
         """Return index and sub-index of what a patch is about, None for the whole object, and for a VAR."""
         try:
             found = numbered(each.target)
@@ -270,7 +281,7 @@ class _Patching:
 
     def _section(self, index: int, sub: int | None) -> Section | None:
         """Return the section of an object or variable, also of one that CompactSubObj describes."""
-        section = self._sections.get(_name(index, sub).lower())
+        section = self._sections.get(section_name(index, sub).lower())
         if section or sub is None or index not in self._objects:
             return section
         variable = self._objects[index].variable(sub)
@@ -295,7 +306,7 @@ class _Patching:
             self._grow(each, index)
         elif needed is not NEEDED:
             self._grown[index] = 0
-        return Section(_name(index, sub), 0, 1, {})
+        return Section(section_name(index, sub), 0, 1, {})
 
     def _grow(self, each: ObjectPatch, index: int) -> None:
         """Remember the highest sub-index that an object had before it gets another one."""
@@ -337,20 +348,16 @@ class _Patching:
             return
         zero, highest = whole.variable(0), str(_highest(subs))
         if zero is None:
-            self._set(whole.section._replace(name=_name(index, 0), entries={}), DefaultValue=highest, **HIGHEST)
+            self._set(whole.section._replace(name=section_name(index, 0), entries={}), DefaultValue=highest, **HIGHEST)
         elif zero.value == (before, False):
             # Only where it was that before: a PDO's mapping record says there how many entries are mapped.
-            self._set(zero.section._replace(name=_name(index, 0)), DefaultValue=highest)
+            self._set(zero.section._replace(name=section_name(index, 0)), DefaultValue=highest)
         count = len({*subs, 0} - {values.STRUCTURE})
         if not whole.compact:
             self._set(whole.section, SubNumber=str(count))
 
     def _set(self, section: Section, **entries: str) -> None:
         self._sections[section.name.strip().lower()] = section.saying(**entries)
-
-
-def _name(index: int, sub: int | None) -> str:
-    return f"{index:04X}" if sub is None else f"{index:04X}sub{sub:X}"
 
 
 def _highest(subs: Iterable[int]) -> int:

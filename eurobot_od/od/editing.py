@@ -1,0 +1,243 @@
+"""Changes to the text of an EDS or DCF: what is asked becomes other lines, and every other byte stays as it is.
+
+A change is a function from the document that a file is to the one that it is to be; `edited` writes the lines in which
+the two differ. What a patch can say of a file, a change can say in it (see `patches`).
+"""
+
+from __future__ import annotations
+
+import re
+from codecs import BOM_UTF8
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import TypeAlias
+
+from eurobot_od.errors import DictionaryError, LocalError, look_up
+from eurobot_od.od import document as cia306
+from eurobot_od.od import formats, values
+from eurobot_od.od.description import DescribedDevice, DescribedRecords, SectionName, parse_section_name
+from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.patches import ObjectPatch, Patch, address_in, patched, read_patch, section_name
+from eurobot_od.od.values import MappingEntry
+
+Change: TypeAlias = Callable[[Document], Document]
+
+PROFILES = {each.stem: each for each in sorted(Path(__file__).with_name("profiles").glob("*.yaml"))}
+"""The objects of profiles, as patches, by the profile's number."""
+
+PDO_BITS = 64
+MAPPED = {"DataType": "UNSIGNED32", "AccessType": "rw", "PDOMapping": "0"}
+"""What a mapping entry is that the file does not have yet."""
+
+
+def said(target: str, entries: Mapping[str, str]) -> Change:
+    """Return the change that an object, or a sub-index, says this; an empty text takes a key away.
+
+    `target` is an address, or a name; what the file does not have is added. Made, it raises DictionaryError.
+    """
+    patch = Patch(target, [ObjectPatch(target, 0, [Entry(key, text, 0, 1) for key, text in entries.items()])])
+    return lambda document: patched(document, [patch])
+
+
+def removed(target: str) -> Change:
+    """Return the change that an object, or a sub-index, is not there; made, it raises DictionaryError, LocalError."""
+
+    def change(document: Document) -> Document:
+        index, sub = address_in(document, target)
+        whole = DescribedDevice(document).objects.get(index)
+        gone = section_name(index, sub).lower()
+        left = {name: each for name, each in document.sections.items() if not _is_part(name, index, sub)}
+        if whole is None or len(left) == len(document.sections):
+            raise LocalError(f"{target}: the file does not describe it in a section [{gone}]")
+        if sub is not None and whole.section:
+            count = len({*whole.subs, 0} - {sub, values.STRUCTURE})
+            left[whole.section.name.strip().lower()] = whole.section.saying(SubNumber=str(count))
+        return document._replace(sections=left)
+
+    return change
+
+
+def _is_part(name: str, index: int, sub: int | None) -> bool:
+    """Whether a section, by its name in lower case, describes an object or a part of it, or one sub-index."""
+    named = parse_section_name(name)
+    return named is not None and named.object_index == index and (sub is None or named.sub == sub)
+
+
+def mapped(pdo: str, targets: Sequence[str]) -> Change:
+    """Return the change that a PDO, such as TPDO2, carries these objects.
+
+    Made, it raises DictionaryError, LocalError, UnknownName.
+    """
+
+    def change(document: Document) -> Document:
+        device = DescribedDevice(document)
+        records = look_up("PDO", pdo.upper(), {each.key: each for each in device.pdos})
+        entries = [_mapping_entry(device, *address_in(document, each), each) for each in targets]
+        bits = sum(each.bits for each in entries)
+        if bits > PDO_BITS:
+            raise LocalError(f"{pdo}: {bits} bits; a PDO has {PDO_BITS}")
+        return patched(document, [Patch(pdo, list(_mapping(records, entries)))])
+
+    return change
+
+
+def _mapping_entry(device: DescribedDevice, index: int, sub: int | None, target: str) -> MappingEntry:
+    variable = device.variable(index, sub or 0)
+    if variable is None or variable.type is None or not variable.type.bits:
+        raise LocalError(f"{target}: it has no data type of a fixed length, and so cannot be mapped")
+    return MappingEntry(index, sub or 0, variable.type.bits)
+
+
+def _mapping(records: DescribedRecords, entries: Sequence[MappingEntry]) -> Iterator[ObjectPatch]:
+    """Give what the mapping record of a PDO says: its entries, 0 for those behind them, and how many there are."""
+    for sub, each in enumerate(entries, start=1):
+        is_there = records.entry(sub) is not None
+        new = {} if is_there else {"ParameterName": f"Application object {sub}", **MAPPED}
+        yield _patch(records.mapping_index, sub, {**new, "DefaultValue": f"0x{each.number:08X}"})
+    unused = [sub for sub in (records.mapping.subs if records.mapping else ()) if sub > len(entries)]
+    for sub in sorted(unused):
+        yield _patch(records.mapping_index, sub, {"DefaultValue": "0x00000000"})
+    yield _patch(records.mapping_index, 0, {"DefaultValue": str(len(entries))})
+
+
+def _patch(index: int, sub: int, entries: Mapping[str, str]) -> ObjectPatch:
+    return ObjectPatch(f"0x{index:04X}:{sub}", 0, [Entry(key, text, 0, 1) for key, text in entries.items()])
+
+
+def profile(name: str) -> Change:
+    """Return the change that a file has the objects of a profile, its own before those; raises UnknownName."""
+    patch = read_patch(look_up("profile", name, PROFILES))
+
+    def change(document: Document) -> Document:
+        own = DescribedDevice(document).objects
+        new = [each for each in patch.objects if int(each.target.partition(":")[0], 16) not in own]
+        return patched(document, [patch._replace(objects=new)])
+
+    return change
+
+
+# The text
+
+
+def edited(data: bytes, file: str, changes: Sequence[Change]) -> bytes:
+    """Return the bytes of an EDS or DCF with changes; `file` is what errors call it.
+
+    Raises DictionaryError and LocalError for a change that cannot be made, and for a file that has no lines to change.
+    """
+    if formats.is_xml(data):
+        raise DictionaryError(file, None, "a device description in XML; `export eds` makes the EDS that says the same")
+    before = cia306.read(data)
+    if before.hiding:
+        raise DictionaryError(file, None, f"not a readable EDS: line {before.hiding.line}: {before.hiding.kind.value}")
+    after = before
+    for each in changes:
+        after = each(after)
+    mark = BOM_UTF8 if data.startswith(BOM_UTF8) else b""
+    text = data[len(mark) :].decode(before.encoding)
+    if text.encode(before.encoding) != data[len(mark) :]:
+        what = f"it is not {before.encoding} throughout; `lint --fix` makes it UTF-8"
+        raise DictionaryError(file, None, what)
+    return mark + _Lines(text, before).become(_with_lists(before, after)).encode(before.encoding)
+
+
+LINES = re.compile(r"[^\r\n]*(?:\r\n|\r|\n|$)")
+
+
+class _Lines:
+    """The lines of a file with their ends, in which one document becomes another."""
+
+    def __init__(self, text: str, document: Document) -> None:
+        self._before = document
+        self._lines: list[str] = LINES.findall(text)
+        self._end = next((found[0] for found in re.finditer(r"\r\n|\r|\n", text)), "\n")
+        self._headers = [*document.headers, len(self._lines) + 1]
+        self._added: dict[int, list[str]] = {}  # new lines by the number of the line that they follow
+
+    def become(self, after: Document) -> str:
+        """Return the text that says what another document says."""
+        for name, section in after.sections.items():
+            if name in self._before.sections:
+                self._change(self._before.sections[name], section)
+        for name, section in self._before.sections.items():
+            if name not in after.sections:
+                self._drop(section)
+        new = {name: each for name, each in after.sections.items() if name not in self._before.sections}
+        for name in sorted(new, key=_order):
+            entries = sorted(new[name].entries.values(), key=_key_order)
+            self._add(self._place(name), ["", f"[{new[name].name}]", *(f"{e.key}={e.value}" for e in entries)])
+        added = ([line, *self._added.get(number, ())] for number, line in enumerate(self._lines, start=1))
+        return "".join([*self._added.get(0, ()), *chain.from_iterable(added)])
+
+    def _change(self, old: Section, new: Section) -> None:
+        for key, entry in old.entries.items():
+            if key not in new.entries:
+                self._lines[entry.line - 1] = ""
+            elif new.entries[key].value != entry.value:
+                line = self._lines[entry.line - 1]
+                start = entry.column - 1 if entry.value else len(line.rstrip("\r\n"))
+                end = start + len(entry.value)
+                self._lines[entry.line - 1] = line[:start] + new.entries[key].value + line[end:]
+        added = [f"{each.key}={each.value}" for key, each in new.entries.items() if key not in old.entries]
+        self._add(self._last(old), added)
+
+    def _drop(self, section: Section) -> None:
+        """Take the lines of a section, and the empty ones before it."""
+        first = section.line
+        while first > 1 and not self._lines[first - 2].strip():
+            first -= 1
+        last = self._last(section)
+        self._lines[first - 1 : last] = [""] * (last - first + 1)
+
+    def _add(self, after: int, lines: Sequence[str]) -> None:
+        if lines and after and not self._lines[after - 1].endswith(("\r", "\n")):
+            self._lines[after - 1] += self._end  # the last line of a file may have no end
+        self._added.setdefault(after, []).extend(f"{line}{self._end}" for line in lines)
+
+    def _last(self, section: Section) -> int:
+        """Return the number of the last line of a section that is not empty, nor a comment on what follows."""
+        end = next(each for each in self._headers if each > section.line)
+        said = [each for each in range(section.line, end) if not self._is_aside(each)]
+        return max([*said, *(each.line for each in section.entries.values())])
+
+    def _is_aside(self, number: int) -> bool:
+        line = self._lines[number - 1].strip()
+        return not line or line.startswith((";", "#"))
+
+    def _place(self, name: str) -> int:
+        """Return the line after which a new section stands: that of the object before it, or else the last one."""
+        sections = {each: section for each, section in self._before.sections.items() if _order(each) < _order(name)}
+        ends = [(_order(each), self._last(section)) for each, section in sections.items()]
+        return max(ends)[1] if ends else 0
+
+
+KEY_ORDER = {key.lower(): at for at, key in enumerate(cia306.OBJECT_KEYS)}
+
+
+def _key_order(entry: Entry) -> int:
+    return KEY_ORDER.get(entry.key.lower(), len(KEY_ORDER))
+
+
+def _order(name: str) -> tuple[int, SectionName]:
+    """Return where a section stands among the others: objects by index, behind all that is not one."""
+    named = parse_section_name(name)
+    return (1, named) if named else (0, SectionName(0))
+
+
+def _with_lists(before: Document, after: Document) -> Document:
+    """Return a document whose lists of objects have what is new, and have not what is gone."""
+    there, wanted = (DescribedDevice(each).objects.keys() for each in (before, after))
+    sections = dict(after.sections)
+    for name, indices in formats.listed(sorted(wanted)).items():
+        old = sections.get(name.lower())
+        listed = [number.value for each in old.numbered() if (number := values.parse_number(each.value))] if old else []
+        new = [each for each in listed if each in wanted or each not in there]
+        new += [each for each in indices if each not in there and each not in listed]
+        if new != listed:
+            sections[name.lower()] = _list_of(old or Section(name, 0, 1, {}), new)
+    return after._replace(sections=sections)
+
+
+def _list_of(section: Section, indices: Sequence[int]) -> Section:
+    entries = {key: each for key, each in section.entries.items() if not key.isdecimal()}
+    return section._replace(entries=entries).saying(**formats.list_entries(indices))
