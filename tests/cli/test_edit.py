@@ -26,7 +26,7 @@ def test_a_value_is_changed_and_nothing_is_said(motor: Path, capsys: pytest.Capt
 def test_an_object_is_made_mapped_renamed_and_removed(motor: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = motor.read_bytes()
     for words in (
-        ("add", "2103", "Filter time", "type=UNSIGNED16", "default=20", "map=1"),
+        ("add", "2103", "Filter time", "type=UNSIGNED16", "access=rwr", "default=20", "map=1"),
         ("map", "TPDO1", "Filter time"),
         ("rename", "2103", "Time", "constant"),
     ):
