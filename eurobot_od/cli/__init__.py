@@ -69,7 +69,7 @@ COMMANDS = {
     "watch": "print when CANopen nodes boot, are lost and come back",
     "sync": "send SYNC messages at a fixed period",
     "time": "send the time as CANopen's TIME message",
-    "new-device": "write a device package: a maker's words, units, decoder, steps, download",
+    "new-device": "write a new device: table, EDS, suite, CI; or a maker's device package",
     "doctor": "print what is installed, the CAN interfaces, and how to fix what is wrong",
     "completion": "print the completion script of a shell",
 }

@@ -154,7 +154,8 @@ def canopennode(
     output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
     for file_name, text in made.items():
         write(output / file_name, text)
-    print("\n".join(map(str, found)), end="\n" if found else "")
+    shown = [each for each in found if each.severity is not Severity.INFO]
+    print("\n".join(map(str, shown)), end="\n" if shown else "")
     print(f"{output}: {' and '.join(made)}, {amount(len(dictionary.members), 'object')}")
     return ExitStatus.FOUND if count(found, Severity.ERROR) else ExitStatus.FINE
 
@@ -360,9 +361,12 @@ def make_eds(
     check: bool = False,
     same_revision: bool = False,
 ) -> ExitStatus:
-    """Make EDS files from a protocol table: a folder for each dialect, a file for each node, and the network file.
+    """Make EDS files from a table: of one device, or of a network's protocol.
 
-    table: YAML in the form of eds/protocol.yaml
+    The table of a device makes its EDS (docs/idea-to-firmware.md); that of a protocol a folder for each dialect, with a
+    file for each node, and the network file.
+
+    table: YAML with `device:`, or in the form of eds/protocol.yaml
     output: folder to put the dialects' folders in
     check: write nothing; list the files that differ, with exit status 1 if any do
     same_revision: write changed bits or codes of messages although the dialect's revision_number is as before
@@ -371,16 +375,22 @@ def make_eds(
     $ make-eds eds/protocol.yaml -o made --check
     """
     from eurobot_od.od.make import read_table
+    from eurobot_od.od.make.device import device_eds, is_device_table, read_device_table
     from eurobot_od.od.make.text import changed_bits, differences, make_files, write_files
     from eurobot_od.support.yaml_places import telling
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = read_whole(table).decode(errors="replace")
-    read = read_table(source, table, loading.table_of)
-    texts = make_files(read)
+    if is_device_table(source):
+        name = f"{table.stem}.eds"
+        texts = {name: device_eds(read_device_table(source, str(table)), name).decode()}
+        read = None
+    else:
+        read = read_table(source, table, loading.table_of)
+        texts = make_files(read)
     if not check:
         with telling(table) as problems:
-            problems += () if same_revision else changed_bits(read, texts, output)
+            problems += changed_bits(read, texts, output) if read and not same_revision else ()
         write_files(texts, output)
         return ExitStatus.FINE
     found = differences(texts, output)

@@ -1,4 +1,4 @@
-"""`new-device`: writes a device package that works at once, for a device whose EDS is there."""
+"""`new-device`: writes the files of a new device, or a device package for one whose EDS is there."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.device.profiles import SimulatedDrive, SimulatedModule, simulated_kind
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.make.device import device_eds, read_device_table
 from eurobot_od.od.objects import all_objects, limits
 from eurobot_od.od.units import RAW, scale_of
 from eurobot_od.od.values import label
@@ -21,6 +22,10 @@ FILES = Path(__file__).with_name("new_device_files")
 """What a device package is made of; each file has `.new` at the end of its name, as it is no part of this package."""
 
 SUFFIX = ".new"
+DEVICE_FILES = FILES / "device"
+"""What a new device begins with; NAME in names and texts is its name."""
+
+WORKFLOWS = Path(".github", "workflows")
 INSIDE = ("device.py", "device.yaml")
 """Files in the folder of the package's modules."""
 
@@ -31,24 +36,30 @@ def new_device(
     package: bool = False,
     eds: Annotated[Path | None, Option(metavar="FILE", is_file=True)] = None,
 ) -> None:
-    """Write a device package that works at once: words, units, decoder, watcher, steps, simulated device, its test.
+    """Write a new device: its table and EDS, a suite, a workflow for CI, a README with what to type; or a package.
+
+    A device package works at once: words, units, decoder, watcher, steps, simulated device, its test.
 
     Raises LocalError, DictionaryError, OSError.
 
     folder: where it goes, and what it is called: a new folder, or an empty one
-    package: a package, which `pip install .` installs
-    eds: the device's EDS, whose identity (0x1018) the package is for
+    package: a package for a device that has an EDS; `pip install .` installs it
+    eds: with --package: the device's EDS, whose identity (0x1018) the package is for
 
+    $ new-device thermometer
     $ new-device gripper --package --eds servo.eds
     """
-    if not package or eds is None:
+    if package != (eds is not None):
         raise LocalError("a device package needs the device's EDS: write new-device NAME --package --eds FILE")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LocalError(f"{folder}: it is there, and not empty")
     name = folder.resolve().name
     module = re.sub(r"\W+", "_", name.lower()).strip("_")
     if not module.isidentifier() or iskeyword(module) or not module.isascii():
-        raise LocalError(f"{name}: a package's name begins with a letter and is not a word of Python")
+        raise LocalError(f"{name}: its name begins with a letter and is not a word of Python")
+    if eds is None:
+        _write_device(folder, name)
+        return
     for path, text in _texts(name, module, Dictionary.load(eds, 5)).items():
         file = folder / path
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -57,6 +68,21 @@ def new_device(
     shutil.copyfile(eds, folder / module / eds.name)
     write_whole(folder / module / "__init__.py", f'"""{name}, a device package for eurobot-od."""\n'.encode())
     print("\ntry it:", f"cd {folder}", "pip install -e .", "pytest", sep="\n  ")
+
+
+def _write_device(folder: Path, name: str) -> None:
+    """Write the files of a device that is to be made."""
+    for file in sorted(DEVICE_FILES.glob(f"*{SUFFIX}")):
+        plain_name = file.name.removesuffix(SUFFIX).replace("NAME", name)
+        path = folder / WORKFLOWS / plain_name if plain_name == "check.yml" else folder / plain_name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, file.read_text(encoding="utf-8").replace("NAME", name).encode())
+        print(path)
+    table = folder / f"{name}.yaml"
+    made = folder / f"{name}.eds"
+    write_whole(made, device_eds(read_device_table(table.read_text(encoding="utf-8"), str(table)), made.name))
+    print(made)
+    print("\ntry it:", f"cd {folder}", f"canopen-workbench check {name}.check.yaml --simulate", sep="\n  ")
 
 
 def _texts(name: str, module: str, device: Dictionary) -> dict[str, str]:

@@ -88,5 +88,17 @@ def node_id_of_a_value(device: LintedDevice) -> Violations:
             yield each.entry, f"CANopenNode does not add the node-ID to {each.variable.where}: your program has to"
 
 
+OF_LINUX = {0x1010: "CO_CONFIG_STORAGE", 0x1011: "CO_CONFIG_STORAGE", 0x1280: "CO_CONFIG_GTW"}
+"""Objects that CANopenLinux's program uses, and the part of it that does without them when it is 0."""
+
+
+@RULES.rule("I905", "public: CANopenLinux, CO_main_basic.c")
+def missing_on_linux(device: LintedDevice) -> Violations:
+    """CANopenLinux's program with its default configuration has the objects that it uses."""
+    for index, part in OF_LINUX.items():
+        if index not in device.objects:
+            yield TOP, f"CANopenLinux needs 0x{index:04X}, or to be compiled with -D{part}=0"
+
+
 STACKS = {"canopennode": RULES}
 """The rules by stack."""

@@ -19,14 +19,14 @@ from eurobot_od.od import formats, values
 from eurobot_od.od.description import DescribedDevice, DescribedRecords, SectionName, parse_section_name
 from eurobot_od.od.document import Document, Entry, Section
 from eurobot_od.od.patches import ObjectPatch, Patch, address_in, patched, read_patch, section_name
-from eurobot_od.od.values import MappingEntry
+from eurobot_od.od.values import MAPPING_OFFSET, MappingEntry, PdoDirection
 
 Change: TypeAlias = Callable[[Document], Document]
 
 PROFILES = {each.stem: each for each in sorted(Path(__file__).with_name("profiles").glob("*.yaml"))}
 """The objects of profiles, as patches, by the profile's number."""
 
-PDO_BITS = 64
+PDO_BITS, PDO_NUMBERS = 64, 512
 MAPPED = {"DataType": "UNSIGNED32", "AccessType": "rw", "PDOMapping": "0"}
 """What a mapping entry is that the file does not have yet."""
 
@@ -65,14 +65,15 @@ def _is_part(name: str, index: int, sub: int | None) -> bool:
 
 
 def mapped(pdo: str, targets: Sequence[str]) -> Change:
-    """Return the change that a PDO, such as TPDO2, carries these objects.
+    """Return the change that a PDO, such as TPDO2, carries these objects; one that is not there is made.
 
-    Made, it raises DictionaryError, LocalError, UnknownName.
+    Made, it raises DictionaryError, LocalError.
     """
 
     def change(document: Document) -> Document:
+        document = patched(document, [Patch(pdo, _new_records(document, pdo))])
         device = DescribedDevice(document)
-        records = look_up("PDO", pdo.upper(), {each.key: each for each in device.pdos})
+        records = next(each for each in device.pdos if each.key == pdo.upper())
         entries = [_mapping_entry(device, *address_in(document, each), each) for each in targets]
         bits = sum(each.bits for each in entries)
         if bits > PDO_BITS:
@@ -80,6 +81,39 @@ def mapped(pdo: str, targets: Sequence[str]) -> Change:
         return patched(document, [Patch(pdo, list(_mapping(records, entries)))])
 
     return change
+
+
+PDO_NAME = re.compile(r"(?P<direction>[RT]PDO)(?P<number>[1-9][0-9]{0,2})", re.IGNORECASE)
+
+
+def _new_records(document: Document, pdo: str) -> list[ObjectPatch]:
+    """Return the records of a PDO as those of the first one are in CiA 301's profile, none if it is there."""
+    match = PDO_NAME.fullmatch(pdo)
+    number = int(match["number"]) if match else 0
+    if not match or number > PDO_NUMBERS:
+        raise LocalError(f"{pdo} is not a PDO; write RPDO1 or TPDO1, up to {PDO_NUMBERS}")
+    direction = PdoDirection[match["direction"].upper()]
+    first, index = direction.value, direction.value + number - 1
+    if index in DescribedDevice(document).objects:
+        return []
+    found = []
+    for each in read_patch(PROFILES["301"]).objects:
+        whole, colon, sub = each.target.partition(":")
+        if int(whole, 16) in (first, first + MAPPING_OFFSET):
+            entries = list(each.entries)
+            if int(whole, 16) == first and sub == str(values.COB_ID):
+                entries = [
+                    e._replace(value=_default_cob_id(direction, number)) if e.key == "DefaultValue" else e
+                    for e in entries
+                ]
+            found.append(ObjectPatch(f"0x{int(whole, 16) + number - 1:04X}{colon}{sub}", 0, entries))
+    return found
+
+
+def _default_cob_id(direction: PdoDirection, number: int) -> str:
+    """Return the COB-ID of a new PDO: from the fifth on it has none of its own, and is off."""
+    bases = values.DEFAULT_PDO_BASES[direction]
+    return f"$NODEID+0x{bases[number - 1]:X}" if number <= len(bases) else f"0x{values.NOT_VALID:08X}"
 
 
 def _mapping_entry(device: DescribedDevice, index: int, sub: int | None, target: str) -> MappingEntry:

@@ -58,6 +58,20 @@ def named(package: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return ["--eds", f"5={SERVO}"]
 
 
+def test_a_new_device_passes_all_that_its_readme_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "thermometer"
+    assert run(capsys, "new-device", str(folder)).status == 0
+    table, file, suite = (str(folder / f"thermometer.{each}") for each in ("yaml", "eds", "check.yaml"))
+    assert run(capsys, "make-eds", table, "-o", str(folder), "--check").status == 0
+    assert run(capsys, "lint", file, "--for", "canopennode", "--strict").status == 0
+    for words in ([suite], ["--conformance"]):
+        assert run(capsys, "check", *words, "--simulate", "--network", str(folder / "eurobot-od.yaml")).status == 0
+    assert run(capsys, "export", "canopennode", file, "-o", str(folder / "firmware")).status == 0
+    assert "new-device" not in (folder / "README.md").read_text()
+    names = {each.name for each in folder.rglob("*") if each.is_file()}
+    assert names >= {"README.md", "check.yml", "eurobot-od.yaml", "OD.h", "OD.c"}
+
+
 def test_what_it_writes_passes_its_own_test(package: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(package), *sys.path])}
     done = subprocess.run(
@@ -183,8 +197,8 @@ def test_a_broken_package_is_one_warning_with_its_place(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["x"], "a device package needs the device's EDS: write new-device NAME --package --eds FILE"),
-        (["class", "--package", "--eds", str(SERVO)], "a package's name begins with a letter"),
+        (["x", "--package"], "a device package needs the device's EDS: write new-device NAME --package --eds FILE"),
+        (["class", "--package", "--eds", str(SERVO)], "class: its name begins with a letter"),
         (["x", "--package", "--eds", "none.eds"], "none.eds"),
     ],
 )

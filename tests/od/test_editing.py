@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.errors import DictionaryError, LocalError, UnknownName
+from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
@@ -87,7 +87,7 @@ REFUSED = [
     ([said("1017", {"Colour": "red"})], DictionaryError, "unknown key 'Colour'"),
     ([said("Nothing", {"LowLimit": "1"})], DictionaryError, "unknown object 'Nothing'"),
     ([removed("2103")], LocalError, "2103: the file does not describe it"),
-    ([mapped("TPDO9", ["6064"])], UnknownName, "unknown PDO 'TPDO9'"),
+    ([mapped("PDO9", ["6064"])], LocalError, "PDO9 is not a PDO; write RPDO1 or TPDO1, up to 512"),
     ([mapped("TPDO1", ["1008"])], LocalError, "1008: it has no data type of a fixed length"),
     ([mapped("TPDO1", ["6064"] * 3)], LocalError, "TPDO1: 96 bits; a PDO has 64"),
 ]
