@@ -26,6 +26,7 @@ ELSEWHERE = {
     "setQueueCANListener", "setFunctionCANListener",  # the document's
     "LocalNode", "DeprecationWarning",  # canopen's, Python's
     "device.drive402", "drive.od", "drive.emcy", "drive.nmt", "drive.tpdo", "drive.rpdo",  # members of an example
+    "CO_storageGroup", "CO_countLabel", "CO_accessSRDO", "CO_stringLengthMin", "COB_ID_EMCY",  # CANopenNode's
     "checks/",  # a folder of a team's
 }  # fmt: skip
 """Names that are not ours."""
