@@ -116,7 +116,7 @@ def lint(
     if fix:  # one by one: a whole folder is not rewritten by mistake
         return _fix(files, output)
     unreadable: list[DictionaryError] = []
-    checks = Checks(stack or "", device, unreadable)
+    checks = FileChecks(stack or "", device, unreadable)
     status = report.give(*_found(files if network else _in_folders(files), network, checks))
     for each in unreadable:
         complain(str(each))
@@ -129,7 +129,7 @@ def _in_folders(paths: Sequence[str]) -> list[str]:
     return [file for files in each_of for file in files]
 
 
-class Checks(NamedTuple):
+class FileChecks(NamedTuple):
     """How each file is checked: for which stack, with what laid over it; files that cannot be read are kept apart."""
 
     stack: str
@@ -146,7 +146,7 @@ class Checks(NamedTuple):
 
 
 def _found(
-    files: Sequence[str], as_network: bool, checks: Checks
+    files: Sequence[str], as_network: bool, checks: FileChecks
 ) -> tuple[list[Finding], int, Sequence[tuple[str, ...]]]:
     """Check files, one by one or as a network; return the findings, the number of files, and the identifiers."""
     gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
