@@ -81,7 +81,7 @@ NOT_OF_THE_DICTIONARY = ("LEDS", "LSS_SLV", "LSS_MST", "GTWA", "TRACE")
 """What a configuration of several dictionaries (CO_config_t) holds: counts, sizes, entries, and what is always 0."""
 
 
-class CVariable(NamedTuple):
+class CMember(NamedTuple):
     """A variable at a sub-index: its name in the struct, and what the stack knows of it.
 
     `room` is the number of elements of its C type, 0 for a single value; `length` its bytes in an SDO; `value` what it
@@ -125,7 +125,7 @@ class CObject(NamedTuple):
     kind: str
     group: str
     label: str
-    variables: Sequence[CVariable]
+    variables: Sequence[CMember]
 
     @property
     def member(self) -> str:
@@ -145,7 +145,7 @@ def object_dictionary(
 
     Raises DictionaryError for a value that its data type cannot have.
     """
-    objects = _Reader(dictionary, groups or {}).objects()
+    objects = _ObjectReader(dictionary, groups or {}).objects()
     return {f"{name}.h": "\n".join(_header(objects, dictionary, name)), f"{name}.c": "\n".join(_source(objects, name))}
 
 
@@ -169,7 +169,7 @@ def storage_groups(pairs: Iterable[tuple[str, str]], name: str) -> dict[int, str
 # What the file says
 
 
-class _Reader:
+class _ObjectReader:
     """Reads the objects of a device as C."""
 
     def __init__(self, dictionary: Dictionary, groups: Mapping[int, str]) -> None:
@@ -210,7 +210,7 @@ class _Reader:
             return "PERSIST_COMM" if is_setting or index == standard.IDENTITY else "RAM"
         return self._application if is_setting and not self._is_stacks_own else "RAM"
 
-    def _variable(self, described: DescribedVariable, name: str) -> CVariable:
+    def _variable(self, described: DescribedVariable, name: str) -> CMember:
         type_ = described.type or values.DOMAIN
         text = described.value_entry.value if described.value_entry else ""
         least = values.parse_number(described.section.text("co_stringlengthmin"))
@@ -227,7 +227,7 @@ class _Reader:
         )
         # A text has one element more, so that it always ends with 0.
         elements = room + (is_text and bool(value))
-        return CVariable(
+        return CMember(
             described.sub, name, c_type, elements, length, " | ".join(filter(None, attributes)) or "0", value
         )
 
@@ -280,7 +280,7 @@ def _commented_groups(document: Document) -> dict[int, str]:
     return found
 
 
-def _kind(each: DescribedObject, variables: Sequence[CVariable]) -> str:
+def _kind(each: DescribedObject, variables: Sequence[CMember]) -> str:
     """Return how an object is laid out: a C array needs elements that are all alike, from sub-index 1 on."""
     if each.code in SIMPLE:
         return "VAR"
