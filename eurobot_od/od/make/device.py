@@ -119,7 +119,7 @@ def _head(table: DeviceTable, file_name: str) -> str:
         "NrOfRXPDO": _count(table, "RPDO"),
         "NrOfTXPDO": _count(table, "TPDO"),
     }
-    sections = {
+    sections: dict[str, Mapping[str, object]] = {
         "FileInfo": info,
         "DeviceInfo": about,
         "DummyUsage": {f"Dummy{code:04X}": 0 for code in values.DUMMIES},

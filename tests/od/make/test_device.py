@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.errors import DictionaryError, LocalError, YamlError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.make.device import device_eds, is_device_table, read_device_table
-from eurobot_od.support.yaml_places import YamlError
 
 TABLE = """device: {product: Thermometer, vendor: Example, vendor_number: 0x5F, product_number: 2}
 profiles: [301, 401]
