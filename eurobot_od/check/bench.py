@@ -2,16 +2,27 @@
 
 Frames are kept in the order in which they came and are never taken away: a reader says from which number on it looks.
 Only one step runs at a time, so there is only one to wake.
+
+A frame's time is that of its arrival, however late it is read. That none has come by a time is said only when all that
+came until then has been read.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import inf
 from typing import NamedTuple, Protocol
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
+
+BEHIND = 1.0
+"""For this long at most, in s, a reader that is behind is waited for."""
+
+TICK = 0.02
+"""Time in s between two looks at how late the tester itself is."""
 
 
 class SeenFrame(NamedTuple):
@@ -32,6 +43,8 @@ class Trace:
         """Called with each frame of the others as it comes."""
         self._waiting: asyncio.Future[None] | None = None
         self._failure: BusError | None = None
+        self.read_to = inf
+        """The time up to which all frames have been read, on a bus that is read by another thread."""
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -44,9 +57,15 @@ class Trace:
     def add(self, seen: SeenFrame) -> None:
         """Take in a frame."""
         self.frames.append(seen)
-        self._wake()
         if not seen.own:
+            self.read_to = max(self.read_to, seen.time)
             self.heard(seen.frame)
+        self._wake()
+
+    def caught_up(self, now: float) -> None:
+        """Note that no frame was waiting to be read at a time."""
+        self.read_to = max(self.read_to, now)
+        self._wake()
 
     def fail(self, failure: BusError) -> None:
         """End all waiting: the bus is gone."""
@@ -75,26 +94,46 @@ class Trace:
                 if frame.cob_id in cob_ids and not own:
                     return number
             start = len(self.frames)
-            if not await self._news(start, deadline):
+            if not await self._news(start, deadline, BEHIND if cob_ids else 0.0):
                 return None
 
-    async def _news(self, known: int, deadline: float) -> bool:
-        """Wait for more than the `known` frames until a time; raises BusError."""
-        self._waiting = self._loop.create_future()
-        timer = self._loop.call_at(deadline, self._wake)
-        try:
-            if self._failure is None and self._loop.time() < deadline:
+    async def _news(self, known: int, deadline: float, behind: float) -> bool:
+        """Wait for more than the `known` frames, until all of a time have been read; raises BusError."""
+        while self._failure is None and len(self.frames) == known:
+            now = self._loop.time()
+            end = deadline if now < deadline or self.read_to >= deadline else deadline + behind
+            if now >= end:
+                return False
+            self._waiting = self._loop.create_future()
+            timer = self._loop.call_at(end, self._wake)
+            try:
                 await self._waiting
-        finally:  # also if the step is interrupted: a timer left behind would wake the next one too early
-            timer.cancel()
-            self._waiting = None
+            finally:  # also if the step is interrupted: a timer left behind would wake the next one too early
+                timer.cancel()
+                self._waiting = None
         if self._failure is not None:
             raise self._failure
-        return len(self.frames) > known or self._loop.time() < deadline
+        return True
 
     async def sleep(self, seconds: float) -> None:
         """Let time pass; raises BusError if the bus fails meanwhile."""
         await self.first(frozenset(), len(self.frames), self.now + seconds)
+
+    @contextmanager
+    def lateness(self) -> Iterator[Callable[[], float]]:
+        """Measure how late the tester itself is at the worst, in s: what delays it may delay a frame, too."""
+        worst, due = 0.0, self.now + TICK
+
+        def look() -> None:
+            nonlocal worst, due, timer
+            worst, due = max(worst, self.now - due), self.now + TICK
+            timer = self._loop.call_at(due, look)
+
+        timer = self._loop.call_at(due, look)
+        try:
+            yield lambda: worst
+        finally:
+            timer.cancel()
 
 
 class Bench(Protocol):

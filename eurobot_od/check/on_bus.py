@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from math import inf
 from typing import Any, NamedTuple, TypeAlias
 
 import can
@@ -21,7 +22,7 @@ import can
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time
-from eurobot_od.check.bench import SeenFrame, Trace
+from eurobot_od.check.bench import BEHIND, SeenFrame, Trace
 from eurobot_od.check.report import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
@@ -193,6 +194,31 @@ RECOVERY = 12.0
 """Seconds that a bus has to come back for the teardown: the last of the tries to open it again is after 11.3 s."""
 
 
+DRIFT = 1e-4
+"""By how much a driver's clock may run faster or slower than ours."""
+
+
+class Arrivals:
+    """When frames have come by our clock, by a driver's time stamps: however late they are read.
+
+    The stamps start anywhere. A frame that was read without delay shows by how much they are off; one that seems to
+    have waited longer than a reader may be behind shows that the driver's clock was set.
+    """
+
+    def __init__(self) -> None:
+        self._offset, self._last = inf, 0.0
+
+    def time(self, stamp: float, now: float) -> float:
+        """Return when a frame came that is read now; `stamp` is 0.0 if the driver gives none."""
+        if not stamp:
+            return now
+        self._offset = min(self._offset + DRIFT * (now - self._last), now - stamp)
+        self._last = now
+        if now - stamp - self._offset > BEHIND:
+            self._offset = now - stamp
+        return stamp + self._offset
+
+
 class LiveBench:
     """The bench of a python-can bus, opened by `open_bus` while its `reader` is entered. Opening raises BusError.
 
@@ -203,22 +229,26 @@ class LiveBench:
         loop = self._loop = asyncio.get_running_loop()
         self._works = asyncio.Event()
         self._works.set()
+        self._arrivals = Arrivals()
         self.reader = runtime.FrameReader(
             open_bus(),
             self.seen,
-            time.monotonic,  # the clock of asyncio's loop too, so frames and deadlines have one time
+            None,
             self.failed,
             opener=open_bus,
             back=lambda _gap: loop.call_soon_threadsafe(self._works.set),
+            idle=lambda: loop.call_soon_threadsafe(self.trace.caught_up, time.monotonic()),
         )
         self.trace = Trace()
+        self.trace.read_to = time.monotonic()
 
     async def begin(self) -> None:
         """Return at once: nobody knows when the nodes on a real bus are up."""
 
-    def seen(self, now: float, frame: Frame) -> None:
-        """Take in a frame."""
-        self._loop.call_soon_threadsafe(self.trace.add, SeenFrame(now, frame))
+    def seen(self, stamp: float, frame: Frame) -> None:
+        """Take in a frame, with its time by the clock of asyncio's loop: frames and deadlines have one time."""
+        came = self._arrivals.time(stamp, time.monotonic())
+        self._loop.call_soon_threadsafe(self.trace.add, SeenFrame(came, frame))
 
     def failed(self, failure: BusError) -> None:
         """Take in that the bus has failed."""

@@ -235,6 +235,8 @@ class BenchTester:
         while True:
             for request in requests:
                 await self.put(Frame(node.sdo_request, request))
+            if requests and not transfer.done:  # the node's time begins when it can have the request
+                transfer.deadline = self.trace.now + transfer.wait
             if transfer.done:  # only now: the last request may be an abort of ours, which the node has to get
                 if requests:  # the end of a block or an abort, which no answer confirms: many servers keep one frame
                     await self.trace.sleep(UNCONFIRMED)

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.clauses import StepName, Tier
@@ -15,6 +16,7 @@ from eurobot_od.check.report import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.shapes import Networks
 from eurobot_od.check.suite import Suite
+from eurobot_od.device.faults import Leaving
 from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
@@ -84,14 +86,26 @@ def red(done: Iterable[StepResult]) -> list[str]:
     return [f"{each.name}: {each.reason}" for each in done if each.status is Status.FAILED]
 
 
+class Exchange(NamedTuple):
+    """The frames of the steps that have asked a test of CiA's tool: the tester's and the device's, and how often."""
+
+    requests: list[str]
+    answers: list[str]
+    questions: set[tuple[str, ...]]
+
+
 class Run:
-    """A run of some suites against a device that is its file: its results, and what was `asked` by CTT's numbers."""
+    """A run of some suites against a device that is its file: its results, and the bus as recorded, by CTT's numbers.
+
+    `shared` are steps that ask more than one number at once: their frames count for none.
+    """
 
     def __init__(self, *several: Suite) -> None:
-        self.asked, self._heard = defaultdict[str, list[str]](list), list[str]()
-        heard = self._heard
+        self.bus = defaultdict[str, Exchange](lambda: Exchange([], [], set()))
+        self.shared, self._heard, self._said = list[str](), list[str](), list[str]()
+        heard, said = self._heard, self._said
 
-        class Listening(SimulatedDevice):
+        class Listening(Leaving, SimulatedDevice):
             def receive(self, frame: Frame, now: float) -> list[Frame]:
                 heard.append(f"{frame.cob_id:03X}#{frame.data.hex().upper()}")
                 return super().receive(frame, now)
@@ -100,14 +114,25 @@ class Run:
                 heard.append(f"{cob_id:03X}#R")
                 return super().requested(cob_id, now)
 
+            def outgoing(self, frames: list[Frame]) -> list[Frame]:
+                said.extend(f"{frame.cob_id:03X}#{frame.data.hex().upper()}" for frame in frames)
+                return frames
+
         self.suites, options = several, RunOptions(keep_going=True, show=self._note)
         self.results = [run_simulated(each, options, of_kind(Listening)) for each in several]
 
     def _note(self, step: StepResult) -> None:
         name = StepName.of(step.name)
-        for number in name.numbers if name and step.status is Status.PASSED else ():
-            self.asked[number] += self._heard
+        numbers = name.numbers if name and step.status is Status.PASSED else ()
+        if name and len(numbers) == 1:
+            exchange = self.bus[numbers[0]]
+            exchange.requests.extend(self._heard)
+            exchange.answers.extend(self._said)
+            exchange.questions.add(name[:3])
+        elif numbers:
+            self.shared.append(step.name)
         self._heard.clear()
+        self._said.clear()
 
     @property
     def steps(self) -> list[StepResult]:

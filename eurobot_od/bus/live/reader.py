@@ -124,7 +124,7 @@ class Reader:
     `receive` takes the COB-ID, the data in the driver's buffer, and when the frame was read, in seconds of `clock`;
     without one the driver's time stamps count, which start anywhere. `foreign` gets None for a frame of which the
     driver can make no sense. `missed` gets how many frames were passed over because they came while the process stood
-    still; those whose COB-ID `lasts` are never.
+    still; those whose COB-ID `lasts` are never. `idle` is called whenever no frame has come for a while.
     """
 
     def __init__(
@@ -135,8 +135,10 @@ class Reader:
         foreign: Callable[[can.Message | None], object],
         missed: Callable[[int], object] | None = None,
         lasts: Callable[[int], bool] = lambda _: False,
+        idle: Callable[[], object] = lambda: None,
     ) -> None:
         self._connection, self._receive, self._clock, self._foreign = connection, receive, clock, foreign
+        self._idle = idle
         self._backlog = None if missed is None else Backlog(POLL + OLD, missed)
         self._lasts = lasts
         self.silence = BusSilence()
@@ -170,6 +172,7 @@ class Reader:
                 connection.works()
             now = clock() if clock else 0.0
             if message is None:
+                self._idle()
                 if backlog is not None:
                     backlog.is_empty(now)
                 continue
@@ -185,7 +188,7 @@ class Reader:
 class FrameReader:
     """Calls `seen` with the time and every classic base data frame on a bus; a context manager.
 
-    `clock` and `foreign` are those of the Reader, `opener`, `failed` and `back` the Connection's.
+    `clock`, `foreign` and `idle` are those of the Reader, `opener`, `failed` and `back` the Connection's.
     """
 
     def __init__(
@@ -197,13 +200,14 @@ class FrameReader:
         foreign: Callable[[can.Message | None], object] = lambda _: None,
         opener: Opener | None = None,
         back: Callable[[float], object] = lambda _: None,
+        idle: Callable[[], object] = lambda: None,
     ) -> None:
         def receive(cob_id: int, data: Data, now: float) -> None:
             seen(now, Frame(cob_id, bytes(data)))
 
         driver, lost = Driver(bus), lambda why, _: failed(why)
         self._connection = Connection(driver, opener, time.monotonic, lost, lambda: None, back)
-        reader = Reader(self._connection, receive, clock, foreign)
+        reader = Reader(self._connection, receive, clock, foreign, idle=idle)
         self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
     @property

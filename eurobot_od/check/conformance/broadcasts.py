@@ -195,12 +195,20 @@ def _sync(subject: Subject, digits: str = "") -> Data:
     return {"raw": f"{subject.model.pdos.sync_cob_id or 0:03X}#{digits}"}
 
 
-@Clause(*PRODUCER, "6.2, 6.6", group="SYNC at its time, without data", needs=[_producer()])
+@Clause(*PRODUCER, "6.2", group="SYNC at its time, without data", needs=[_producer()])
 def _produced(subject: Subject) -> Steps:
     at_its_time = step.every(_sync(subject), PERIOD // 1000, 5)
     # Over ten seconds a tester's own computer may be late by more: here it is seen that none is missing.
     all_of_them = step.every(_sync(subject), PERIOD // 1000, COUNTED_SYNCS - 5, tolerance=f"{PERIOD * 8 // 10_000} ms")
     return [*_configured(subject, 0), _started(subject), at_its_time, all_of_them]
+
+
+@Clause(*PRODUCER, "6.6", group="SYNC without a counter", needs=[_producer()])
+def _uncounted(subject: Subject) -> Steps:
+    counter = subject.settable(SYNC_COUNTER)
+    none = [] if counter is None else [step.write("counter 0", SYNC_COUNTER, value=0)]
+    comes = step.expect("SYNC without data", _sync(subject), SOON)
+    return [NO_MORE, *none, PERIODIC, _started(subject), comes]
 
 
 # PDOs
@@ -219,7 +227,7 @@ def _every_second(subject: Subject) -> Steps:
     tpdo = _following(subject, 2)
     yield from _configured(subject, 0)
     looks = _started(subject), step.nmt("start"), step.every(frame_of(tpdo), 2 * PERIOD // 1000, 3)
-    yield from having(subject, [tpdo], TRANSMISSION_TYPE, 2, *looks)
+    yield from having(subject, tpdo, {TRANSMISSION_TYPE: 2}, *looks)
 
 
 NO_NEED_OF_PERIOD = settable(SYNC_PERIOD, 0, lack="the file has no period of SYNC (0x1006) that can be 0")
@@ -233,7 +241,7 @@ def _without_period(subject: Subject) -> Steps:
     # 0x1006 is the producer's period and the consumer's watch; a consumer without one follows each SYNC all the same.
     with_each = step.group("with each SYNC", sync(subject), step.expect("it comes", frame_of(tpdo), SOON))
     looks = step.nmt("start"), {**with_each, "repeat": 3}
-    return [NO_MORE, *having(subject, [tpdo], TRANSMISSION_TYPE, 1, *looks)]
+    return [NO_MORE, *having(subject, tpdo, {TRANSMISSION_TYPE: 1}, *looks)]
 
 
 # Counter

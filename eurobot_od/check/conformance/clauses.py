@@ -243,15 +243,15 @@ def awake(subject: Subject, name: str = "answers an SDO request") -> Data:
 
 NAME = re.compile(
     r"(?P<clause>[\d.]+|0x[0-9A-F]{4}) (?P<topic>[^:]+): (?P<what>.*?)"
-    r" \[(?P<tier>[a-z]+)(?:, CTT (?P<ctt>[\d., to]+))?\](?:(?: \d+/\d+)?: (?P<inside>.*))?"
+    r" \[(?P<tier>[a-z]+)(?:, CTT (?P<ctt>[\d., ]+))?\](?:(?: \d+/\d+)?: (?P<inside>.*))?"
 )
 
 
-OWN_NUMBERS = re.compile(r" \[CTT (?P<ctt>[\d., to]+)\]$")
+OWN_NUMBER = re.compile(r" \[CTT ([\d.]+)\]")
 
 
 class StepName(NamedTuple):
-    """The parts of a name: `ctt` as it is written, `2.8, 2.9` or `7.1 to 7.6`; `inside` is the step of a group."""
+    """The parts of a name: `ctt` as it is written, of a skipped step `2.8, 2.9`; `inside` is the step of a group."""
 
     clause: str
     topic: str
@@ -273,15 +273,9 @@ class StepName(NamedTuple):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """The numbers of CiA's tool, each by itself; a step of a group may have its own."""
-        numbers: list[str] = []
-        own = OWN_NUMBERS.search(self.inside)
-        for part in filter(None, (own["ctt"] if own else self.ctt).split(", ")):
-            first, _, last = part.partition(" to ")
-            chapter, _, number = first.partition(".")
-            end = last.partition(".")[2] or number
-            numbers += [f"{chapter}.{each}" for each in range(int(number), int(end) + 1)]
-        return tuple(numbers)
+        """The numbers of CiA's tool: of a step that is done at most one, which a step of a group may have itself."""
+        own = OWN_NUMBER.findall(self.inside)
+        return tuple(own[-1:] or filter(None, self.ctt.split(", ")))
 
 
 ANSWERS = "7.2.4.3.5 SDO: the device answers [reading]"
@@ -302,15 +296,20 @@ def settable(address: Address, *values: int, lack: str) -> Need[Subject]:
 
 
 def _noted(data: Data) -> Data:
-    """Have the numbers of CiA's tool that steps inside a step ask stand in their names."""
+    """Have the number of CiA's tool that a step inside a step asks stand in its name."""
     noted: dict[str, object] = {key: value for key, value in data.items() if key != "ctt"}
     if "steps" in data:
-        noted["steps"] = [_noted({**each, "name": _with_numbers(each)}) for each in data["steps"]]
+        noted["steps"] = [_noted({**each, "name": _with_number(each)}) for each in data["steps"]]
     return noted
 
 
-def _with_numbers(data: Data) -> str:
-    return f"{data['name']} [CTT {data['ctt']}]" if "ctt" in data else str(data["name"])
+def _with_number(data: Data) -> str:
+    return f"{data['name']} [CTT {data['ctt']}]" if data.get("ctt") else str(data["name"])
+
+
+def _numbers_inside(data: Data) -> bool:
+    """Return whether steps inside a step say themselves what they ask of CiA's tool."""
+    return any(each.get("ctt") or _numbers_inside(each) for each in data.get("steps", ()))
 
 
 class Chapter(list["tuple[Clause[SubjectT], StepsOf[SubjectT]]"], Generic[SubjectT]):
@@ -381,7 +380,8 @@ class Clause(Generic[SubjectT]):
         left_out = [step.skip("not done", f"only with --{self.tier.value}")]
         allowed = subject.tier.allows(self.tier)
         for each in or_skipped(self.group or self.name, self._made, subject, steps) if allowed else left_out:
-            name = StepName(self.number, self.topic, each["name"], self.tier.value, each.get("ctt", self.ctt))
+            asked = "" if _numbers_inside(each) else each.get("ctt", self.ctt)
+            name = StepName(self.number, self.topic, each["name"], self.tier.value, asked)
             yield {**_noted(each), "name": str(name)}
 
     def _made(self, subject: SubjectT, steps: StepsOf[SubjectT]) -> Steps:

@@ -15,7 +15,7 @@ from eurobot_od.check.conformance.clauses import Chapter, Clause, Lacks, Subject
 from eurobot_od.check.conformance.step import Data, Steps, codes, hexadecimal, title
 from eurobot_od.device.nmt import STATE_NAMES, TOGGLE, NmtState, boot_state, error_control
 from eurobot_od.od import standard
-from eurobot_od.od.objects import in_limits, limits
+from eurobot_od.od.objects import address_of, in_limits, limits
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, GUARD_TIME, HEARTBEAT_TIME, LIFE_TIME_FACTOR, ErrorCode
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, label
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
@@ -118,8 +118,7 @@ def _heartbeat_times(subject: Subject) -> Steps:
     change = step.keeping("a change counts at once", time, slower, step.wait("20 ms"), faster, first)
     yield step.asking("7.101", change)
     beats = step.keeping("heartbeats come at their time", time, faster, step.every(ANY, beat, 5))
-    unguarded = subject.find(GUARD_TIME) is not None and not subject.number(GUARD_TIME)
-    yield step.asking("7.102, 7.204" if unguarded else "7.102", beats)
+    yield step.asking("7.102", beats)
     # 0 means no heartbeat (CiA 301, 7.5.2.20), but a maker may forbid it by LowLimit: then there is nothing to look at.
     if in_limits(time, 0):
         none = step.write("0: no heartbeat", HEARTBEAT_TIME, value=0)
@@ -217,7 +216,7 @@ NOT_WRITTEN = "the file has no 0x100C and 0x100D that can be written"
 # Guarding
 
 
-@Clause(GUARDED, "7.5.2.11", "Guard time", ctt="7.1, 7.201")
+@Clause(GUARDED, "7.5.2.11", "Guard time", ctt="7.1")
 def _times(subject: Subject) -> Steps:
     for address, lack in ((GUARD_TIME, NOT_GUARDED), (LIFE_TIME_FACTOR, "the file has no life time factor (0x100D)")):
         found, name = subject.find(address), f"0x{address[0]:04X}"
@@ -225,6 +224,23 @@ def _times(subject: Subject) -> Steps:
             yield step.skip(name, lack if found is None else f"{name} cannot be read")
         else:
             yield step.read(title(found), address, data="any")
+
+
+@Clause(GUARDED, "7.5.2.11", "Guard time", ctt="7.201", name="heartbeat and guarding")
+def _both_kinds(subject: Subject) -> Steps:
+    found = [subject.readable(each) for each in (HEARTBEAT_TIME, GUARD_TIME, LIFE_TIME_FACTOR)]
+    need(all(found), "the file has not all of 0x1017, 0x100C and 0x100D")
+    reads = (step.read(title(each), address_of(each), data="any") for each in found if each is not None)
+    yield step.group("heartbeat and guarding", *reads)
+
+
+@Clause(GUARDED, "7.5.2.20", "Heartbeat time", ctt="7.204", name="without guarding")
+def _unguarded(subject: Subject) -> Steps:
+    need(subject.find(GUARD_TIME), NOT_GUARDED)
+    need(not subject.number(GUARD_TIME), "the file has a guard time (0x100C) from the start")
+    time = _heartbeat_time(subject)
+    faster = step.write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=_allowed(time, BEAT))
+    yield step.keeping("without guarding", time, faster, {**step.heartbeat("any", SOON), "repeat": 2})
 
 
 def _guarding(subject: Subject) -> None:
@@ -280,7 +296,8 @@ def _guarded(subject: Subject) -> Steps:
         # 7.2.8.3.2.1).
         answer = _answer(subject, f"{state | TOGGLE * (number % 2):02X}")
         said = f"{number + 1}. {state.name.replace('_', '-')}, toggle bit {number % 2}"
-        steps += [step.remote(_own(subject)), step.expect(said, answer, QUIET)]
+        asked = step.remote(_own(subject)), step.expect(said, answer, QUIET)
+        steps += [step.asking("7.3" if number else "7.2", each) for each in asked]
     yield GUARDED.group(subject, "each remote frame is answered with the state and the next toggle bit", steps)
 
 
@@ -349,17 +366,17 @@ INSTEAD = [*GUARDING_FOR_LIFE, settable(HEARTBEAT_TIME, BEAT, SLOW, lack=BEATS)]
 
 @Clause(*ONE, "7.202, 7.203, 7.205", group="with a heartbeat it is not guarded", needs=EITHER_MAY_BE)
 def _one_of_both(subject: Subject) -> Steps:
-    yield from _not_guarded(subject)
-    yield from _heartbeat("no heartbeat", 0)
-    yield step.remote(_own(subject))
-    yield step.expect("without one it is guarded again", _answer(subject), QUIET)
+    yield from _not_guarded(subject, "7.205")
+    yield from (step.asking("7.202", each) for each in _heartbeat("no heartbeat", 0))
+    guarded = step.remote(_own(subject)), step.expect("without one it is guarded again", _answer(subject), QUIET)
+    yield from (step.asking("7.203", each) for each in guarded)
 
 
-def _not_guarded(subject: Subject) -> Steps:
+def _not_guarded(subject: Subject, number: str) -> Steps:
     """See that the device is not guarded, with a heartbeat so slow that none is taken for an answer."""
     yield from _heartbeat(f"a heartbeat every {SLOW} ms", SLOW)
-    yield step.remote(_own(subject))
-    yield step.never("no answer to a remote frame", _answer(subject), QUIET)
+    silent = step.remote(_own(subject)), step.never("no answer to a remote frame", _answer(subject), QUIET)
+    yield from (step.asking(number, each) for each in silent)
 
 
 @Clause(*OTHER, "7.206, 7.207", group="the heartbeat takes guarding's place", needs=INSTEAD)
@@ -367,12 +384,12 @@ def _heartbeat_instead(subject: Subject) -> Steps:
     """Change from guarding to the heartbeat: the heartbeat's bit 7 is 0, and the master is not missed."""
     yield from _life_times(subject)
     yield _asked(subject, QUIET)
-    yield step.write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=BEAT)
+    beating = step.write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=BEAT)
     # A heartbeat has no toggle bit: bit 7 is reserved and 0 (CiA 301, 7.2.8.3.2.2).
     beat = _answer(subject, f"{NmtState.PRE_OPERATIONAL:02X}")
-    yield {**step.expect("a heartbeat, its toggle bit always 0", beat, QUIET), "repeat": 4}
-    yield _missed("the master is not missed", "1 s")
-    yield from _not_guarded(subject)
+    comes = {**step.expect("a heartbeat, its toggle bit always 0", beat, QUIET), "repeat": 4}
+    yield from (step.asking("7.206", each) for each in (beating, comes, _missed("the master is not missed", "1 s")))
+    yield from _not_guarded(subject, "7.207")
 
 
 # Heartbeat consumer

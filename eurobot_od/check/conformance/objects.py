@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain, repeat
 
 from canopen.objectdictionary import ODVariable
 
@@ -119,7 +120,7 @@ def _structure(subject: Subject) -> Steps:
 # Values
 
 
-@Clause(CHAPTER, "7.4.4", "Length of the type", ctt="4.1, 4.7")
+@Clause(CHAPTER, "7.4.4", "Length of the type", ctt="4.1")
 def _readable(subject: Subject) -> Steps:
     """Read everything; the value must have the length of its type. What has no value now may say so."""
     for each in subject.objects:
@@ -135,7 +136,7 @@ def _readable(subject: Subject) -> Steps:
             yield step.read(title(each), address_of(each), **blocks, optional=codes(*none_now, *without))
 
 
-@Clause(CHAPTER, "7.3.2.2.3", "Default after a reset", Tier.REVERSIBLE, "4.2, 4.8")
+@Clause(CHAPTER, "7.3.2.2.3", "Default after a reset", Tier.REVERSIBLE, "4.2")
 def _defaults(subject: Subject) -> Steps:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
@@ -160,11 +161,16 @@ def _default(each: ODVariable) -> Steps:
 # Access
 
 
+def _numbers(first: str, others: str) -> Iterator[str]:
+    """Give the number of CiA's tool that asks one object, then for ever the one that asks them all."""
+    return chain([first], repeat(others))
+
+
 @Clause(CHAPTER, "7.4.5", "Write-only", ctt="2.4, 4.4", name="every object")
 def _write_only(subject: Subject) -> Steps:
     write_only = [each for each in subject.objects if not each.readable]
-    for each in need(write_only, "the file has no write-only object"):
-        yield step.read(title(each), address_of(each), abort=codes(*WRITE_ONLY))
+    for each, asked in zip(need(write_only, "the file has no write-only object"), _numbers("2.4", "4.4")):
+        yield step.asking(asked, step.read(title(each), address_of(each), abort=codes(*WRITE_ONLY)))
 
 
 @Clause(CHAPTER, "7.4.5", "Read-only", Tier.DESTRUCTIVE, "4.3", only=MAKERS)
@@ -175,7 +181,7 @@ def _read_only(subject: Subject) -> Steps:
             # Of the right length, so that only the access can be refused; and zeros, should it be taken after all: they
             # do the least.
             zeros = bytes(data_type(each).size or 1).hex(" ")
-            asked = "2.3, 4.3" if address_of(each) == DEVICE_TYPE else "4.3"
+            asked = "2.3" if address_of(each) == DEVICE_TYPE else "4.3"
             yield step.asking(asked, step.write(title(each), address_of(each), data=zeros, abort=codes(*READ_ONLY)))
 
 
@@ -194,7 +200,7 @@ def _own_values(subject: Subject) -> Steps:
             # Some stacks refuse with 0x06090030 whatever is written to a PDO's record while it is valid.
             refused = BUSY if _has_value(each) and each.index not in SET_BY_DEVICE else (*BUSY, *OUTSIDE)
             written = step.rewritten("it is written", each, optional=codes(*refused))
-            asked = "2.2, 4.9" if each.index in COMMUNICATION_PROFILE else "4.9"
+            asked = "2.2" if each.index in COMMUNICATION_PROFILE else "4.9"
             own = step.group(f"{title(each)}: the value it has", step.save(each), written, step.unchanged(each))
             yield step.asking(asked, own)
 
@@ -238,27 +244,28 @@ def _refused(each: ODVariable, refused: Sequence[Data]) -> Data:
 @Clause(CHAPTER, "7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, only=MAKERS)
 @Clause(CHAPTER, "7.2.4.3.17", "Limits", Tier.REVERSIBLE, only=COMMUNICATION_PROFILE)
 def _limits(subject: Subject) -> Steps:
+    too_low, too_high = _numbers("2.11", "4.6"), _numbers("2.10", "4.6")
     for each in _tried(subject):
-        refused = list(_outside(each))
+        refused = list(_outside(each, too_low, too_high))
         if refused:
             yield _refused(each, refused)
 
 
-def _outside(each: ODVariable) -> Steps:
+def _outside(each: ODVariable, too_low: Iterator[str], too_high: Iterator[str]) -> Steps:
     """Write the values next to the limits, and have them refused."""
     type_, range_ = data_type(each), limits(each)
     if range_ is None or not type_.is_integer:
         return
-    for value, what, code, asked in (
-        (range_.low - 1, "too low", AbortCode.TOO_LOW, "2.11, 4.6"),
-        (range_.high + 1, "too high", AbortCode.TOO_HIGH, "2.10, 4.6"),
+    for value, what, code, numbers in (
+        (range_.low - 1, "too low", AbortCode.TOO_LOW, too_low),
+        (range_.high + 1, "too high", AbortCode.TOO_HIGH, too_high),
     ):
         # A value that its type cannot carry would be refused by our own encoding, and never get to the device.
         if type_.low <= value <= type_.high:
             refused = codes(code, AbortCode.VALUE, AbortCode.GENERAL)
             raw = step.raw(each, int(value))
             written = step.write(f"{value} is {what}", address_of(each), value=raw, abort=refused)
-            yield step.asking(asked, written)
+            yield step.asking(next(numbers), written)
 
 
 # Other values: destructive

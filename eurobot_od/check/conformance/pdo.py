@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
@@ -21,7 +22,7 @@ from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Da
 from eurobot_od.device.device import Device
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type
-from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER
 from eurobot_od.od.values import COB_ID, EVENT_TIMER, MAX_BITS, NOT_VALID, SYNC_START, TRANSMISSION_TYPE, PdoDirection
 from eurobot_od.sdo.wire import Abort, AbortCode
@@ -142,6 +143,7 @@ def _mapping(subject: Subject, pdo: Pdo) -> Steps:
     wrong = _unmapped(subject, pdo, used[1:])
     need(not wrong, f"the file itself maps in {title} what it does not let be mapped: {wrong}")
     yield step.group(f"{title} changed in order, and not otherwise", *_remapped(subject, pdo, cob_id))
+    yield from or_skipped(OTHER_NAME.format(title), _with_another, subject, pdo, cob_id)
     yield from or_skipped(f"{title} takes {MAX_BITS} bits at most", _at_most, subject, pdo, cob_id)
 
 
@@ -193,7 +195,7 @@ def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable, subs: range) -
     # Those behind the last one are put back below, if the device lets them: not every one takes an entry of 0.
     used = entries[: len(pdo.mapping)]
     yield from (step.rewritten(f"3. entry {each.subindex}", each, kept) for each, kept in used)
-    yield step.asking("3.22", step.rewritten("4. sub-index 0 is as it was", *number))
+    yield step.rewritten("4. sub-index 0 is as it was", *number)
     # Whatever came before: its COB-ID last, for with bit 31 cleared the PDO is there at once.
     yield from (step.put_back(*each) for each in (*entries, number))
     yield {**step.put_back(cob_id), "name": "5. as it was"}
@@ -203,6 +205,70 @@ def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable, subs: range) -
 def _mapping_of(subject: Subject, pdo: Pdo, subs: range) -> list[tuple[ODVariable, str]]:
     """Return the number of a PDO's entries and some of them, each with the name of what keeps its value."""
     return subject.kept((pdo.mapping_index, sub) for sub in (0, *subs))
+
+
+OTHER_NAME = "{} with another mapping"
+
+
+def _with_another(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
+    """Put another mapping in force by the procedure, look at a TPDO that has it, and put the file's back."""
+    record, other = pdo.mapping_index, _another(subject, pdo)
+    subs = range(1, max(len(pdo.mapping), len(other.mapping)) + 1)
+    entries = [(sub, _entry_of(each)) for sub, each in enumerate(other.mapping, start=1)]
+    seen = _seen_with(subject, other) if pdo.valid and pdo.direction is PdoDirection.TPDO else ()
+    in_force = (
+        step.write("4. sub-index 0", (record, 0), value=len(entries)),
+        *(step.read(f"entry {sub} is there", (record, sub), expect=value) for sub, value in entries),
+        step.rewritten("5. as valid as it was", cob_id),
+        *seen,
+    )
+    yield step.group(
+        OTHER_NAME.format(pdo.title),
+        step.save(cob_id),
+        *(step.save(*each) for each in _mapping_of(subject, pdo, subs)),
+        off(cob_id),
+        step.write("2. sub-index 0 is 0", (record, 0), value=0),
+        *(step.write(f"3. entry {sub}", (record, sub), value=value) for sub, value in entries),
+        step.asking("3.22", step.group("in force", *in_force)),
+        off(cob_id),
+        step.write("2. sub-index 0 is 0 again", (record, 0), value=0),
+        *_mapped_again(subject, pdo, cob_id, subs),
+    )
+
+
+def _another(subject: Subject, pdo: Pdo) -> Pdo:
+    """Return a PDO with a mapping that it may have and that shows in the length of its frames; raises Lacks."""
+    may = (each for each in subject.objects if each.pdo_mappable and data_type(each).size in (1, 2, 4))
+    alone = ((Mapped.of(each, data_type(each).bits, each),) for each in may)
+    # Without its first object, of one object alone a second time too, else another object of the device.
+    mappings = (pdo.mapping[1:], pdo.mapping * 2 if len(pdo.mapping) == 1 else (), *alone)
+    others = (replace(pdo, mapping=each) for each in mappings)
+    found = next((each for each in others if each.length and _may_be_given(subject, pdo, each)), None)
+    return need(found, f"the file has no other mapping that {pdo.title} could have")
+
+
+def _may_be_given(subject: Subject, pdo: Pdo, other: Pdo) -> bool:
+    number, bits = len(other.mapping), sum(each.bits for each in other.mapping)
+    return (
+        other.length != pdo.length
+        and bits <= MAX_BITS
+        and subject.may_be((pdo.mapping_index, 0), number)
+        and all(_may_be_tried(subject, pdo, _entry_of(each), sub) for sub, each in enumerate(other.mapping, start=1))
+    )
+
+
+def _seen_with(subject: Subject, other: Pdo) -> Steps:
+    """Have a TPDO sent in one of the ways that it can be, or say why it cannot be seen."""
+    for needed, sending in ((_synchronous, _by_sync), (_timed, _by_event_timer), (_asked, _by_remote_frame)):
+        if has(subject.need_seen, other) and has(needed, subject, other):
+            way = sending(subject, other)
+            return way.around(step.nmt("start"), step.wait("50 ms"), *way.seen)
+    return [step.skip("it is sent with it", f"{other.title} cannot be sent by SYNC, event timer or remote frame")]
+
+
+def _entry_of(each: Mapped) -> int:
+    index, sub = each.address
+    return index << 16 | sub << 8 | each.bits
 
 
 def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
@@ -284,9 +350,9 @@ def _other_entries(subject: Subject, pdo: Pdo) -> Steps:
     yield step.write("the file's entry", entry, value=hexadecimal(subject.number(entry), 8))
 
 
-def _may_be_tried(subject: Subject, pdo: Pdo, entry: int) -> bool:
-    """Whether a PDO's first entry may be this: it can be mapped there, and is within the entry's own limits."""
-    return subject.may_be((pdo.mapping_index, 1), entry) and _may_be_mapped(subject, pdo, entry)
+def _may_be_tried(subject: Subject, pdo: Pdo, entry: int, sub: int = 1) -> bool:
+    """Whether a PDO's entry may be this: it can be mapped there, and is within the entry's own limits."""
+    return subject.may_be((pdo.mapping_index, sub), entry) and _may_be_mapped(subject, pdo, entry)
 
 
 def _entry(each: ODVariable) -> str:
@@ -325,45 +391,51 @@ NO_SUCH_TYPE = (*BUSY, *OUTSIDE)
 
 EVENT_TYPES, REMOTE_TYPES = (254, 255), (252, 253, 254, 255)
 
-Pdos: TypeAlias = Sequence[Pdo]
+
+class Sending(NamedTuple):
+    """A way to have a TPDO sent: what is changed `around` the steps, `ask`ed in any state, and `seen` in OPERATIONAL.
+
+    `ask` is what has no effect in the other NMT states, `seen` has it too, and the frames that come.
+    """
+
+    way: str
+    around: Callable[..., Steps]
+    ask: Sequence[Data]
+    seen: Sequence[Data]
 
 
-TpdoSteps: TypeAlias = "Callable[[Subject, Pdos], Data]"
+SendingOf: TypeAlias = "Callable[[Subject, Pdo], Sending]"
+
+STATES = {"OPERATIONAL": "start", "STOPPED": "stop", "PRE-OPERATIONAL": ""}
+"""NMT states in the order of CiA's tool, and the command that leads there from PRE-OPERATIONAL."""
 
 
 def _sent_when(
     number: str,
     topic: str,
-    alone: str,
-    together: str,
+    asked: tuple[str, str, str],
     needed: Callable[[Subject, Pdo], object],
     tier: Tier = Tier.REVERSIBLE,
-) -> Callable[[TpdoSteps], TpdoSteps]:
-    """Enter a function as two clauses, with their numbers of CiA's tool: for each TPDO alone, and for all at once."""
+) -> Callable[[SendingOf], SendingOf]:
+    """Enter a way as a clause: in each NMT state a group for each TPDO, with its number of CiA's tool."""
 
-    def seen(subject: Subject, pdo: Pdo) -> None:
-        subject.need_seen(pdo)
-        needed(subject, pdo)
-
-    def enter(steps: TpdoSteps) -> TpdoSteps:
+    def enter(sending: SendingOf) -> SendingOf:
         def of_one(subject: Subject, pdo: Pdo) -> Steps:
-            seen(subject, pdo)
-            return [steps(subject, [pdo])]
+            subject.need_seen(pdo)
+            needed(subject, pdo)
+            way = sending(subject, pdo)
+            none = step.never("none comes", frame_of(pdo), QUIET)
+            for test, (state, command) in zip(asked, STATES.items(), strict=True):
+                there = [step.nmt(command), step.wait("50 ms")] if command else []
+                looks = way.seen if command == "start" else [*way.ask, none]
+                name = f"{pdo.title} {way.way} in {state}"
+                yield step.asking(test, step.group(name, *way.around(*there, *looks)))
 
-        def of_all(subject: Subject) -> Steps:
-            chosen = [each for each in subject.of(PdoDirection.TPDO) if has(seen, subject, each)]
-            need(len(chosen) > 1, "the file has not two TPDOs that can be so")
-            return [steps(subject, chosen)]
-
-        Clause(CHAPTER, number, topic, tier, alone, name="TPDO")(each_of(PdoDirection.TPDO, of_one))
-        Clause(CHAPTER, number, topic, tier, together, name="several TPDOs")(of_all)
-        return steps
+        numbers = ", ".join(filter(None, asked))
+        Clause(CHAPTER, number, topic, tier, numbers, name="TPDO")(each_of(PdoDirection.TPDO, of_one))
+        return sending
 
     return enter
-
-
-def _named(pdos: Pdos) -> str:
-    return " and ".join(each.title for each in pdos)
 
 
 def frame_of(pdo: Pdo) -> Data:
@@ -371,13 +443,12 @@ def frame_of(pdo: Pdo) -> Data:
     return {"raw": f"{pdo.cob_id:03X}#{'?' * (2 * pdo.length)}"}
 
 
-def _come(name: str, pdos: Pdos) -> Data:
-    patterns = [frame_of(each) for each in pdos]
-    return step.expect(name, patterns[0] if len(patterns) == 1 else {"all": patterns}, SOON)
+def _comes(name: str, pdo: Pdo) -> Data:
+    return step.expect(name, frame_of(pdo), SOON)
 
 
-def _none(name: str, pdos: Pdos) -> Steps:
-    return (step.never(name, frame_of(each), QUIET) for each in pdos)
+def _none(name: str, pdo: Pdo) -> Data:
+    return step.never(name, frame_of(pdo), QUIET)
 
 
 PARAMETERS: Mapping[int, tuple[str, Mapping[str, object]]] = {
@@ -387,46 +458,56 @@ PARAMETERS: Mapping[int, tuple[str, Mapping[str, object]]] = {
 """What a parameter is called, and how it is written, by its sub-index."""
 
 
-def having(subject: Subject, pdos: Pdos, sub: int, value: int, *steps: Data) -> Steps:
-    """Do some steps with another value of a parameter of each PDO, then put back the one it had."""
-    what, more = PARAMETERS[sub]
+def having(subject: Subject, pdo: Pdo, parameters: Mapping[int, int], *steps: Data) -> Steps:
+    """Do some steps with other values of parameters of a TPDO, then put back those that it had."""
     back: list[Data] = []
-    for each in pdos:
-        found, kept = need(subject.settable((each.index, sub)), NOT_SETTABLE), f"present_{each.number}"
+    for sub, value in parameters.items():
+        what, more = PARAMETERS[sub]
+        found, kept = need(subject.settable((pdo.index, sub)), NOT_SETTABLE), f"present_{sub}"
         yield step.save(found, kept)
-        yield step.write(f"{each.title}: {what} {value}", address_of(found), value=value, **more)
+        yield step.write(f"{pdo.title}: {what} {value}", address_of(found), value=value, **more)
         back.append(step.put_back(found, kept))
     yield from (*steps, *step.undoing(step.nmt("pre-operational")), *back)
 
 
-# By the event timer
+# By events and their timer
+
+EVENT_DRIVEN = 254
+"""The transmission type that CiA's tool gives an event-driven TPDO."""
 
 
-def _timer(subject: Subject, pdo: Pdo) -> None:
+def _timed(subject: Subject, pdo: Pdo) -> None:
     # Types 254 and 255 alone have an event timer (CiA 301, 7.5.2.37).
-    need(pdo.transmission_type in EVENT_TYPES, f"{pdo.title} is not event-driven by default")
+    may = pdo.transmission_type in EVENT_TYPES or subject.may_be((pdo.index, TRANSMISSION_TYPE), EVENT_DRIVEN)
+    need(may, f"{pdo.title} is not event-driven by default, and cannot be")
     settable = subject.may_be((pdo.index, EVENT_TIMER), EVENT_TIME)
     need(settable, f"the event timer of {pdo.title} {NOT_SETTABLE}")
     short = pdo.inhibit_time < 10 * EVENT_TIME
     need(short, f"the inhibit time of {pdo.title} is longer than {EVENT_TIME} ms")
 
 
-@_sent_when("7.5.2.37", "TPDO transmission", "3.4, 3.5", "3.10, 3.11, 3.16, 3.17", _timer)
-def _by_event_timer(subject: Subject, pdos: Pdos) -> Data:
-    steps = (
-        step.wait("50 ms"),
-        *_none("none in PRE-OPERATIONAL", pdos),
-        step.nmt("start"),
-        # At most: an event of the device's own may send it sooner, and begins the time anew.
-        {**_come(f"again and again, {EVENT_TIME} ms apart at most", pdos), "repeat": 3},
-        step.nmt("stop"),
-        step.wait("50 ms"),
-        *_none("none in STOPPED", pdos),
-    )
-    group = step.group(f"{_named(pdos)} by event timer", *having(subject, pdos, EVENT_TIMER, EVENT_TIME, *steps))
-    # CiA's tool asks for type 254 as an event; with another default only the timer is asked.
-    only_timer = "3.5" if len(pdos) == 1 else "3.11, 3.17"
-    return step.asking("" if all(each.transmission_type == EVENT_TYPES[0] for each in pdos) else only_timer, group)
+def _event_driven(subject: Subject, pdo: Pdo) -> None:
+    _timed(subject, pdo)
+    may = subject.may_be((pdo.index, TRANSMISSION_TYPE), EVENT_DRIVEN)
+    need(may, f"the transmission type of {pdo.title} cannot be {EVENT_DRIVEN}")
+
+
+# What an event is, is the maker's. As in CiA's tool the timer causes it, so that both tests send the same frames.
+@_sent_when("7.5.2.37", "TPDO transmission", ("3.4", "3.10", "3.16"), _event_driven)
+def _by_event(subject: Subject, pdo: Pdo) -> Sending:
+    return _at_times(subject, pdo, "by event", {TRANSMISSION_TYPE: EVENT_DRIVEN, EVENT_TIMER: EVENT_TIME})
+
+
+@_sent_when("7.5.2.37", "TPDO transmission", ("3.5", "3.11", "3.17"), _timed)
+def _by_event_timer(subject: Subject, pdo: Pdo) -> Sending:
+    changed = {} if pdo.transmission_type in EVENT_TYPES else {TRANSMISSION_TYPE: EVENT_DRIVEN}
+    return _at_times(subject, pdo, "by event timer", {**changed, EVENT_TIMER: EVENT_TIME})
+
+
+def _at_times(subject: Subject, pdo: Pdo, way: str, parameters: Mapping[int, int]) -> Sending:
+    # At most: an event of the device's own may send it sooner, and begins the time anew.
+    comes = {**_comes(f"again and again, {EVENT_TIME} ms apart at most", pdo), "repeat": 3}
+    return Sending(way, partial(having, subject, pdo, parameters), (), [comes])
 
 
 # By SYNC
@@ -455,18 +536,12 @@ def _synchronous(subject: Subject, pdo: Pdo) -> None:
     need(settable, f"the transmission type of {pdo.title} {NOT_SETTABLE}")
 
 
-@_sent_when("7.2.2.2", "TPDO transmission", "3.6", "3.12, 3.18", _synchronous)
-def _by_sync(subject: Subject, pdos: Pdos) -> Data:
-    steps = (
-        sync(subject),
-        *_none("none in PRE-OPERATIONAL", pdos),
-        step.nmt("start"),
-        step.wait("50 ms"),
-        *_none("none without SYNC", pdos),
-        # Twice: a device that sends once on a change of its parameters would pass with one.
-        {**step.group("with each SYNC", sync(subject), _come("it comes", pdos)), "repeat": 2},
-    )
-    return step.group(f"{_named(pdos)} by SYNC", *having(subject, pdos, TRANSMISSION_TYPE, 1, *steps))
+@_sent_when("7.2.2.2", "TPDO transmission", ("3.6", "3.12", "3.18"), _synchronous)
+def _by_sync(subject: Subject, pdo: Pdo) -> Sending:
+    # Twice: a device that sends once on a change of its parameters would pass with one.
+    with_each = {**step.group("with each SYNC", sync(subject), _comes("it comes", pdo)), "repeat": 2}
+    seen = _none("none without SYNC", pdo), with_each
+    return Sending("by SYNC", partial(having, subject, pdo, {TRANSMISSION_TYPE: 1}), [sync(subject)], seen)
 
 
 def _acyclic(subject: Subject, pdo: Pdo) -> None:
@@ -474,17 +549,13 @@ def _acyclic(subject: Subject, pdo: Pdo) -> None:
     need(subject.may_be((pdo.index, TRANSMISSION_TYPE), 0), f"the transmission type of {pdo.title} cannot be 0")
 
 
-@_sent_when("7.2.2.2", "TPDO transmission", "", "", _acyclic)
-def _by_acyclic_sync(subject: Subject, pdos: Pdos) -> Data:
+# That it comes after an event (3.7), nobody can have over the bus.
+@_sent_when("7.2.2.2", "TPDO transmission", ("", "3.13", "3.19"), _acyclic)
+def _by_acyclic_sync(subject: Subject, pdo: Pdo) -> Sending:
     """With type 0 a TPDO goes with the SYNC after an event: with none else, and without SYNC never."""
-    steps = (
-        step.nmt("start"),
-        *_none("none without SYNC", pdos),
-        sync(subject),
-        step.wait("100 ms"),
-        *_none("none until the next SYNC", pdos),
-    )
-    return step.group(f"{_named(pdos)} by SYNC after an event", *having(subject, pdos, TRANSMISSION_TYPE, 0, *steps))
+    until = sync(subject), step.wait("100 ms"), _none("none until the next SYNC", pdo)
+    around = partial(having, subject, pdo, {TRANSMISSION_TYPE: 0})
+    return Sending("by SYNC after an event", around, [sync(subject)] * 2, [_none("none without SYNC", pdo), *until])
 
 
 # By remote frame
@@ -497,24 +568,11 @@ def _asked(subject: Subject, pdo: Pdo) -> None:
     need(pdo.transmission_type in REMOTE_TYPES, f"{pdo.title} follows SYNC")
 
 
-@_sent_when("7.2.2.5.2", "TPDO by remote frame", "3.3, 3.9", "3.15", _asked)
-def _by_remote_frame(_: Subject, pdos: Pdos) -> Data:
+@_sent_when("7.2.2.5.2", "TPDO by remote frame", ("3.3", "3.9", "3.15"), _asked)
+def _by_remote_frame(subject: Subject, pdo: Pdo) -> Sending:
     # With the length of its data: some controllers answer a remote frame only if the length code agrees.
-    asked = [step.remote(each.cob_id, each.length) for each in pdos]
-    return step.group(
-        f"{_named(pdos)} by remote frame",
-        *asked,
-        *_none("none in PRE-OPERATIONAL", pdos),
-        step.nmt("start"),
-        step.wait("50 ms"),
-        *asked,
-        _come("it comes", pdos),
-        step.nmt("stop"),
-        step.wait("50 ms"),
-        *asked,
-        *_none("none in STOPPED", pdos),
-        *step.undoing(step.nmt("pre-operational")),
-    )
+    asked = step.remote(pdo.cob_id, pdo.length)
+    return Sending("by remote frame", partial(having, subject, pdo, {}), [asked], [asked, _comes("it comes", pdo)])
 
 
 # By numbered SYNC
@@ -531,30 +589,32 @@ def _numbered(subject: Subject, pdo: Pdo) -> None:
     need_off(subject, pdo)
 
 
-@_sent_when("7.5.2.37", "SYNC start value", "3.8", "3.14, 3.20", _numbered, Tier.DESTRUCTIVE)
-def _from_start_value(subject: Subject, pdos: Pdos) -> Data:
-    """Have TPDOs begin with the SYNC of a number, and then go with each one."""
+@_sent_when("7.5.2.37", "SYNC start value", ("3.8", "3.14", "3.20"), _numbered, Tier.DESTRUCTIVE)
+def _from_start_value(subject: Subject, pdo: Pdo) -> Sending:
+    """Have a TPDO begin with the SYNC of a number, and then go with each one."""
+    # The counter is in SYNC's data byte: the tester plays the producer, and counts from 1 (CiA 301, 7.2.5).
+    syncs = [sync(subject, bytes([number])) for number in range(1, START + 3)]
+    seen: list[Data] = []
+    for number, each in enumerate(syncs, start=1):
+        looks = _comes("it comes", pdo) if number >= START else _none(f"not before SYNC {START}", pdo)
+        seen += [each, looks]
+    return Sending(f"from SYNC {START} on", partial(_starting, subject, pdo), syncs, seen)
+
+
+def _starting(subject: Subject, pdo: Pdo, *steps: Data) -> Steps:
+    """Do some steps with a SYNC counter and a start value, then put back what there was."""
     kept = subject.kept((SYNC_COUNTER, SYNC_PERIOD))
-    steps = [*fresh(), *(step.save(*each) for each in kept)]
-    steps += [step.write("period 0", SYNC_PERIOD, value=0)] if subject.number(SYNC_PERIOD) else []
-    steps.append(step.write(f"counter {OVERFLOW}", SYNC_COUNTER, value=OVERFLOW))
-    back: list[Data] = [*step.undoing(*fresh())]
-    for each in pdos:
-        parameters = subject.kept((each.index, sub) for sub in (COB_ID, TRANSMISSION_TYPE, SYNC_START))
-        (cob_id, present), (type_, _), (start, _) = parameters
-        steps += [
-            *(step.save(*parameter) for parameter in parameters),
-            # The start value must not be changed while the PDO exists (CiA 301, 7.5.2.37).
-            off(cob_id, present),
-            step.write("transmission type 1", address_of(type_), value=1, optional=codes(*NO_SUCH_TYPE)),
-            step.write(f"SYNC start value {START}", address_of(start), value=START),
-            step.rewritten(f"{each.title} valid", cob_id, present),
-        ]
-        back += [step.put_back(*parameter) for parameter in reversed(parameters)]
-    steps += [step.nmt("start"), step.wait("50 ms")]
-    for number in range(1, START + 3):
-        # The counter is in SYNC's data byte: the tester plays the producer, and counts from 1 (CiA 301, 7.2.5).
-        steps.append(sync(subject, bytes([number])))
-        steps += [_come("it comes", pdos)] if number >= START else _none(f"not before SYNC {START}", pdos)
-    back += [step.put_back(*each) for each in kept]
-    return step.group(f"{_named(pdos)} from SYNC {START} on", *steps, *back)
+    parameters = subject.kept((pdo.index, sub) for sub in (COB_ID, TRANSMISSION_TYPE, SYNC_START))
+    (cob_id, present), (type_, _), (start, _) = parameters
+    yield from (*fresh(), *(step.save(*each) for each in kept))
+    if subject.number(SYNC_PERIOD):
+        yield step.write("period 0", SYNC_PERIOD, value=0)
+    yield step.write(f"counter {OVERFLOW}", SYNC_COUNTER, value=OVERFLOW)
+    yield from (step.save(*parameter) for parameter in parameters)
+    # The start value must not be changed while the PDO exists (CiA 301, 7.5.2.37).
+    yield off(cob_id, present)
+    yield step.write("transmission type 1", address_of(type_), value=1, optional=codes(*NO_SUCH_TYPE))
+    yield step.write(f"SYNC start value {START}", address_of(start), value=START)
+    yield step.rewritten(f"{pdo.title} valid", cob_id, present)
+    yield from (*steps, *step.undoing(*fresh()))
+    yield from (step.put_back(*parameter) for parameter in (*reversed(parameters), *kept))

@@ -78,18 +78,19 @@ def _usual(subject: Subject) -> Address:
 # Uploads
 
 
-# The official tool reads 0x1000 once expedited and once "segmented"; of 4 bytes both are the same frames.
-@Clause(CHAPTER, "7.2.4.3.6", "SDO upload", ctt="2.1, 2.13", group="the device type in one answer")
+@Clause(CHAPTER, "7.2.4.3.6", "SDO upload", ctt="2.1, 2.13")
 def _expedited_upload(subject: Subject) -> Steps:
     need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
     answer = step.expect("4 bytes", subject.answer("43001000????????"), WITHIN)
-    return [_asked(subject, DEVICE_TYPE), answer]
+    # CiA's tool reads it a second time "by segments": of 4 bytes both are the same frames.
+    for name, asked in (("the device type in one answer", "2.1"), ("the device type once more", "2.13")):
+        yield step.asking(asked, step.group(name, _asked(subject, DEVICE_TYPE), answer))
 
 
-@Clause(CHAPTER, "7.2.4.3.7", "SDO upload", name="by segments")
+@Clause(CHAPTER, "7.2.4.3.7", "SDO upload", ctt="2.16, 2.17, 2.18", name="by segments")
 def _segmented_upload(subject: Subject) -> Steps:
     each = need(_long(subject), NO_SEGMENTS)
-    yield step.asking("2.16, 2.18", step.read(f"{title(each)} by segments", address_of(each), data="any"))
+    yield step.asking("2.16", step.read(f"{title(each)} by segments", address_of(each), data="any"))
     wrong = step.group(
         "a wrong toggle bit is refused",
         _asked(subject, address_of(each)),
@@ -99,6 +100,7 @@ def _segmented_upload(subject: Subject) -> Steps:
         _aborted(subject, AbortCode.TOGGLE_BIT),
     )
     yield step.asking("2.17", wrong)
+    yield step.asking("2.18", step.read(f"{title(each)} as a whole", address_of(each), data="any"))
 
 
 WITH_CRC, WITHOUT_CRC = Blocks.PLAIN.value, Blocks.WITHOUT_CRC.value

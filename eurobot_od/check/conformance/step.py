@@ -98,9 +98,9 @@ def keeping(name: str, variable: ODVariable, *steps: Data) -> Data:
     return group(name, save(variable), *steps, put_back(variable))
 
 
-def asking(numbers: str, data: Data) -> Data:
-    """Have a step ask some tests of CiA's tool, by their numbers."""
-    return {**data, "ctt": numbers} if numbers else data
+def asking(number: str, data: Data) -> Data:
+    """Have a step ask a test of CiA's tool, by its number; one with an empty number asks none."""
+    return {**data, "ctt": number}
 
 
 def undoing(*steps: Data) -> Steps:

@@ -28,8 +28,8 @@ WRONG_SIGNATURE = {
     (standard.STORE, 2): "8.5",
     (standard.RESTORE, 2): "8.7",
 }
-RIGHT_SIGNATURE = {1: "8.2, 8.4", 2: "8.6, 8.8"}
-"""Numbers of CiA's tool for the signatures that are refused, and those that store and restore."""
+RIGHT_SIGNATURE = {1: ("8.2", "8.4"), 2: ("8.6", "8.8")}
+"""Numbers of CiA's tool for the signatures that are refused, and those that store and that restore."""
 
 REFUSED = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE, AbortCode.NO_DATA)
 """Aborts for a wrong signature (CiA 301, 7.5.2.13: 0x0800002x)."""
@@ -115,20 +115,22 @@ def _stored(subject: Subject) -> Steps:
     for sub, asked in RIGHT_SIGNATURE.items():
         lack = f"the file lacks 0x1010:{sub}, 0x1011:{sub} or a parameter to be stored"
         name = "store and restore" if sub == 1 else "store and restore of the communication"
-        yield from (step.asking(asked, each) for each in or_skipped(name, _stored_by, subject, sub, lack))
+        done = or_skipped(name, _stored_by, subject, sub, lack)
+        yield from (step.asking(", ".join(asked), each) for each in done)
 
 
 def _stored_by(subject: Subject, sub: int, lack: str) -> Steps:
+    stored, restored = RIGHT_SIGNATURE[sub]
     signed = _store_and_restore(subject, sub)
     each, store, restore = (need(found, lack) for found in (_shown_by(subject), *signed))
     at = address_of(each)
     over_a_reset = step.group(
         "over a reset",
-        _signed(store, "stored"),
+        step.asking(stored, _signed(store, "stored")),
         *fresh("reset"),
-        step.read("it is kept", at, expect=_other(each)),
-        *step.undoing(_signed(restore, "restored"), *fresh("reset")),
-        step.read("the default is back", at, expect=subject.number(at)),
+        step.asking(stored, step.read("it is kept", at, expect=_other(each))),
+        *step.undoing(step.asking(restored, _signed(restore, "restored")), *fresh("reset")),
+        step.asking(restored, step.read("the default is back", at, expect=subject.number(at))),
     )
     other = step.write("another value", at, value=_other(each))
     yield step.keeping(f"{title(each)} stored and restored by sub-index {sub}", each, other, over_a_reset)

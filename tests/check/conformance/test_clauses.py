@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, Clause, StepName, Subject, Tier, need, settable
 from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.eds_text import DEVICE_TYPE, variable
-from tests.rows import rows
 
 CHAPTER = Chapter[Subject]("odd", "odd things", fresh=True)
 
@@ -81,9 +82,9 @@ def test_what_each_tier_may_do() -> None:
 NAMES = [
     "7.5.2.21 Identity: 0x1018:1 Vendor-ID [reading]",
     "7.2.4.3.17 Unknown sub-index: read 0x1000:1 [reading, CTT 2.5]",
-    "7.5.2.37 TPDO transmission: TPDO 1 by event timer [reversible, CTT 3.4, 3.5]: none in STOPPED",
-    "7.2.2.2 TPDO transmission: TPDO 1 by SYNC [reversible, CTT 3.6]: with each SYNC 1/2: it comes",
-    "7.4.5 Writable: 0x2000:1 Speed: left [rpm] [reversible, CTT 2.2, 4.9]: put back",
+    "7.5.2.37 TPDO transmission: TPDO 1 by event timer [reversible, CTT 3.5, 3.11, 3.17]",
+    "7.2.2.2 TPDO transmission: TPDO 1 by SYNC in OPERATIONAL [reversible, CTT 3.6]: with each SYNC 1/2: it comes",
+    "7.4.5 Writable: 0x2000:1 Speed: left [rpm] [reversible, CTT 4.9]: put back",
 ]
 
 
@@ -92,6 +93,18 @@ def test_a_name_is_read_as_it_is_written() -> None:
     assert StepName.of("send Check Drive Request") is None
 
 
-@rows("written, numbers", [("", ()), ("2.5", ("2.5",)), ("7.1, 7.201 to 7.203", ("7.1", "7.201", "7.202", "7.203"))])
-def test_numbers_one_by_one(written: str, numbers: tuple[str, ...]) -> None:
-    assert StepName("7.4", "x", "y", "reading", written).numbers == numbers
+ASKED = {
+    # the end of a name, and the numbers that its step asks
+    "[reading]": (),
+    "[reading, CTT 2.5]: the answer": ("2.5",),
+    "[reading, CTT 3.6, 3.12]": ("3.6", "3.12"),
+    "[reading]: a remote frame [CTT 7.2]": ("7.2",),
+    "[reading, CTT 8.2]: over a reset [CTT 8.4]: restored": ("8.4",),
+}
+
+
+@pytest.mark.parametrize("end", ASKED)
+def test_a_step_inside_a_group_may_have_its_own_number(end: str) -> None:
+    name = StepName.of(f"7.4 x: y {end}")
+    assert name is not None
+    assert name.numbers == ASKED[end]

@@ -84,7 +84,7 @@ ASKED = [
     "7.5.2.4 Error history: 0 clears it [destructive]: 0 is written",
     "7.3.2.2.3 Values: 0x1017:0 Producer heartbeat time after reset [reversible, CTT 9.1]: what was not stored is gone",
     "7.5.2.4 Error history: 0 clears it [destructive]: no error is left",
-    "7.5.2.37 TPDO transmission: TPDO 1 by event timer [reversible, CTT 3.4, 3.5]: none in PRE-OPERATIONAL",
+    "7.5.2.37 TPDO transmission: TPDO 1 by event timer in STOPPED [reversible, CTT 3.11]: none comes",
     "7.5.2.21 Identity: 0x1018:1 Vendor-ID [reading]",
     "7.5.2.35 RPDO communication: RPDO 2 keeps its identifier [reversible]: another identifier while it is valid",
     "7.5.2.37 TPDO communication: TPDO 1 keeps its inhibit time [reversible]: nothing has changed",
@@ -101,12 +101,12 @@ def test_a_device_with_everything_is_asked_for_everything() -> None:
 ASKED_OF_MAKERS = {
     # a file, and steps that only such a device can be asked
     IO_MODULE: [
-        "TPDO 1 and TPDO 2 by remote frame [reversible, CTT 3.15]: it comes",
-        "TPDO 1 and TPDO 2 by event timer [reversible, CTT 3.11, 3.17]: none in STOPPED",
-        "0x2000:0 Password [reading, CTT 2.4, 4.4]",
+        "TPDO 2 by remote frame in OPERATIONAL [reversible, CTT 3.3]: it comes",
+        "TPDO 2 by event timer in STOPPED [reversible, CTT 3.11]: none comes",
+        "0x2000:0 Password [reading, CTT 2.4]",
     ],
     AXIS_DRIVE: [
-        "TPDO 1 and TPDO 2 from SYNC 3 on [destructive, CTT 3.14, 3.20]: it comes",
+        "TPDO 2 from SYNC 3 on in OPERATIONAL [destructive, CTT 3.8]: it comes",
         "further servers after reset communication [reversible, CTT 2.29]: 0x1201:1 COB-ID client to server",
         "0x1280 [destructive, CTT 2.30]: over a reset: 0x1280:1 is kept",
     ],
