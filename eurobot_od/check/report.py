@@ -81,7 +81,8 @@ class SuiteResult:
     """How a suite ended; `skipped` says why it was not run at all, `error` what ended it before its time.
 
     `ended` is the name of the red step after which the others were not done, `asked_again` the number of SDO requests
-    that were answered only the second time, or not at all. `raised` is what simulated nodes have raised, each once.
+    that were answered only the second time, or not at all, `slowest` the longest time in s until something came for
+    which no step names a time. `raised` is what simulated nodes have raised, each once.
     """
 
     file: Path
@@ -93,6 +94,7 @@ class SuiteResult:
     error: str = ""
     ended: str = ""
     asked_again: int = 0
+    slowest: float = 0.0
     raised: tuple[str, ...] = ()
 
     def count(self, *statuses: Status) -> int:
@@ -188,6 +190,17 @@ def not_run(results: Iterable[SuiteResult]) -> Iterator[str]:
             yield one_line(f"{result.file.stem}: NOT RUN: {result.name}: {result.skipped}")
         elif result.ended:
             yield one_line(f"{result.file.stem}: NOT FINISHED: {result.name}: ended by '{result.ended}', which is red")
+
+
+SLOW = 1.0
+"""Time in s until an answer from which on it is told."""
+
+
+def slowest(results: Sequence[SuiteResult]) -> Iterator[str]:
+    """Yield a line for the slowest answer of a device, if it is slow: no clause names a time."""
+    longest = max((result.slowest for result in results), default=0.0)
+    if longest > SLOW:
+        yield f"The slowest answer, or boot-up, came after {longest:.2f} s: no clause names a time"
 
 
 def remarks(results: Iterable[SuiteResult]) -> Iterator[str]:

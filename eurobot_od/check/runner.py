@@ -174,6 +174,7 @@ class Runner:
             error=self._error,
             ended=self._ended_by,
             asked_again=self._tester.asked_again,
+            slowest=self._tester.slowest,
         )
 
     async def _until_teardown(self) -> None:

@@ -66,9 +66,10 @@ class BenchTester:
     `variables` are those of the suite; `kept` says which object a variable was read from. Frames from number `mark` on
     answer the last question, those from `edge` on came after the last step. `started` is the node that NMT has just
     started, `taken` are objects that took what they should refuse, `dumped` is what a dump has read, and `reported`
-    what is red once for a node. `answers` are what the tester answers by itself, by COB-ID. `missed` says that a frame
-    which was waited for did not come, `process_data` which objects of a dump are not compared, `remark` what a green
-    step has left out, `asked_again` how many SDO requests were asked a second time.
+    what is red once for a node. `answers` are what the tester answers by itself, by COB-ID. `missed` says for how long
+    a frame that did not come may still be on its way, in s, `process_data` which objects of a dump are not compared,
+    `remark` what a green step has left out, `asked_again` how many SDO requests were asked a second time, `slowest` the
+    longest time until what was waited for came, in s, where the step names none.
     """
 
     def __init__(self, timeout: float, decoder: Decoder, bench: Bench, reported: set[suite.Report]) -> None:
@@ -82,8 +83,8 @@ class BenchTester:
         self.remark = ""
         self.taken: set[Address] = set()
         self.answers: dict[int, Sent] = {}
-        self.is_asking = self.missed = False
-        self.asked_again = 0
+        self.is_asking, self.missed = False, 0.0
+        self.asked_again, self.slowest = 0, 0.0
         self._servers = {each.sdo_request: each for each in map(suite.NodeServices.of, decoder.dictionaries)}
         self._opened: dict[suite.NodeServices, Address] = {}
         self._silent: set[suite.NodeServices] = set()
@@ -116,13 +117,13 @@ class BenchTester:
     async def settle(self) -> None:
         """End what a red step has left open: what a node still says to it does not answer the next question."""
         # A frame that did not come may be on its way: it would be red once more, where none may come.
-        if self.missed:
-            await self.trace.sleep(LATEST)
+        if self.missed > 0:
+            await self.trace.sleep(self.missed)
         for node, address in self._opened.items():
             await self.put(Frame(node.sdo_request, aborted(address, AbortCode.GENERAL)))
             await self._wait_for_silence(node)
         self._opened.clear()
-        self.missed = False
+        self.missed = 0.0
         await self.trace.sleep(UNCONFIRMED)
         self.edge = len(self.trace)
 
@@ -160,6 +161,10 @@ class BenchTester:
             self.trace.fail(error)
 
     # Expecting
+
+    def came(self, after: float, within: float) -> None:
+        """Note when something came that was waited for; who waits less than `LATEST` s has a reason for it."""
+        self.slowest = max(self.slowest, after if within >= LATEST else 0.0)
 
     def longest(self, within: float | None) -> float:
         """Return how long a step takes at most, in s."""

@@ -98,10 +98,10 @@ class CheckReport:
             for each in checks.made.device_runs(checks.devices.load(), results, ""):
                 print(each.dictionary.name, *lines(each.tests), *report.not_run(each.results), sep="\n")
         else:
-            unfinished = report.not_run(results) if checks.made.is_wanted else ()
+            of_made = (*report.slowest(results), *report.not_run(results)) if checks.made.is_wanted else ()
             sys.stdout.writelines(
                 f"{line}\n"
-                for line in (*report.changed(results), *report.remarks(results), *unfinished, *report.failures(results))
+                for line in (*report.changed(results), *report.remarks(results), *of_made, *report.failures(results))
             )
             print(report.summary(results))
         if self.junit is not None:

@@ -12,7 +12,7 @@ from eurobot_od.check import suite
 from eurobot_od.check.bench import SeenFrame
 from eurobot_od.check.shapes import COUNT, DURATION, NAME, SOME_TIME, WITHIN, ActionRow, DocumentShapes
 from eurobot_od.check.suite import FramePattern, Mismatch, Order, Pattern, Patterns, Sent, ServicePattern, is_final
-from eurobot_od.check.tester import BenchTester, Failed, Skipped
+from eurobot_od.check.tester import LATEST, BenchTester, Failed, Skipped
 from eurobot_od.frame import HIGHEST_IDENTIFIER
 from eurobot_od.support import texts, yaml_shapes
 from eurobot_od.support.declared import Within
@@ -81,12 +81,13 @@ class Expect(NamedTuple):
     async def run(self, tester: BenchTester) -> None:
         """Do it; raises as `suite.StepAction.run`."""
         order, left = self.expected.order, list(self.expected.patterns)
-        deadline, start, other = tester.deadline(self.within), tester.mark, None
+        begun, longest = tester.trace.now, tester.longest(self.within)
+        deadline, start, other = begun + longest, tester.mark, None
         while left:
             found = await tester.next(left, start, deadline)
             if found is None:
-                tester.missed = any(isinstance(each, LATE_ONES) for each in left)
-                what = f"no {' or '.join(map(str, left))} within {texts.text(tester.longest(self.within))}"
+                tester.missed = (LATEST - longest) * any(isinstance(each, LATE_ONES) for each in left)
+                what = f"no {' or '.join(map(str, left))} within {texts.text(longest)}"
                 if other is not None:
                     raise tester.with_last(what, left[0], other)
                 raise Failed(what, "; ".join(each.text(tester.variables) for each in left), "nothing")
@@ -100,6 +101,7 @@ class Expect(NamedTuple):
                 if isinstance(hit, ServicePattern) and hit.save is not None:
                     tester.variables[hit.save] = seen.frame.data[REGISTER]
                 left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
+                tester.came(seen.time - begun, longest)
                 start = tester.mark  # a frame passed over may be what the remaining patterns wait for
             elif any(is_final(each, seen.frame) for each in left if each.cob_id == seen.frame.cob_id):
                 # Reported against the closest pattern: one of the same message, with the fewest differences.
@@ -211,6 +213,7 @@ class Poll(NamedTuple):
                 start = number + 1
                 if not tester.mismatches(self.until, last):
                     tester.use(number)
+                    tester.came(last.time - started, tester.longest(self.within))
                     return
         raise tester.with_last(f"{self.until} not as wanted after {count} x {self.sent}", self.until, last)
 
@@ -269,7 +272,7 @@ class Period:
             start = seen[-1].time if seen else tester.trace.now
             found = await tester.next([self.message], tester.edge, start + latest)
             if found is None:
-                tester.missed = isinstance(self.message, LATE_ONES)
+                tester.missed = LATEST * isinstance(self.message, LATE_ONES)
                 what = f"no {self.message} within {texts.text(latest)}, after {number} of them"
                 raise tester.with_last(what, self.message, None)
             if tester.mismatches(self.message, found[1]):

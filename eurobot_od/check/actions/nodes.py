@@ -67,12 +67,13 @@ class BootUp(NamedTuple):
     async def _booted(self, tester: BenchTester) -> bool:
         """Wait for the boot-up since the last question; False if none comes in its time."""
         own, deadline = frozenset([ERROR_CONTROL_BASE + self.node.node_id]), tester.deadline(self.within)
-        start = tester.mark
+        begun, start = tester.trace.now, tester.mark
         # What comes before it was under way when the node heard of the reset: heartbeats, answers to guarding.
         while (number := await tester.trace.first(own, start, deadline)) is not None:
             start = number + 1
             if tester.trace.frames[number].frame.data == BOOTED:
                 tester.use(number)
+                tester.came(tester.trace.frames[number].time - begun, tester.longest(self.within))
                 return True
         return False
 

@@ -75,12 +75,11 @@ def _too_short(subject: Subject) -> Steps:
     rpdo, code = subject.rpdo, ErrorCode.PDO_TOO_SHORT
     subject.need_emcy()
     named = hexadecimal(code)
-    emergency = {"name": f"EMCY {named}", "emcy": {"code": named, "save": "register"}, "within": "2 s"}
+    emergency = {"name": f"EMCY {named}", "emcy": {"code": named, "save": "register"}, "within": step.ANSWER_TIME}
     said = step.read("the error register says the same", standard.ERROR_REGISTER, expect="{register}")
     yield step.group(
         f"RPDO {rpdo.number}, one byte too short",
-        step.nmt("start"),
-        step.wait("50 ms"),
+        *step.commanded("start"),
         # The one error that can be made from outside without doing harm: the device ignores the frame and says 0x8210
         # (CiA 301, 7.2.7).
         step.sent("the frame", rpdo.cob_id, bytes(rpdo.length - 1)),
@@ -102,7 +101,7 @@ def _remembered(subject: Subject, code: ErrorCode) -> Steps:
         # one, so that no value can be compared.
         digits = code.to_bytes(2, "little").hex().upper()
         yield {"name": "the history is asked", **subject.request(bytes.fromhex("4003100100000000"))}
-        newest = step.expect("its newest error is this", subject.answer(f"43031001{digits}????"), "1 s")
+        newest = step.expect("its newest error is this", subject.answer(f"43031001{digits}????"))
         yield step.asking("5.6", newest)
         if history.writable:
             yield from _cleared("the history is cleared")
@@ -127,7 +126,7 @@ COUNTED_SYNCS = 100
 OVERFLOW = 5
 """Up to which number they are counted."""
 
-SOON = "300 ms"
+IN_TIME = f"{3 * PERIOD // 1000} ms"
 
 NO_PERIOD = "the file has no period of SYNC (0x1006) that can be written"
 
@@ -207,7 +206,7 @@ def _produced(subject: Subject) -> Steps:
 def _uncounted(subject: Subject) -> Steps:
     counter = subject.settable(SYNC_COUNTER)
     none = [] if counter is None else [step.write("counter 0", SYNC_COUNTER, value=0)]
-    comes = step.expect("SYNC without data", _sync(subject), SOON)
+    comes = step.expect("SYNC without data", _sync(subject), IN_TIME)
     return [NO_MORE, *none, PERIODIC, _started(subject), comes]
 
 
@@ -239,7 +238,7 @@ def _without_period(subject: Subject) -> Steps:
     """Send SYNC to a device that has no period of it: it is a consumer all the same."""
     tpdo = _following(subject, 1)
     # 0x1006 is the producer's period and the consumer's watch; a consumer without one follows each SYNC all the same.
-    with_each = step.group("with each SYNC", sync(subject), step.expect("it comes", frame_of(tpdo), SOON))
+    with_each = step.group("with each SYNC", sync(subject), step.expect("it comes", frame_of(tpdo)))
     looks = step.nmt("start"), {**with_each, "repeat": 3}
     return [NO_MORE, *having(subject, tpdo, {TRANSMISSION_TYPE: 1}, *looks)]
 
@@ -276,7 +275,7 @@ def _counted(subject: Subject) -> Steps:
     # It begins with 1 and goes back to 1, never through 0 (CiA 301, 7.2.5): one more than the overflow is needed to see
     # it.
     for number in (*range(1, OVERFLOW + 1), 1):
-        yield step.expect(f"SYNC {number}", _sync(subject, f"{number:02X}"), SOON)
+        yield step.expect(f"SYNC {number}", _sync(subject, f"{number:02X}"), IN_TIME)
 
 
 # Stored

@@ -25,9 +25,6 @@ CHAPTER: Chapter[Subject] = Chapter("nmt", "NMT states, boot-up and heartbeat")
 BEAT, SLOW = 100, 5000
 """Heartbeat times, ms: one with which states are watched, and one after which none comes while a step looks."""
 
-SOON = f"{3 * BEAT} ms"
-"""Within this time a heartbeat has the state that the device is in."""
-
 QUIET = "300 ms"
 """How long nothing may come where nothing may."""
 
@@ -35,7 +32,7 @@ LONGEST_PERIOD = 5000
 """Longest heartbeat time of a file that is measured, ms."""
 
 SLOWEST = 2 * BEAT
-"""A state is watched by heartbeats of at most this time, ms: one of them has to come SOON."""
+"""A state is watched by heartbeats of at most this time, ms."""
 
 NO_HEARTBEAT = (
     f"the file has no producer heartbeat time (0x1017) that can be read, written, put back and be 1 to {SLOWEST} ms"
@@ -114,7 +111,7 @@ def _heartbeat_times(subject: Subject) -> Steps:
     slower = step.write(f"{SLOW} ms", HEARTBEAT_TIME, value=_allowed(time, SLOW))
     faster = step.write(f"{beat} ms", HEARTBEAT_TIME, value=beat)
     # From a long time to a short one: a device that first lets the old time run out takes up to 5 s.
-    first = {**step.heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
+    first = {**step.heartbeat("any"), "name": "a heartbeat after the new time"}
     change = step.keeping("a change counts at once", time, slower, step.wait("20 ms"), faster, first)
     yield step.asking("7.101", change)
     beats = step.keeping("heartbeats come at their time", time, faster, step.every(ANY, beat, 5))
@@ -138,7 +135,7 @@ def _heartbeat_of_the_file(subject: Subject) -> Steps:
 def _first_state(subject: Subject) -> Steps:
     # By itself means PRE-OPERATIONAL, unless 0x1F80 of the file says that the device starts on its own (CiA 302-2).
     state = STATE_NAMES[boot_state(subject.dictionary.default(standard.NMT_STARTUP))]
-    beating = _beating(subject, f"{state} by itself after a reset", step.heartbeat(state, SOON))
+    beating = _beating(subject, f"{state} by itself after a reset", step.heartbeat(state))
     yield step.group("after a reset", step.nmt("reset"), step.booted(), beating)
     yield step.nmt("pre-operational")
 
@@ -151,7 +148,7 @@ def _walk(subject: Subject) -> Steps:
     before = "pre-operational"
     for command in WALK:
         state = LEADS_TO[command]
-        commands = [*map(step.nmt, WAY_TO[before]), step.nmt(command), step.heartbeat(state, SOON)]
+        commands = [*map(step.nmt, WAY_TO[before]), step.nmt(command), step.heartbeat(state)]
         # An SDO server is silent in STOPPED (CiA 301, 7.3.2.2.4): the heartbeat time could be neither set nor put back.
         back = [] if state == "pre-operational" else step.undoing(step.nmt("pre-operational"))
         walked = _beating(subject, f"{command} in {before.upper()}", *commands, *back)
@@ -169,12 +166,12 @@ def _other_commands(subject: Subject) -> Steps:
         ("half a command does not matter", bytes([1])),
     ):
         sent = step.sent(f"NMT {data.hex(' ').upper()}", NMT_COB_ID, data)
-        yield _beating(subject, name, sent, stays, step.heartbeat("any", SOON))
+        yield _beating(subject, name, sent, stays, step.heartbeat("any"))
     # Node-ID 0 is for all nodes (CiA 301, 7.2.8.2.1). PRE-OPERATIONAL, because every other node on the bus hears it
     # too.
-    started = [step.nmt("start"), step.heartbeat("operational", SOON)]
+    started = [step.nmt("start"), step.heartbeat("operational")]
     to_all = step.sent("NMT pre-operational to all", NMT_COB_ID, bytes([0x80, 0]))
-    yield _beating(subject, "a command to all nodes", *started, to_all, step.heartbeat("pre-operational", SOON))
+    yield _beating(subject, "a command to all nodes", *started, to_all, step.heartbeat("pre-operational"))
 
 
 # Services
@@ -189,7 +186,7 @@ def _services(subject: Subject) -> Steps:
     (pause,) = step.undoing(step.nmt("pre-operational"))
     yield step.asking("9.3", step.group("SDO in OPERATIONAL", step.nmt("start"), answered, pause))
     silent = step.never("no answer", subject.answer("?" * 16), QUIET)
-    stopped = step.nmt("stop"), step.wait("50 ms"), request, silent, pause, answered
+    stopped = *step.commanded("stop"), request, silent, pause, answered
     yield step.asking("9.4", step.group("no SDO in STOPPED", *stopped))
 
 
@@ -240,7 +237,7 @@ def _unguarded(subject: Subject) -> Steps:
     need(not subject.number(GUARD_TIME), "the file has a guard time (0x100C) from the start")
     time = _heartbeat_time(subject)
     faster = step.write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=_allowed(time, BEAT))
-    yield step.keeping("without guarding", time, faster, {**step.heartbeat("any", SOON), "repeat": 2})
+    yield step.keeping("without guarding", time, faster, {**step.heartbeat("any"), "repeat": 2})
 
 
 def _guarding(subject: Subject) -> None:
@@ -291,12 +288,12 @@ def _guarded(subject: Subject) -> Steps:
     """Ask in every state; after a reset of the communication the toggle bit begins with 0."""
     steps = [*_no_heartbeat(subject)]
     for number, (command, state) in enumerate(ASKED):
-        steps += [step.nmt(command), step.wait("50 ms")] if command else []
+        steps += step.commanded(command) if command else []
         # Bit 7 alternates from answer to answer, so that a master notices one that it has seen before (CiA 301,
         # 7.2.8.3.2.1).
         answer = _answer(subject, f"{state | TOGGLE * (number % 2):02X}")
         said = f"{number + 1}. {state.name.replace('_', '-')}, toggle bit {number % 2}"
-        asked = step.remote(_own(subject)), step.expect(said, answer, QUIET)
+        asked = step.remote(_own(subject)), step.expect(said, answer)
         steps += [step.asking("7.3" if number else "7.2", each) for each in asked]
     yield GUARDED.group(subject, "each remote frame is answered with the state and the next toggle bit", steps)
 
@@ -340,15 +337,15 @@ def _life_guarding(subject: Subject) -> Steps:
     yield from _life_times(subject)
     yield _missed("not before its first remote frame", ONCE)
     # Longer in all than the life time, so that it is the questions which keep the device from missing its master.
-    yield {**_asked(subject, f"{GUARD} ms", _missed("the master is not missed", f"{GUARD} ms")), "repeat": 4}
+    yield {**_asked(subject, _missed("the master is not missed", f"{GUARD} ms")), "repeat": 4}
     yield step.emcy("EMCY: the life time is over", ErrorCode.HEARTBEAT_LOST)
     yield _missed("it is reported once", ONCE)
     yield step.remote(_own(subject))
-    yield step.expect("a remote frame is answered again", _answer(subject), QUIET)
+    yield step.expect("a remote frame is answered again", _answer(subject))
 
 
-def _asked(subject: Subject, within: str, *more: Data) -> Data:
-    answer = step.expect("answer", _answer(subject), within)
+def _asked(subject: Subject, *more: Data) -> Data:
+    answer = step.expect("answer", _answer(subject))
     return step.group("guarded", step.remote(_own(subject)), answer, *more)
 
 
@@ -368,7 +365,7 @@ INSTEAD = [*GUARDING_FOR_LIFE, settable(HEARTBEAT_TIME, BEAT, SLOW, lack=BEATS)]
 def _one_of_both(subject: Subject) -> Steps:
     yield from _not_guarded(subject, "7.205")
     yield from (step.asking("7.202", each) for each in _heartbeat("no heartbeat", 0))
-    guarded = step.remote(_own(subject)), step.expect("without one it is guarded again", _answer(subject), QUIET)
+    guarded = step.remote(_own(subject)), step.expect("without one it is guarded again", _answer(subject))
     yield from (step.asking("7.203", each) for each in guarded)
 
 
@@ -383,7 +380,7 @@ def _not_guarded(subject: Subject, number: str) -> Steps:
 def _heartbeat_instead(subject: Subject) -> Steps:
     """Change from guarding to the heartbeat: the heartbeat's bit 7 is 0, and the master is not missed."""
     yield from _life_times(subject)
-    yield _asked(subject, QUIET)
+    yield _asked(subject)
     beating = step.write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=BEAT)
     # A heartbeat has no toggle bit: bit 7 is reserved and 0 (CiA 301, 7.2.8.3.2.2).
     beat = _answer(subject, f"{NmtState.PRE_OPERATIONAL:02X}")

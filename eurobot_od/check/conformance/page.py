@@ -270,9 +270,8 @@ def text(file: Path, reports: Sequence[DeviceRun]) -> str:
 def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     """Give the page of a device."""
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
-    yield from map(
-        Paragraph, (*report.changed(run.results), *report.remarks(run.results), *report.not_run(run.results))
-    )
+    told = report.changed, report.remarks, report.slowest, report.not_run
+    yield from (Paragraph(line) for each in told for line in each(run.results))
     yield Paragraph(f"{report.summary(run.results)}.")
     yield DocTable(("", ""), run.facts)
     yield DocHeading(2, "Score by chapter")

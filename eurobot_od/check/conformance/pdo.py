@@ -262,7 +262,7 @@ def _seen_with(subject: Subject, other: Pdo) -> Steps:
     for needed, sending in ((_synchronous, _by_sync), (_timed, _by_event_timer), (_asked, _by_remote_frame)):
         if has(subject.need_seen, other) and has(needed, subject, other):
             way = sending(subject, other)
-            return way.around(step.nmt("start"), step.wait("50 ms"), *way.seen)
+            return way.around(*step.commanded("start"), *way.seen)
     return [step.skip("it is sent with it", f"{other.title} cannot be sent by SYNC, event timer or remote frame")]
 
 
@@ -382,7 +382,7 @@ EVENT_TIME = 100
 OVERFLOW, START = 10, 3
 """SYNC counter, and the number of the SYNC with which TPDOs begin."""
 
-SOON, QUIET = f"{3 * EVENT_TIME} ms", "300 ms"
+QUIET = "300 ms"
 
 NO_SYNC = "the file has no SYNC (0x1005) with an identifier"
 
@@ -426,7 +426,7 @@ def _sent_when(
             way = sending(subject, pdo)
             none = step.never("none comes", frame_of(pdo), QUIET)
             for test, (state, command) in zip(asked, STATES.items(), strict=True):
-                there = [step.nmt(command), step.wait("50 ms")] if command else []
+                there = step.commanded(command) if command else ()
                 looks = way.seen if command == "start" else [*way.ask, none]
                 name = f"{pdo.title} {way.way} in {state}"
                 yield step.asking(test, step.group(name, *way.around(*there, *looks)))
@@ -443,8 +443,8 @@ def frame_of(pdo: Pdo) -> Data:
     return {"raw": f"{pdo.cob_id:03X}#{'?' * (2 * pdo.length)}"}
 
 
-def _comes(name: str, pdo: Pdo) -> Data:
-    return step.expect(name, frame_of(pdo), SOON)
+def _comes(name: str, pdo: Pdo, within: str = step.ANSWER_TIME) -> Data:
+    return step.expect(name, frame_of(pdo), within)
 
 
 def _none(name: str, pdo: Pdo) -> Data:
@@ -506,7 +506,7 @@ def _by_event_timer(subject: Subject, pdo: Pdo) -> Sending:
 
 def _at_times(subject: Subject, pdo: Pdo, way: str, parameters: Mapping[int, int]) -> Sending:
     # At most: an event of the device's own may send it sooner, and begins the time anew.
-    comes = {**_comes(f"again and again, {EVENT_TIME} ms apart at most", pdo), "repeat": 3}
+    comes = {**_comes(f"again and again, {EVENT_TIME} ms apart at most", pdo, f"{3 * EVENT_TIME} ms"), "repeat": 3}
     return Sending(way, partial(having, subject, pdo, parameters), (), [comes])
 
 

@@ -20,9 +20,6 @@ from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
 CHAPTER: Chapter[Subject] = Chapter("sdo", "SDO transfers")
 
-WITHIN = "1 s"
-"""How long an SDO server may take for an answer; the standard names no time."""
-
 QUIET = "200 ms"
 
 LEFT_ALONE, LEFT_AT_FIRST = "12 s", "1 s"
@@ -81,7 +78,7 @@ def _usual(subject: Subject) -> Address:
 @Clause(CHAPTER, "7.2.4.3.6", "SDO upload", ctt="2.1, 2.13")
 def _expedited_upload(subject: Subject) -> Steps:
     need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
-    answer = step.expect("4 bytes", subject.answer("43001000????????"), WITHIN)
+    answer = step.expect("4 bytes", subject.answer("43001000????????"))
     # CiA's tool reads it a second time "by segments": of 4 bytes both are the same frames.
     for name, asked in (("the device type in one answer", "2.1"), ("the device type once more", "2.13")):
         yield step.asking(asked, step.group(name, _asked(subject, DEVICE_TYPE), answer))
@@ -94,7 +91,7 @@ def _segmented_upload(subject: Subject) -> Steps:
     wrong = step.group(
         "a wrong toggle bit is refused",
         _asked(subject, address_of(each)),
-        step.expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
+        step.expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????")),
         # The first segment has the toggle bit 0 (CiA 301, 7.2.4.3.7).
         _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
         _aborted(subject, AbortCode.TOGGLE_BIT),
@@ -153,7 +150,7 @@ def _by_segments(subject: Subject, each: ODVariable) -> Data:
     whole = (
         *_begun(subject, each),
         _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
-        step.expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
+        step.expect("it is taken", subject.answer(f"20{'?' * 14}")),
         step.read("it has the value", address_of(each), data=content.hex(" ")),
     )
     return step.asking(_asked_of(each, "2.14", "2.15"), step.keeping(f"{title(each)} by segments", each, *whole))
@@ -233,9 +230,9 @@ def _sequence_number(subject: Subject) -> Steps:
     upload, most = ClientCommand.BLOCK_UPLOAD << 5, wire.BLOCK_SEGMENTS
     yield step.read("blocks are there", _usual(subject), data="any", transfer="block", optional=codes(*NO_BLOCKS))
     yield _sent(subject, "the first request", initiate(upload, _usual(subject), bytes([most])))
-    yield step.expect("it begins", subject.answer(f"C?{'?' * 14}"), WITHIN)
+    yield step.expect("it begins", subject.answer(f"C?{'?' * 14}"))
     yield _sent(subject, "start", wire.plain(upload | wire.Block.START))
-    yield step.expect("the first segment", subject.answer(f"?1{'?' * 14}"), WITHIN)
+    yield step.expect("the first segment", subject.answer(f"?1{'?' * 14}"))
     beyond = wire.plain(upload | wire.Block.ACKNOWLEDGE, bytes([most + 1, most]))
     yield _sent(subject, "128 segments acknowledged", beyond)
     yield _aborted(subject, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND)
@@ -284,7 +281,7 @@ def _begun(subject: Subject, each: ODVariable) -> Steps:
     size = len(_content(each)).to_bytes(4, "little")
     begin = initiate(ClientCommand.DOWNLOAD << 5 | wire.SIZE_GIVEN, address_of(each), size)
     yield _sent(subject, "the first request", begin)
-    yield step.expect("it begins", subject.answer(f"60{_multiplexer(each)}????????"), WITHIN)
+    yield step.expect("it begins", subject.answer(f"60{_multiplexer(each)}????????"))
 
 
 def _asked(subject: Subject, address: Address) -> Data:
@@ -299,7 +296,7 @@ def _aborted(subject: Subject, *aborts: AbortCode) -> Data:
     """Expect one of some aborts; which object it names is open where the request did not name one."""
     answers = [subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}") for code in aborts]
     # CiA 301 names codes, but leaves it to a server how exactly it knows what is wrong.
-    return step.expect("abort", {"any": answers} if len(answers) > 1 else answers[0], WITHIN)
+    return step.expect("abort", {"any": answers} if len(answers) > 1 else answers[0])
 
 
 def _multiplexer(each: ODVariable) -> str:

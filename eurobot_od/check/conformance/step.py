@@ -23,6 +23,12 @@ LONGEST_NAME = 60
 BOOT_TIME = "10 s"
 """How long a device may take from a reset to its boot-up, and to its first SDO answer; the standard names no time."""
 
+ANSWER_TIME = "3 s"
+"""How long an answer, a change of state or an EMCY may take: no clause names a time. What takes over 1 s is shown."""
+
+FOLLOWED = "100 ms"
+"""After this time an NMT command has been followed; no clause names a time."""
+
 PRECISION = "20 ms"
 """By how much a frame may be off its time; the standard names no precision."""
 
@@ -136,9 +142,14 @@ def nmt(command: str) -> Data:
     return {"name": f"NMT {command}", "nmt": command}
 
 
-def heartbeat(state: str, within: str) -> Data:
+def commanded(command: str) -> Steps:
+    """Send an NMT command, and let the device follow it."""
+    return nmt(command), wait(FOLLOWED)
+
+
+def heartbeat(state: str) -> Data:
     """Wait for a heartbeat."""
-    return {"name": f"heartbeat says {state}", "heartbeat": state, "within": within}
+    return {"name": f"heartbeat says {state}", "heartbeat": state, "within": ANSWER_TIME}
 
 
 def wait(time: str) -> Data:
@@ -146,8 +157,8 @@ def wait(time: str) -> Data:
     return {"name": f"wait {time}", "wait": time}
 
 
-def expect(name: str, pattern: object, within: str) -> Data:
-    """Wait for a frame."""
+def expect(name: str, pattern: object, within: str = ANSWER_TIME) -> Data:
+    """Wait for a frame; `within` is a time that a clause names."""
     return {"name": name, "expect": pattern, "within": within}
 
 
@@ -174,4 +185,4 @@ def remote(cob_id: int, length: int = 1) -> Data:
 
 def emcy(name: str, code: int) -> Data:
     """Wait for an EMCY."""
-    return {"name": name, "emcy": hexadecimal(code), "within": "2 s"}
+    return {"name": name, "emcy": hexadecimal(code), "within": ANSWER_TIME}

@@ -20,6 +20,7 @@ from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Step, Suite
+from eurobot_od.check.tester import LATEST
 from eurobot_od.device.faults import Leaving
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
@@ -27,6 +28,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
+from eurobot_od.support import texts
 from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.kit import plant
 from tests.kit.devices import (
@@ -395,6 +397,26 @@ STEPS: list[tuple[Data, str]] = [
     ),
     ({"name": "wait", "wait": "50 ms"}, '- {name: "wait", wait: 50 ms}'),
 ]
+
+
+TIMED = {
+    "again and again, 100 ms apart at most": "7.5.2.37: the event timer",
+    "a heartbeat, its toggle bit always 0": "7.5.2.20: the heartbeat time",
+    "SYNC": "7.5.2.6: the period of SYNC",
+}
+"""Steps whose time a clause names, by the beginning of their name: all others may take as long as a late answer."""
+
+
+def test_no_time_is_a_limit_that_no_clause_names() -> None:
+    short = set()
+    for each in yaml.safe_load_all(suite.text(Dictionary.load(MODULE, NODE_ID), Tier.DESTRUCTIVE)):
+        left = [*each["setup"], *each["steps"], *each["teardown"]]
+        while left:
+            step = left.pop()
+            left += step.get("steps", [])
+            if texts.seconds(step.get("within", "1 min")) < LATEST:
+                short.add(step["name"].split(" [")[0])
+    assert {each for each in short if not each.startswith(tuple(TIMED))} == set()
 
 
 def test_a_step_is_one_line() -> None:
