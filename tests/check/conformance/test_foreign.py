@@ -24,8 +24,9 @@ from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate
 from tests.kit.devices import MODULE, NODE_ID, of_kind, suites
 from tests.kit.faults import CONFORMANCE
 
-GENERAL, NOT_TRANSFERRED, NOT_MAPPABLE = (
-    each.to_bytes(4, "little") for each in (AbortCode.GENERAL, AbortCode.NOT_TRANSFERRED, AbortCode.NOT_MAPPABLE)
+GENERAL, NOT_TRANSFERRED, NOT_MAPPABLE, TOGGLE_BIT = (
+    each.to_bytes(4, "little")
+    for each in (AbortCode.GENERAL, AbortCode.NOT_TRANSFERRED, AbortCode.NOT_MAPPABLE, AbortCode.TOGGLE_BIT)
 )
 RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
@@ -86,6 +87,42 @@ class AnsweredAbort(SimulatedDevice):
         aborted = frame.cob_id == SDO_REQUEST_BASE + NODE_ID and frame.data[0] == ABORT
         answers = [Frame(SDO_RESPONSE_BASE + NODE_ID, frame.data[:4] + GENERAL)] if aborted else []
         return [*super().receive(frame, now), *answers]
+
+
+class GoesOn(Answering):
+    """Takes any acknowledgement of a block, and goes on slowly, abort or not."""
+
+    _rest: tuple[float, ...] = ()
+
+    def said(self, request: bytes, answer: Frame) -> list[Frame]:
+        if request[0] != 0xA2 or request[1] <= 127:
+            return [answer]
+        self._rest = tuple(self.now + 0.03 * number for number in range(1, 8))
+        return []
+
+    @property
+    def next_wakeup(self) -> float:
+        return min(super().next_wakeup, *self._rest, inf)
+
+    def tick(self, now: float) -> list[Frame]:
+        due = [each for each in self._rest if each <= now]
+        self._rest = self._rest[len(due) :]
+        own = super().tick(now) if super().next_wakeup <= now else []
+        return [*own, *(Frame(SDO_RESPONSE_BASE + NODE_ID, b"\1" + bytes(7)) for _ in due)]
+
+
+class StaysOpen(SimulatedDevice):
+    """Does not answer a segment with a wrong toggle bit, nor anything else until the client aborts the transfer."""
+
+    _is_open = False
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id != SDO_REQUEST_BASE + NODE_ID:
+            return super().receive(frame, now)
+        answers = super().receive(frame, now)
+        wrong = TOGGLE_BIT in [each.data[4:] for each in answers]
+        self._is_open = wrong or (self._is_open and frame.data[0] != ABORT)
+        return [] if self._is_open else answers
 
 
 class EmptyHistory(Answering):
@@ -193,6 +230,20 @@ ONE_CAUSE: dict[type[Node], str] = {
 def test_an_abort_that_is_answered_is_red_once() -> None:
     answered = "7.2.4.3.17 SDO abort: a client's abort is not answered [reading]: no answer"
     assert red(done(AnsweredAbort, Tier.READING, "sdo")) == [answered]
+
+
+LEFT_OPEN: dict[type[Node], list[str]] = {
+    GoesOn: ["7.2.4.3.13 SDO block upload: an acknowledgement of 128 segments is refused [reading, CTT 2.27]: abort"],
+    StaysOpen: [
+        "7.2.4.3.7 SDO upload: a wrong toggle bit is refused [reading, CTT 2.17]: abort",
+        "7.2.4.3.4 SDO download: a wrong toggle bit is refused [reading]: abort",
+    ],
+}
+
+
+@pytest.mark.parametrize("kind", LEFT_OPEN)
+def test_what_a_red_step_leaves_open_makes_no_other_step_red(kind: type[Node]) -> None:
+    assert red(done(kind, Tier.READING, "sdo")) == LEFT_OPEN[kind]
 
 
 def test_what_an_empty_history_says_is_asked_once() -> None:
