@@ -258,14 +258,15 @@ class BenchTester:
             requests = transfer.receive(answer, self.trace.now)
         try:
             return transfer.result()
-        except sdo.Silence:
+        except sdo.Silence as silence:
             # A late answer is to this question, and must not be taken for one to the next.
             patience = max(transfer.wait, latest - transfer.wait)
             late = await self.trace.first(frozenset([node.sdo_answer]), start, self.trace.now + patience)
             if late is not None:
                 self.use(late)
                 await self.trace.sleep(UNCONFIRMED)  # a node may answer even the abort
-            raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
+            other = f" (but {silence.skipped[-1].hex(' ').upper()}, which is none)" if silence.skipped else ""
+            raise NoAnswer("SDO request", f"answer from {node.name}{other}", 1, transfer.wait) from None
 
 
 def begins_transfer(request: bytes) -> bool:

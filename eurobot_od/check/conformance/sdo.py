@@ -228,7 +228,9 @@ def _sequence_number(subject: Subject) -> Steps:
     """Acknowledge more segments than a block can have."""
     need(subject.readable(_usual(subject)), NOTHING_SHORT)
     upload, most = ClientCommand.BLOCK_UPLOAD << 5, wire.BLOCK_SEGMENTS
-    yield step.read("blocks are there", _usual(subject), data="any", transfer="block", optional=codes(*NO_BLOCKS))
+    # Kept, so that without blocks, refused or not, nothing further is asked.
+    blocks = {"data": "any", "transfer": "block", "save": "blocks", "optional": codes(*NO_BLOCKS)}
+    yield step.read("blocks are there", _usual(subject), **blocks)
     yield _sent(subject, "the first request", initiate(upload, _usual(subject), bytes([most])))
     yield step.expect("it begins", subject.answer(f"C?{'?' * 14}"))
     yield _sent(subject, "start", wire.plain(upload | wire.Block.START))

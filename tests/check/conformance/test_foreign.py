@@ -89,28 +89,6 @@ class AnsweredAbort(SimulatedDevice):
         return [*super().receive(frame, now), *answers]
 
 
-class GoesOn(Answering):
-    """Takes any acknowledgement of a block, and goes on slowly, abort or not."""
-
-    _rest: tuple[float, ...] = ()
-
-    def said(self, request: bytes, answer: Frame) -> list[Frame]:
-        if request[0] != 0xA2 or request[1] <= 127:
-            return [answer]
-        self._rest = tuple(self.now + 0.03 * number for number in range(1, 8))
-        return []
-
-    @property
-    def next_wakeup(self) -> float:
-        return min(super().next_wakeup, *self._rest, inf)
-
-    def tick(self, now: float) -> list[Frame]:
-        due = [each for each in self._rest if each <= now]
-        self._rest = self._rest[len(due) :]
-        own = super().tick(now) if super().next_wakeup <= now else []
-        return [*own, *(Frame(SDO_RESPONSE_BASE + NODE_ID, b"\1" + bytes(7)) for _ in due)]
-
-
 class StaysOpen(SimulatedDevice):
     """Does not answer a segment with a wrong toggle bit, nor anything else until the client aborts the transfer."""
 
@@ -232,18 +210,11 @@ def test_an_abort_that_is_answered_is_red_once() -> None:
     assert red(done(AnsweredAbort, Tier.READING, "sdo")) == [answered]
 
 
-LEFT_OPEN: dict[type[Node], list[str]] = {
-    GoesOn: ["7.2.4.3.13 SDO block upload: an acknowledgement of 128 segments is refused [reading, CTT 2.27]: abort"],
-    StaysOpen: [
+def test_what_a_red_step_leaves_open_makes_no_other_step_red() -> None:
+    assert red(done(StaysOpen, Tier.READING, "sdo")) == [
         "7.2.4.3.7 SDO upload: a wrong toggle bit is refused [reading, CTT 2.17]: abort",
         "7.2.4.3.4 SDO download: a wrong toggle bit is refused [reading]: abort",
-    ],
-}
-
-
-@pytest.mark.parametrize("kind", LEFT_OPEN)
-def test_what_a_red_step_leaves_open_makes_no_other_step_red(kind: type[Node]) -> None:
-    assert red(done(kind, Tier.READING, "sdo")) == LEFT_OPEN[kind]
+    ]
 
 
 def test_what_an_empty_history_says_is_asked_once() -> None:
