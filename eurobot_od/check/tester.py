@@ -21,6 +21,7 @@ from eurobot_od.check.suite import Mismatch, Pattern, Sent
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
+from eurobot_od.od.standard import ERROR_REGISTER
 from eurobot_od.od.values import Address
 from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import LENGTH, AbortCode, ClientCommand, Initiate, aborted
@@ -214,19 +215,27 @@ class BenchTester:
     async def asked(self, begin: Callable[[], sdo.Transfer], node: suite.NodeServices) -> bytes:
         """Do a transfer, a second time if its answer does not come, as any client would; raises NoAnswer, Aborted.
 
-        A node that did not answer twice is asked once only until it answers again: it may be gone, or STOPPED.
+        One that did not answer twice is first asked whether it is there: it may be gone, or STOPPED; raises Skipped.
         """
+        if node in self._silent and not await self.is_there(node, self.timeout):
+            raise Skipped(f"{node.name} does not answer since a step that is red")
+        self._silent.discard(node)
+        with suppress(NoAnswer):
+            return await self.transfer(begin(), node, LATEST)
+        self.asked_again += 1
         try:
-            if node not in self._silent:
-                with suppress(NoAnswer):
-                    return await self.transfer(begin(), node, LATEST)
-                self.asked_again += 1
-            found = await self.transfer(begin(), node)
+            return await self.transfer(begin(), node)
         except NoAnswer:
             self._silent.add(node)
             raise
-        self._silent.discard(node)
-        return found
+
+    async def is_there(self, node: suite.NodeServices, wait: float) -> bool:
+        """Return whether a node answers at all within `wait` s, if only by an abort."""
+        with suppress(NoAnswer):
+            with suppress(sdo.Aborted, sdo.OddAnswer):
+                await self.transfer(sdo.upload(ERROR_REGISTER, wait), node)  # which every device has
+            return True
+        return False
 
     async def transfer(self, transfer: sdo.Transfer, node: suite.NodeServices, latest: float = 0.0) -> bytes:
         """Do a transfer and return what it brought; a late answer is waited for until `latest` s after its request.

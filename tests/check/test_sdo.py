@@ -94,7 +94,7 @@ NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
         (
             PERIOD,
             lambda data: data[:1] + b"\x18" + data[2:],
-            "no answer from lift within 1000 ms after SDO request",  # what came is in the report's frames
+            "no answer from lift (but 4B 18 10 00 E8 03 00 00, which is none) within 1000 ms after SDO request",
             "602#8017100000000405",
         ),
         (

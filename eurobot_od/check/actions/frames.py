@@ -230,13 +230,20 @@ class Poll(NamedTuple):
 class Period:
     """See that `count` distances between frames are `every` seconds, give or take `tolerance`.
 
-    So is their median, and each of them, but for the time by which the tester itself was late meanwhile.
+    So is their median, and each of them, but for the time by which the tester itself was late meanwhile; with `worst`
+    one of them may be off by that.
     """
 
     message: Pattern
     every: float
     tolerance: float
     count: int
+    worst: float | None = None
+
+    @property
+    def most(self) -> float:
+        """By how much a single distance may be off, in s."""
+        return self.tolerance if self.worst is None else self.worst
 
     def __str__(self) -> str:
         return f"period of {self.message}"
@@ -254,7 +261,7 @@ class Period:
             Mismatch(what, wanted, came)
             for what, distance, came, allowed in (
                 ("median", median(distances), texts.text(median(distances)), self.tolerance),
-                (f"period {distances.index(worst) + 1}", worst, shown, self.tolerance + own),
+                (f"period {distances.index(worst) + 1}", worst, shown, self.most + own),
             )
             if abs(distance - self.every) > allowed
         ]
@@ -268,7 +275,7 @@ class Period:
         seen: list[SeenFrame] = []
         for number in range(self.count + 1):
             # A frame that is late is still seen, one that is left out is not waited for.
-            latest = self.tolerance + self.every * (1 + bool(seen))
+            latest = self.most + self.every * (1 + bool(seen))
             start = seen[-1].time if seen else tester.trace.now
             found = await tester.next([self.message], tester.edge, start + latest)
             if found is None:
@@ -289,6 +296,7 @@ class Period:
             **EVERY,
             "tolerance": Key(DURATION, "by how much it may be off", needed=True),
             "count": Key(COUNT, "how many periods are measured", needed=True),
+            "worst": Key(DURATION, "by how much one of them may be off"),
         }
         return ActionRow(yaml_shapes.record(Period, measured))
 

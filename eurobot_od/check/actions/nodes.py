@@ -53,10 +53,7 @@ class BootUp(NamedTuple):
             return
         deadline = tester.deadline(self.within)
         while tester.trace.now < deadline:
-            # Any answer will do, an abort as well: what it says is not the question here.
-            with suppress(NoAnswer):
-                with suppress(sdo.Aborted, sdo.OddAnswer):
-                    await tester.transfer(sdo.upload(ERROR_REGISTER, POLLED), self.node)  # which every device has
+            if await tester.is_there(self.node, POLLED):
                 break
         else:
             raise Gone(f"{self._no_boot_up(tester)}, and no answer to an SDO request as long again")

@@ -30,7 +30,10 @@ FOLLOWED = "100 ms"
 """After this time an NMT command has been followed; no clause names a time."""
 
 PRECISION = "20 ms"
-"""By how much a frame may be off its time; the standard names no precision."""
+"""By how much the median of frames may be off their time, none of which is left out.
+
+The standard names no precision: how late one of them came is shown.
+"""
 
 BUSY = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE)
 """Aborts by which a device says that it will not take a value now (CiA 301, Table 22: 0x0800002x)."""
@@ -167,9 +170,10 @@ def never(name: str, pattern: object, span: str) -> Data:
     return {"name": name, "never": pattern, "for": span}
 
 
-def every(message: Data, milliseconds: int, count: int, tolerance: str = PRECISION) -> Data:
+def every(message: Data, milliseconds: int, count: int) -> Data:
     """See that a frame comes again and again at its time."""
-    period = {"message": message, "every": f"{milliseconds} ms", "tolerance": tolerance, "count": count}
+    time = f"{milliseconds} ms"
+    period = {"message": message, "every": time, "tolerance": PRECISION, "count": count, "worst": time}
     return {"name": f"{count} times every {milliseconds} ms", "period": period}
 
 

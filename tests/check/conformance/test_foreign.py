@@ -103,6 +103,20 @@ class StaysOpen(SimulatedDevice):
         return [] if self._is_open else answers
 
 
+class Crashes(SimulatedDevice):
+    """Ends when one byte is written to 0x1017."""
+
+    _is_dead = False
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        self._is_dead = self._is_dead or frame.data[:4] == b"\x2f\x17\x10\0"
+        return [] if self._is_dead else super().receive(frame, now)
+
+    @property
+    def next_wakeup(self) -> float:
+        return inf if self._is_dead else super().next_wakeup
+
+
 class EmptyHistory(Answering):
     """Says of an empty entry of its history that it cannot be transferred (0x08000020)."""
 
@@ -215,6 +229,11 @@ def test_what_a_red_step_leaves_open_makes_no_other_step_red() -> None:
         "7.2.4.3.7 SDO upload: a wrong toggle bit is refused [reading, CTT 2.17]: abort",
         "7.2.4.3.4 SDO download: a wrong toggle bit is refused [reading]: abort",
     ]
+
+
+def test_a_device_that_crashes_is_red_for_that_and_because_it_does_not_come_back() -> None:
+    crash = "7.2.4.3.17 Wrong length: 0x1017:0 Producer heartbeat time [reversible]: 1 byte, too few [CTT 2.9]"
+    assert red(done(Crashes, Tier.REVERSIBLE, "objects")) == [crash, NO_BOOT_UP]
 
 
 def test_what_an_empty_history_says_is_asked_once() -> None:
