@@ -123,6 +123,7 @@ class Trace:
     def lateness(self) -> Iterator[Callable[[], float]]:
         """Measure how late the tester itself is at the worst, in s: what delays it may delay a frame, too."""
         worst, due = 0.0, self.now + TICK
+        timer: asyncio.TimerHandle
 
         def look() -> None:
             nonlocal worst, due, timer

@@ -339,9 +339,10 @@ def made() -> str:
         ours = ", ".join(dict.fromkeys(f"{each.clause} {each.topic}" for each in steps)) or "none"
         tiers = ", ".join(dict.fromkeys(each.tier for each in steps))
         often = (f"{len(run.bus[number].questions)}{word}" for word, run, numbers in devices if number in numbers)
+        asked_by_us = next(often, found[number].why)
         if number == page.LINT:
-            ours, often = "`lint`", iter(["1"])
-        rows.append(f"| {number} | {what} | {ours} | {tiers} | {next(often, found[number].why)} |\n")
+            ours, asked_by_us = "`lint`", "1"
+        rows.append(f"| {number} | {what} | {ours} | {tiers} | {asked_by_us} |\n")
     head = "| CTT | it asks | our clause | tier | asked |\n|---|---|---|---|---|\n"
     return f"{BEGIN}On one device, which is guarded: {page.score(judged)}.\n\n{head}{''.join(rows)}{END}"
 
