@@ -111,7 +111,7 @@ def _heartbeat_times(subject: Subject) -> Steps:
     slower = step.write(f"{SLOW} ms", HEARTBEAT_TIME, value=_allowed(time, SLOW))
     faster = step.write(f"{beat} ms", HEARTBEAT_TIME, value=beat)
     # From a long time to a short one: a device that first lets the old time run out takes up to 5 s.
-    first = {**step.heartbeat("any"), "name": "a heartbeat after the new time"}
+    first = step.expect("a heartbeat after the new time", ANY, f"{2 * beat} ms")
     change = step.keeping("a change counts at once", time, slower, step.wait("20 ms"), faster, first)
     yield step.asking("7.101", change)
     beats = step.keeping("heartbeats come at their time", time, faster, step.every(ANY, beat, 5))

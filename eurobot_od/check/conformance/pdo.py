@@ -135,15 +135,19 @@ def _default_mapping(subject: Subject, pdo: Pdo) -> Steps:
             yield step.read(name, address, abort=codes(AbortCode.WRITE_ONLY))
 
 
-def _mapping(subject: Subject, pdo: Pdo) -> Steps:
-    title, cob_id = pdo.title, need_off(subject, pdo)
-    used = range(max(1, len(pdo.mapping)) + 1)
+def _settable_mapping(subject: Subject, pdo: Pdo) -> ODVariable:
+    """Return the COB-ID of a PDO whose mapping can be changed and put back; raises Lacks."""
+    cob_id, used = need_off(subject, pdo), range(max(1, len(pdo.mapping)) + 1)
     settable = all(subject.settable((pdo.mapping_index, sub)) for sub in used)
-    need(settable, f"the mapping of {title} {NOT_SETTABLE}")
+    need(settable, f"the mapping of {pdo.title} {NOT_SETTABLE}")
     wrong = _unmapped(subject, pdo, used[1:])
-    need(not wrong, f"the file itself maps in {title} what it does not let be mapped: {wrong}")
+    need(not wrong, f"the file itself maps in {pdo.title} what it does not let be mapped: {wrong}")
+    return cob_id
+
+
+def _mapping(subject: Subject, pdo: Pdo) -> Steps:
+    title, cob_id = pdo.title, _settable_mapping(subject, pdo)
     yield step.group(f"{title} changed in order, and not otherwise", *_remapped(subject, pdo, cob_id))
-    yield from or_skipped(OTHER_NAME.format(title), _with_another, subject, pdo, cob_id)
     yield from or_skipped(f"{title} takes {MAX_BITS} bits at most", _at_most, subject, pdo, cob_id)
 
 
@@ -205,70 +209,6 @@ def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable, subs: range) -
 def _mapping_of(subject: Subject, pdo: Pdo, subs: range) -> list[tuple[ODVariable, str]]:
     """Return the number of a PDO's entries and some of them, each with the name of what keeps its value."""
     return subject.kept((pdo.mapping_index, sub) for sub in (0, *subs))
-
-
-OTHER_NAME = "{} with another mapping"
-
-
-def _with_another(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
-    """Put another mapping in force by the procedure, look at a TPDO that has it, and put the file's back."""
-    record, other = pdo.mapping_index, _another(subject, pdo)
-    subs = range(1, max(len(pdo.mapping), len(other.mapping)) + 1)
-    entries = [(sub, _entry_of(each)) for sub, each in enumerate(other.mapping, start=1)]
-    seen = _seen_with(subject, other) if pdo.valid and pdo.direction is PdoDirection.TPDO else ()
-    in_force = (
-        step.write("4. sub-index 0", (record, 0), value=len(entries)),
-        *(step.read(f"entry {sub} is there", (record, sub), expect=value) for sub, value in entries),
-        step.rewritten("5. as valid as it was", cob_id),
-        *seen,
-    )
-    yield step.group(
-        OTHER_NAME.format(pdo.title),
-        step.save(cob_id),
-        *(step.save(*each) for each in _mapping_of(subject, pdo, subs)),
-        off(cob_id),
-        step.write("2. sub-index 0 is 0", (record, 0), value=0),
-        *(step.write(f"3. entry {sub}", (record, sub), value=value) for sub, value in entries),
-        step.asking("3.22", step.group("in force", *in_force)),
-        off(cob_id),
-        step.write("2. sub-index 0 is 0 again", (record, 0), value=0),
-        *_mapped_again(subject, pdo, cob_id, subs),
-    )
-
-
-def _another(subject: Subject, pdo: Pdo) -> Pdo:
-    """Return a PDO with a mapping that it may have and that shows in the length of its frames; raises Lacks."""
-    may = (each for each in subject.objects if each.pdo_mappable and data_type(each).size in (1, 2, 4))
-    alone = ((Mapped.of(each, data_type(each).bits, each),) for each in may)
-    # Without its first object, of one object alone a second time too, else another object of the device.
-    mappings = (pdo.mapping[1:], pdo.mapping * 2 if len(pdo.mapping) == 1 else (), *alone)
-    others = (replace(pdo, mapping=each) for each in mappings)
-    found = next((each for each in others if each.length and _may_be_given(subject, pdo, each)), None)
-    return need(found, f"the file has no other mapping that {pdo.title} could have")
-
-
-def _may_be_given(subject: Subject, pdo: Pdo, other: Pdo) -> bool:
-    number, bits = len(other.mapping), sum(each.bits for each in other.mapping)
-    return (
-        other.length != pdo.length
-        and bits <= MAX_BITS
-        and subject.may_be((pdo.mapping_index, 0), number)
-        and all(_may_be_tried(subject, pdo, _entry_of(each), sub) for sub, each in enumerate(other.mapping, start=1))
-    )
-
-
-def _seen_with(subject: Subject, other: Pdo) -> Steps:
-    """Have a TPDO sent in one of the ways that it can be, or say why it cannot be seen."""
-    for needed, sending in ((_synchronous, _by_sync), (_timed, _by_event_timer), (_asked, _by_remote_frame)):
-        if has(subject.need_seen, other) and has(needed, subject, other):
-            way = sending(subject, other)
-            return way.around(*step.commanded("start"), *way.seen)
-    return [step.skip("it is sent with it", f"{other.title} cannot be sent by SYNC, event timer or remote frame")]
-
-
-def _entry_of(each: Mapped) -> int:
-    index, sub = each.address
-    return index << 16 | sub << 8 | each.bits
 
 
 def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
@@ -618,3 +558,75 @@ def _starting(subject: Subject, pdo: Pdo, *steps: Data) -> Steps:
     yield step.rewritten(f"{pdo.title} valid", cob_id, present)
     yield from (*steps, *step.undoing(*fresh()))
     yield from (step.put_back(*parameter) for parameter in (*reversed(parameters), *kept))
+
+
+# Another mapping, last: it shows in TPDOs that are sent
+
+OTHER_NAME = "{} with another mapping"
+
+
+def _with_another(subject: Subject, pdo: Pdo) -> Steps:
+    """Put another mapping in force by the procedure, look at a TPDO that has it, and put the file's back."""
+    cob_id, other, record = _settable_mapping(subject, pdo), _another(subject, pdo), pdo.mapping_index
+    subs = range(1, max(len(pdo.mapping), len(other.mapping)) + 1)
+    entries = [(sub, _entry_of(each)) for sub, each in enumerate(other.mapping, start=1)]
+    seen = _seen_with(subject, other) if pdo.valid and pdo.direction is PdoDirection.TPDO else ()
+    in_force = (
+        step.write("4. sub-index 0", (record, 0), value=len(entries)),
+        *(step.read(f"entry {sub} is there", (record, sub), expect=value) for sub, value in entries),
+        step.rewritten("5. as valid as it was", cob_id),
+        *seen,
+    )
+    yield step.group(
+        OTHER_NAME.format(pdo.title),
+        step.save(cob_id),
+        *(step.save(*each) for each in _mapping_of(subject, pdo, subs)),
+        off(cob_id),
+        step.write("2. sub-index 0 is 0", (record, 0), value=0),
+        *(step.write(f"3. entry {sub}", (record, sub), value=value) for sub, value in entries),
+        step.asking("3.22", step.group("in force", *in_force)),
+        off(cob_id),
+        step.write("2. sub-index 0 is 0 again", (record, 0), value=0),
+        *_mapped_again(subject, pdo, cob_id, subs),
+    )
+
+
+def _another(subject: Subject, pdo: Pdo) -> Pdo:
+    """Return a PDO with a mapping that it may have and that shows in the length of its frames; raises Lacks."""
+    may = (each for each in subject.objects if each.pdo_mappable and data_type(each).size in (1, 2, 4))
+    alone = ((Mapped.of(each, data_type(each).bits, each),) for each in may)
+    # Without its first object, of one object alone a second time too, else another object of the device.
+    mappings = (pdo.mapping[1:], pdo.mapping * 2 if len(pdo.mapping) == 1 else (), *alone)
+    others = (replace(pdo, mapping=each) for each in mappings)
+    found = next((each for each in others if each.length and _may_be_given(subject, pdo, each)), None)
+    return need(found, f"the file has no other mapping that {pdo.title} could have")
+
+
+def _may_be_given(subject: Subject, pdo: Pdo, other: Pdo) -> bool:
+    number, bits = len(other.mapping), sum(each.bits for each in other.mapping)
+    return (
+        other.length != pdo.length
+        and bits <= MAX_BITS
+        and subject.may_be((pdo.mapping_index, 0), number)
+        and all(_may_be_tried(subject, pdo, _entry_of(each), sub) for sub, each in enumerate(other.mapping, start=1))
+    )
+
+
+def _seen_with(subject: Subject, other: Pdo) -> Steps:
+    """Have a TPDO sent in one of the ways that it can be, or say why it cannot be seen."""
+    for needed, sending in ((_synchronous, _by_sync), (_timed, _by_event_timer), (_asked, _by_remote_frame)):
+        if has(subject.need_seen, other) and has(needed, subject, other):
+            way = sending(subject, other)
+            return way.around(*step.commanded("start"), *way.seen)
+    return [step.skip("it is sent with it", f"{other.title} cannot be sent by SYNC, event timer or remote frame")]
+
+
+def _entry_of(each: Mapped) -> int:
+    index, sub = each.address
+    return index << 16 | sub << 8 | each.bits
+
+
+for _each in PdoDirection:
+    _number = "7.5.2.36" if _each is RPDO else "7.5.2.38"
+    _of_each = each_of(_each, _with_another, OTHER_NAME)
+    Clause(CHAPTER, _number, f"{_each.name} mapping", Tier.REVERSIBLE, "3.22", name=_each.name)(_of_each)

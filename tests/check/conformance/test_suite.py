@@ -401,6 +401,7 @@ STEPS: list[tuple[Data, str]] = [
 
 TIMED = {
     "again and again, 100 ms apart at most": "7.5.2.37: the event timer",
+    "a heartbeat after the new time": "7.5.2.20: the heartbeat time",
     "a heartbeat, its toggle bit always 0": "7.5.2.20: the heartbeat time",
     "SYNC": "7.5.2.6: the period of SYNC",
 }
