@@ -54,6 +54,9 @@ from eurobot_od.od.words import profile_of
 HELD = 0.5
 """How long a motion goes on after its page last said that it is wanted, in s."""
 
+SILENT = 3.0
+"""How long what a page has sent raw moves a drive after the page was last heard, in s; nobody holds a button for it."""
+
 LOOK = 0.01
 """Time between two looks at what is to be stopped, in s."""
 
@@ -192,6 +195,10 @@ def machine_data() -> dict[str, Any]:
     }
 
 
+class MayMove(LocalError):
+    """Raised instead of sending what may move something, until a person has confirmed it; the text is the question."""
+
+
 class OrderMaster(Master):
     """A master whose every frame passes a `gate`, which a stop closes."""
 
@@ -240,6 +247,8 @@ class Drives:
         self._nodes: dict[int, NodeStop] = {}
         self._counts: dict[AxisAddress, int] = {}
         self._held: dict[AxisAddress, tuple[object, float]] = {}
+        self._pages: dict[object, float] = {}
+        """When each page was last heard."""
         self._order: Sequence[AxisAddress] = ()
         self._is_revoked = False
         self._broadcast: float | None = None
@@ -297,7 +306,9 @@ class Drives:
         for target in LARGEST.keys() & numbers.keys():
             self._check(axis, target, numbers[target])
         with self._ordering((axis,), ticket):
-            self._watch(axis, is_motion=name in MOVES)
+            lacks = self._watch(axis)
+            if name in MOVES:
+                self._ask_once(axis, lacks)
             motion = OrderedMotion(who, self._clock() + HELD)
             if name in MOVES:
                 self._enter(axis, motion)
@@ -321,33 +332,35 @@ class Drives:
             drive = self._drive(axis)
             if (state := drive.state) is not State.ENABLED:
                 raise LocalError(f"enable the drive first: it is in {state.words if state else 'an unknown state'}")
-            self._watch(axis, is_motion=True)
+            self._ask_once(axis, self._watch(axis))
             # Entered before it turns: even if an answer is lost, it will be halted.
             self._enter(axis, OrderedMotion(who, self._clock() + HELD))
             JOGS[target](drive, value)
 
     def send_raw(
-        self, axes: Sequence[AxisAddress], send: Callable[[], object], who: object, ticket: int | None = None
+        self,
+        axes: Sequence[AxisAddress],
+        send: Callable[[], object],
+        who: object,
+        ticket: int | None = None,
+        confirmed: object = None,
     ) -> None:
         """Send what moves axes without being an order of here; it counts as one until they stop, or `who` is gone.
 
-        `send` has its frames pass `gate`.
+        `send` has its frames pass `gate`. `confirmed` is the question of MayMove that a person has said yes to.
         """
         with self._ordering(axes, ticket):
             for axis in axes:
-                with suppress(RemoteError):  # a node that cannot be asked may still obey
-                    self._watch(axis, is_motion=False)
-                    self._warn(axis)
+                try:
+                    lacks = self._watch(axis)
+                except RemoteError as error:  # a node that cannot be asked may still obey
+                    lacks = str(error)
+                self._ask_once(axis, lacks, confirmed)
             for axis in axes:
                 motion = self._motions.get(axis)
                 if motion is None or motion.until == inf:  # one that has to be held stays so
                     self._enter(axis, OrderedMotion(who, inf))
             send()
-
-    def _warn(self, axis: AxisAddress) -> None:
-        line = self._lines[axis.node_id]
-        if line.lacks and axis.node_id not in self._accepted:
-            self._said[GOES_ON + str(axis)] = self._clock(), f"{self._name(axis)}: {GOES_ON}: {line.lacks}"
 
     def is_raw(self, axes: Iterable[AxisAddress], who: object) -> bool:
         """Return whether axes may still move by what somebody has sent."""
@@ -400,8 +413,8 @@ class Drives:
 
     # The drive watches us
 
-    def _watch(self, axis: AxisAddress, is_motion: bool) -> None:
-        """Have the drive watch our heartbeat; raises LocalError if it cannot, and nobody has accepted that."""
+    def _watch(self, axis: AxisAddress) -> str:
+        """Have the drive watch our heartbeat; return why it does not, or not surely, empty if it does."""
         node, line = self._master.node(axis.node_id), self._lines.get(axis.node_id)
         if line is None or not holds(node, line, self._beating()):
             own = self._beating()
@@ -412,8 +425,15 @@ class Drives:
             self._lines[axis.node_id] = line._replace(former=former or line.former)
             if line.left:
                 self._said[f"left {axis.node_id}"] = self._clock(), f"{self._name(axis)}: {line.left}"
-        if is_motion and line.lacks and axis.node_id not in self._accepted:
-            raise LocalError(f"{self._name(axis)}: {GOES_ON}: {line.lacks}. Accept that first")
+        return line.lacks
+
+    def _ask_once(self, axis: AxisAddress, lacks: str, confirmed: object = None) -> None:
+        """Raise MayMove for a drive that goes on without us, unless a person has accepted that or confirms it now."""
+        question = f"{self._name(axis)}: {GOES_ON}: {lacks}"
+        if lacks and axis.node_id not in self._accepted:
+            if confirmed != question:
+                raise MayMove(question)
+            self.accept(axis.node_id)
 
     def _beating(self) -> int:
         with self._lock:
@@ -437,9 +457,14 @@ class Drives:
             if motion is not None and motion.who is who and motion.until < inf:
                 motion.until = self._clock() + HELD
 
+    def hear_page(self, who: object) -> None:
+        """Note that a page is there: what it has sent raw may go on."""
+        self._pages[who] = self._clock()
+
     def left(self, who: object) -> None:
-        """Stop what somebody has ordered who is gone."""
+        """Stop what somebody has ordered who is gone, or no longer looks."""
         with self._lock:
+            self._pages.pop(who, None)
             for axis in [axis for axis, motion in self._motions.items() if motion.who is who]:
                 self.stop(axis)
 
@@ -548,7 +573,7 @@ class Drives:
         for axis, motion in list(self._motions.items()):
             if motion.end is not None and motion.end.done:
                 del self._motions[axis]
-            elif motion.until <= now:
+            elif motion.until <= now or now - self._pages.get(motion.who, now) > SILENT:
                 self.stop(axis)
 
     def _broadcasts(self, now: float) -> list[Frame]:

@@ -44,7 +44,7 @@ from eurobot_od.od.values import (
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.kinds import Message
-from eurobot_od.web.drives import LOOK, STALE, STOPS, Drives, MotionThread, OrderMaster
+from eurobot_od.web.drives import LOOK, SILENT, STALE, STOPS, Drives, MayMove, MotionThread, OrderMaster
 from eurobot_od.web.guard import MotionGuard
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Sample, Session
 
@@ -55,9 +55,6 @@ SHORTEST, LONGEST = 5, 60_000
 """Periods of what is sent again and again, ms."""
 
 MOST_CYCLIC = 20
-
-CYCLED_FOR = 3.0
-"""Seconds after which that ends, unless a page says again that it is wanted."""
 
 
 @dataclass
@@ -76,10 +73,6 @@ class Cyclic:
 
 
 COMMANDS = {COMMAND_NAMES[command]: command for command in NmtCommand}
-
-
-class MayMove(LocalError):
-    """What may move something and was not confirmed; the text says why it may."""
 
 
 class Requests:
@@ -129,7 +122,7 @@ class Requests:
         return self.drives.hear(frame)
 
     async def answer(self, text: str, who: object = None) -> str:
-        """Answer a request of somebody, both as JSON; `asks` in an answer is a question to be confirmed by `sure`."""
+        """Answer a request of somebody, both as JSON; `asks` in an answer is a question to be repeated as `sure`."""
         number: Any = None
         try:
             said = json.loads(text)
@@ -257,7 +250,7 @@ class Requests:
 
     def _confirm(self, said: Arguments, reason: str) -> None:
         """Raise MayMove for what may move something, unless the person is sure."""
-        if reason and said.get("sure") is not True:
+        if reason and not said.get("sure"):
             raise MayMove(reason)
 
     @property
@@ -269,7 +262,7 @@ class Requests:
         return self._guard[1]
 
     async def _confirm_frame(self, said: Arguments, frame: Frame) -> None:
-        if said.get("sure") is not True:
+        if not said.get("sure"):
             self._confirm(said, await self._why(frame))
 
     async def _why(self, frame: Frame) -> str:
@@ -345,7 +338,8 @@ class Requests:
     async def _send_raw(self, said: Arguments, axes: Sequence[AxisAddress], send: Callable[[], object]) -> None:
         """Send something; what moves axes waits for the orders before it, and is one."""
         if axes:
-            await self._in_turn(axes, partial(self.drives.send_raw, axes, send, said["who"]))
+            order = partial(self.drives.send_raw, axes, send, said["who"], confirmed=said.get("sure"))
+            await self._in_turn(axes, order)
         else:
             await asyncio.to_thread(send)
 
@@ -358,7 +352,7 @@ class Requests:
         if said.get("again"):
             if key not in self._cyclic:
                 raise LocalError("it is no longer sent again and again")
-            self._cyclic[key].until = self.session.now + CYCLED_FOR
+            self._cyclic[key].until = self.session.now + SILENT
             return
         if key in self._cyclic:
             raise LocalError(f"{key} is sent again and again already: end it first")
@@ -368,7 +362,7 @@ class Requests:
         axes = self._axes_of(self.guard.drives_of(frame))
         await self._send_raw(said, axes, partial(self._send_gated, frame))  # what is wrong with it is said at once
         now = self.session.now
-        self._cyclic[key] = Cyclic(frame, said["who"], axes, period / 1000, now + period / 1000, now + CYCLED_FOR)
+        self._cyclic[key] = Cyclic(frame, said["who"], axes, period / 1000, now + period / 1000, now + SILENT)
 
     def end_cycle(self, said: Arguments) -> None:
         """End that."""
@@ -515,6 +509,10 @@ class Requests:
         """Report a motion as still wanted: the button of a jog is held, the page of a move is seen."""
         self.drives.hold(self._axis(said), said["who"])
 
+    def hidden(self, said: Arguments) -> None:
+        """Stop the drives that a page moves, in whatever way: nobody looks at it any more."""
+        self.drives.left(said["who"])
+
     def accept(self, said: Arguments) -> None:
         """Accept that a drive goes on if this program fails."""
         self.drives.accept(self._axis(said).node_id)
@@ -565,6 +563,7 @@ REQUESTS: Mapping[str, PageRequest] = {
     "drive": PageRequest(Requests.drive, Way.ORDERS, acts=True),
     "jog": PageRequest(Requests.jog, Way.ORDERS, acts=True),
     "accept": PageRequest(Requests.accept, Way.AT_ONCE, acts=True),
+    "hidden": PageRequest(Requests.hidden, Way.AT_ONCE, acts=True),
     "hold": PageRequest(Requests.hold, Way.AT_ONCE, acts=True),
 }
 

@@ -295,6 +295,7 @@ class _Browser:
         async for message in self._socket:
             if message.type is not WSMsgType.TEXT:
                 continue
+            self._requests.drives.hear_page(self)
             text: str = message.data
             if text.isdecimal():  # the turn of a snapshot; cut, as int() refuses more than 4300 digits
                 self._owed = [each for each in self._owed if each > int(text[:12])]

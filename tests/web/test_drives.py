@@ -28,7 +28,7 @@ from eurobot_od.od.cia402 import State
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.values import Address
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.web.drives import HELD, STOPS, Drives, axes_of, units
+from eurobot_od.web.drives import HELD, SILENT, STOPS, Drives, MayMove, axes_of, units
 from eurobot_od.web.session import Session
 from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
@@ -73,13 +73,18 @@ class Bench(NamedTuple):
 
 @contextmanager
 def bench(
-    tmp_path: Path, control: bool = True, fault: str = "", given: Mapping[Address, int] = MappingProxyType({})
+    tmp_path: Path,
+    control: bool = True,
+    fault: str = "",
+    given: Mapping[Address, int] = MappingProxyType({}),
+    dictionary: Dictionary = SERVO,
 ) -> Iterator[Bench]:
     kind = DRIVE_FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
-    name, drive = channel(), kind(SERVO, given=given)
+    name, drive = channel(), kind(dictionary, given=given)
+    network = NETWORK if dictionary is SERVO else Decoder([dictionary])
     with (
         Live.node(open_bus("virtual", name), drive),
-        live_page(name, tmp_path, control, network=NETWORK, panels=()) as served,
+        live_page(name, tmp_path, control, network=network, panels=()) as served,
     ):
         yield Bench(served, drive, name)
 
@@ -430,6 +435,17 @@ def test_the_drive_stands_when_what_was_sent_raw_is_left_by_a_program_that_is_ki
     assert abs(jogged.velocity) < 0.001
 
 
+def test_what_was_sent_raw_ends_once_its_page_is_silent(jogged: Jogged) -> None:
+    """A page that was frozen, or the network to it cut, left the drive turning for up to 30 s."""
+    sent_raw(jogged, "page")
+    for _ in range(8):
+        jogged.drives.hear_page("page")
+        jogged.pass_time(0.5)
+    assert jogged.velocity > 0
+    jogged.pass_time(SILENT + 0.5)
+    assert abs(jogged.velocity) < 0.001
+
+
 def test_what_is_sent_raw_does_not_outlive_the_hold_of_a_jog(jogged: Jogged) -> None:
     jogged.drives.jog(AXIS, 500, who="page")
     jogged.drives.send_raw([AXIS], lambda: None, "another page")
@@ -469,6 +485,7 @@ async def turned_by(opened: aiohttp.ClientWebSocketResponse, scene: Bench, **sen
         {"do": "drive", "node": "servo", "axis": 1, "command": "halt"},
         {"do": "drive", "node": "servo", "axis": 1, "command": "disable"},
         {"do": "stop"},
+        {"do": "hidden"},
     ],
 )
 def test_what_is_sent_again_and_again_ends_at_rest(tmp_path: Path, end: dict[str, Any] | None) -> None:
@@ -586,21 +603,80 @@ def test_what_makes_the_drive_watch_us_is_put_back(jogged: Jogged) -> None:
     assert abs(jogged.velocity) < 0.001
 
 
-def test_a_drive_that_cannot_watch_us_has_to_be_accepted_once(tmp_path: Path) -> None:
-    file = tmp_path / "blind.eds"
+GOES_ON = "servo: this drive goes on if this program or its adapter fails"
+
+
+def blind_drive(folder: Path) -> Dictionary:
+    """Return a drive that cannot watch us."""
+    file = folder / "blind.eds"
     file.write_text(EDS.read_text().replace("6007", "6106"))  # its 0x6007 is somewhere else
-    blind = Dictionary.load(file, 5, "servo")
+    return Dictionary.load(file, 5, "servo")
+
+
+def test_a_drive_that_cannot_watch_us_has_to_be_accepted_once(tmp_path: Path) -> None:
+    blind = blind_drive(tmp_path)
     with simulated(SimulatedDrive(blind)) as network:
         scene = Jogged(network, Drives(network.master, [blind], network.master.clock))
         scene.drives.command(AXIS, "enable")
-        said = "servo: this drive goes on if this program or its adapter fails: it has no 0x6007"
-        with pytest.raises(LocalError, match=said):
+        with pytest.raises(MayMove, match=f"{GOES_ON}: it has no 0x6007"):
             scene.drives.jog(AXIS, 500)
         assert scene.velocity == 0
         scene.drives.accept(5)
         scene.drives.jog(AXIS, 500)
         scene.pass_time(0.3, held=True)
         assert scene.velocity > 0
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        {"do": "send frame", "frame": f"405#{JOGS_BY_RPDO.data.hex()}"},
+        {"do": "send frame", "frame": "605#2B40600006000000"},
+        {"do": "cycle", "key": "a", "period": 20, "frame": f"405#{JOGS_BY_RPDO.data.hex()}"},
+        {"do": "write", "node": "servo", "object": "0x6040", "value": "6"},
+    ],
+    ids=["RPDO", "SDO request", "again and again", "write"],
+)
+def test_what_is_sent_raw_to_a_drive_that_cannot_watch_us_is_confirmed_once_more(
+    tmp_path: Path, order: dict[str, Any]
+) -> None:
+    with bench(tmp_path, dictionary=blind_drive(tmp_path)) as scene:
+        moves = scene.ask(**order)["asks"]
+        assert "which commands a drive" in moves or moves.endswith("commands a drive")
+        goes_on = scene.ask(**order, sure=moves)["asks"]
+        assert goes_on.startswith(GOES_ON)
+        assert scene.drive.device.objects.kept((0x6040, 0)) == 0, "nothing was sent"
+        assert scene.ask(**order, sure=True)["asks"] == goes_on, "nobody was asked that"
+        assert "error" not in scene.ask(**order, sure=goes_on)
+        scene.ask(do="end cycle", key="a")
+        assert "error" not in scene.ask(**order, sure=True), "once is enough"
+
+
+def test_what_is_sent_raw_to_a_drive_that_does_not_answer_is_confirmed_once_more() -> None:
+    with jogging() as scene:
+        scene.network[5].nmt.state = "STOPPED"
+        with pytest.raises(MayMove, match=GOES_ON) as question:
+            scene.drives.send_raw([AXIS], lambda: None, "page")
+        sent: list[bool] = []
+        scene.drives.send_raw([AXIS], lambda: sent.append(True), "page", confirmed=str(question.value))
+        assert sent
+
+
+def test_a_click_for_each_question_sends_a_frame_to_a_drive_that_cannot_watch_us(tmp_path: Path, window: Page) -> None:
+    button, reason = (f"document.querySelector('.send .sure {each}')" for each in ("button", ".reason"))
+    with bench(tmp_path, dictionary=blind_drive(tmp_path)) as scene:
+        open_drives(window, scene.served)
+        window.click("#tab-send")
+        window.run("document.querySelector('.send select').value = '(a frame as bytes)'")
+        window.run("document.querySelector('.send select').dispatchEvent(new Event('change'))")
+        window.run("document.querySelector('[placeholder=\"1A5\"]').value = '605'")
+        window.run("document.querySelector('[placeholder=\"01 02 FF\"]').value = '2B 40 60 00 06 00 00 00'")
+        for asked in ("0x6040:0 of servo commands a drive", GOES_ON):
+            window.run(f"{button}.click()")
+            window.wait(f"{reason}.textContent.startsWith({json.dumps(asked)})")
+        assert scene.drive.device.objects.kept((0x6040, 0)) == 0
+        window.run(f"{button}.click()")
+        until(lambda: scene.drive.device.objects.kept((0x6040, 0)) == 6)
 
 
 def test_stop_is_a_quick_stop_and_ends_a_jog(tmp_path: Path, window: Page) -> None:

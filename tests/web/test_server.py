@@ -333,7 +333,7 @@ def test_what_is_sent_again_and_again_ends_with_stop(tmp_path: Path) -> None:
 
 
 def test_what_no_page_asks_for_any_more_is_sent_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(requests, "CYCLED_FOR", 0.2)
+    monkeypatch.setattr(requests, "SILENT", 0.2)
     name = channel()
     with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
         words = {"id": 1, "do": "cycle", "key": "a", "frame": "123#AB", "period": 10}

@@ -92,9 +92,10 @@ function askedTwice(text, act, attributes) {  // a button for what moves somethi
 // A button for what the server may ask about: `act` is given what it has to add once the person is sure. While a reason
 // is shown the button is armed, and only a second click on it carries it out.
 function sureButton(text, act, attributes = {}) {
-  let timer = 0;
+  let timer = 0, asked = "";                // what the person says yes to
   const disarm = () => { clearTimeout(timer); timer = 0; say(button, text); say(reason, ""); show(reason, false); button.classList.remove("armed"); };
   const arm = why => {
+    asked = why;
     say(button, button.dataset.armed);
     say(reason, why);
     show(reason, true);
@@ -103,7 +104,7 @@ function sureButton(text, act, attributes = {}) {
   };
   const button = h("button", {type: "button", ...attributes, "data-armed": `${text}: press again`, onclick: async event => {
     event.preventDefault();
-    const sure = timer ? {sure: true} : {};
+    const sure = timer ? {sure: asked} : {};
     if (timer) disarm();
     try { await act(sure); } catch (error) { if (error.asks) arm(error.asks); else toast(error.message, true); }
   }, onblur: () => { if (timer) disarm(); }}, text);

@@ -97,8 +97,8 @@ class AxisView {
     return quietly(said.catch(error => this.ask(error)));
   }
   ask(error) {                              // a drive that does not watch us: a person has to know, once
-    if (!error.message.endsWith("Accept that first")) return;
-    this.accepting.replaceChildren(h("span", {}, error.message.replace(/\. Accept that first$/, ". ")),
+    if (!error.asks) return;
+    this.accepting.replaceChildren(h("span", {}, `${error.asks}. `),
       h("button", {onclick: () => quietly(request({do: "accept", ...this.named}, "accepted").then(() => this.accepting.replaceChildren()))}, "I know: let it move"));
   }
   attend(wanted) {                          // a move goes on while this page is seen

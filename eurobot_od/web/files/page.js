@@ -193,6 +193,8 @@ function start() {
   }
   if (live) {
     connection.open();
+    // What this page moves stops when nobody looks at it, also what was sent raw.
+    document.addEventListener("visibilitychange", () => { if (document.hidden && connection.control) quietly(connection.ask({do: "hidden"})); });
     setInterval(() => plots.watched().forEach(each => quietly(connection.ask({do: "watch", ...each.watched}))), WATCHED);
   }
   requestAnimationFrame(frame);

@@ -361,10 +361,7 @@ def test_a_lost_node_greys_its_part(page: Page) -> None:
     assert page.run("nodeNow(sources[0], sources[0].nodes.find(each => each.name === 'drive'), 3).life") == "unknown"
 
 
-TOO_HIGH = pytest.mark.xfail(reason="the header of fixed height takes 73 of 640 pixels")
-
-
-@pytest.mark.parametrize("size", [(390, 844), pytest.param((360, 640), marks=TOO_HIGH)], ids=str)
+@pytest.mark.parametrize("size", [(390, 844), (360, 640)], ids=str)
 def test_on_a_phone_the_header_takes_a_tenth_at_most(page: Page, size: tuple[int, int]) -> None:
     page.size(*size)
     assert page.run("document.querySelector('header').getBoundingClientRect().height") <= size[1] / 10
