@@ -122,7 +122,10 @@ class Requests:
         return self.drives.hear(frame)
 
     async def answer(self, text: str, who: object = None) -> str:
-        """Answer a request of somebody, both as JSON; `asks` in an answer is a question to be repeated as `sure`."""
+        """Answer a request of somebody, both as JSON; `asks` in an answer is a question.
+
+        A request that says `sure` and repeats the question as `confirmed` says yes to it.
+        """
         number: Any = None
         try:
             said = json.loads(text)
@@ -250,7 +253,7 @@ class Requests:
 
     def _confirm(self, said: Arguments, reason: str) -> None:
         """Raise MayMove for what may move something, unless the person is sure."""
-        if reason and not said.get("sure"):
+        if reason and said.get("sure") is not True:
             raise MayMove(reason)
 
     @property
@@ -262,7 +265,7 @@ class Requests:
         return self._guard[1]
 
     async def _confirm_frame(self, said: Arguments, frame: Frame) -> None:
-        if not said.get("sure"):
+        if said.get("sure") is not True:
             self._confirm(said, await self._why(frame))
 
     async def _why(self, frame: Frame) -> str:
@@ -338,7 +341,7 @@ class Requests:
     async def _send_raw(self, said: Arguments, axes: Sequence[AxisAddress], send: Callable[[], object]) -> None:
         """Send something; what moves axes waits for the orders before it, and is one."""
         if axes:
-            order = partial(self.drives.send_raw, axes, send, said["who"], confirmed=said.get("sure"))
+            order = partial(self.drives.send_raw, axes, send, said["who"], confirmed=said.get("confirmed"))
             await self._in_turn(axes, order)
         else:
             await asyncio.to_thread(send)

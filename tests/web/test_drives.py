@@ -570,10 +570,10 @@ def test_the_guard_hears_what_another_master_maps(tmp_path: Path) -> None:
         assert scene.ask(**MOVED)["ok"] == MOVED["frame"]
         other.notifier = can.Notifier(other.bus, other.listeners, 0.1)
         drive = other.add_node(5, str(EDS))
-        drive.sdo[0x1402][1].raw = 0x8000_0405
-        shown = scene.session.in_force
-        drive.sdo[0x1402][1].raw = 0x6A0
-        until(lambda: scene.session.in_force is not shown)
+        for written in (0x8000_0405, 0x6A0):
+            shown = scene.session.in_force
+            drive.sdo[0x1402][1].raw = written
+            until(lambda shown=shown: scene.session.in_force is not shown)
         assert scene.ask(**MOVED)["asks"].startswith("it carries 0x6040:0 to servo")
         # A reset takes that back; what was stored meanwhile nobody has heard, so it is read again.
         shown = scene.session.in_force
@@ -643,13 +643,12 @@ def test_what_is_sent_raw_to_a_drive_that_cannot_watch_us_is_confirmed_once_more
     with bench(tmp_path, dictionary=blind_drive(tmp_path)) as scene:
         moves = scene.ask(**order)["asks"]
         assert "which commands a drive" in moves or moves.endswith("commands a drive")
-        goes_on = scene.ask(**order, sure=moves)["asks"]
+        goes_on = scene.ask(**order, sure=True, confirmed=moves)["asks"]
         assert goes_on.startswith(GOES_ON)
         assert scene.drive.device.objects.kept((0x6040, 0)) == 0, "nothing was sent"
         assert scene.ask(**order, sure=True)["asks"] == goes_on, "nobody was asked that"
-        assert "error" not in scene.ask(**order, sure=goes_on)
-        scene.ask(do="end cycle", key="a")
-        assert "error" not in scene.ask(**order, sure=True), "once is enough"
+        assert "error" not in scene.ask(**order, sure=True, confirmed=goes_on)
+        assert "asks" not in scene.ask(**order, sure=True), "once is enough"
 
 
 def test_what_is_sent_raw_to_a_drive_that_does_not_answer_is_confirmed_once_more() -> None:

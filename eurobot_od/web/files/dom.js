@@ -104,7 +104,7 @@ function sureButton(text, act, attributes = {}) {
   };
   const button = h("button", {type: "button", ...attributes, "data-armed": `${text}: press again`, onclick: async event => {
     event.preventDefault();
-    const sure = timer ? {sure: asked} : {};
+    const sure = timer ? {sure: true, confirmed: asked} : {};
     if (timer) disarm();
     try { await act(sure); } catch (error) { if (error.asks) arm(error.asks); else toast(error.message, true); }
   }, onblur: () => { if (timer) disarm(); }}, text);
