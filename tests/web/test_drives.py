@@ -570,10 +570,11 @@ def test_the_guard_hears_what_another_master_maps(tmp_path: Path) -> None:
         assert scene.ask(**MOVED)["ok"] == MOVED["frame"]
         other.notifier = can.Notifier(other.bus, other.listeners, 0.1)
         drive = other.add_node(5, str(EDS))
+        seen = [scene.session.in_force]
         for written in (0x8000_0405, 0x6A0):
-            shown = scene.session.in_force
             drive.sdo[0x1402][1].raw = written
-            until(lambda shown=shown: scene.session.in_force is not shown)
+            until(lambda: scene.session.in_force is not seen[-1])
+            seen.append(scene.session.in_force)
         assert scene.ask(**MOVED)["asks"].startswith("it carries 0x6040:0 to servo")
         # A reset takes that back; what was stored meanwhile nobody has heard, so it is read again.
         shown = scene.session.in_force
