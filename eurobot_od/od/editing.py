@@ -258,8 +258,11 @@ def _order(name: str) -> tuple[int, SectionName]:
     return (1, named) if named else (0, SectionName(0))
 
 
+PDO_COUNTS = {PdoDirection.RPDO: "NrOfRXPDO", PdoDirection.TPDO: "NrOfTXPDO"}
+
+
 def _with_lists(before: Document, after: Document) -> Document:
-    """Return a document whose lists of objects have what is new, and have not what is gone."""
+    """Return a document whose lists of objects, and numbers of PDOs, have what is new, and have not what is gone."""
     there, wanted = (DescribedDevice(each).objects.keys() for each in (before, after))
     sections = dict(after.sections)
     for name, indices in formats.listed(sorted(wanted)).items():
@@ -269,6 +272,13 @@ def _with_lists(before: Document, after: Document) -> Document:
         new += [each for each in indices if each not in there and each not in listed]
         if new != listed:
             sections[name.lower()] = _list_of(old or Section(name, 0, 1, {}), new)
+    info = sections.get("deviceinfo")
+    for direction, key in PDO_COUNTS.items() if info else ():
+        records = values.COMMUNICATION_RECORDS[direction]
+        if info and {each for each in there if each in records} != (
+            now := {each for each in wanted if each in records}
+        ):
+            sections["deviceinfo"] = info = info.saying(**{key: str(len(now))})
     return after._replace(sections=sections)
 
 

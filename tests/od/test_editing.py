@@ -115,6 +115,12 @@ def test_a_profile_makes_a_device_without_an_error(name: str) -> None:
     assert dictionary.left_out == []
 
 
+def test_the_number_of_pdos_is_that_of_their_records() -> None:
+    after = edited(MOTOR, "motor.eds", [mapped("TPDO2", ["6064"])])
+    assert (b"NrOfTXPDO=1" in MOTOR, b"NrOfTXPDO=2" in after) == (True, True)
+    assert edited(after, "motor.eds", [removed("1801"), removed("1A01")]) == MOTOR
+
+
 def test_a_profile_leaves_what_is_there() -> None:
     after = edited(MOTOR, "motor.eds", [profile("301")])
     gone, _ = difference(MOTOR, after)
