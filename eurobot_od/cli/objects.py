@@ -291,6 +291,8 @@ def configure(
         node.master.follow(dictionary)
         plan = configuring.difference(node, dictionary, only)
         print(summary(plan, node.node_id))
+        if plan.cannot_be_marked:
+            complain("0x1020 is read only in the file: the node is not told when it was configured")
         if dry_run or not plan.changes:
             return ExitStatus.FOUND if plan.changes else ExitStatus.FINE
         node.state(HEARTBEAT_WAIT)  # before the reset, as `apply` brings the node back to the state seen last

@@ -201,10 +201,17 @@ class ChangePlan(NamedTuple):
         former = {**{address_of(c.thing): c.before for c in self.changes if c.before is not None}, **self.present}
         return in_order({address: data for address, data in former.items() if _unit(address) in touched}, state)
 
+    @property
+    def cannot_be_marked(self) -> bool:
+        """Whether the file describes verify configuration, 0x1020, and does not let it be written."""
+        found = [self.dictionary.variable(address) for address in VERIFY_CONFIGURATION]
+        return all(found) and not all(each and each.writable for each in found)
+
     def verification(self, now: datetime) -> list[Write]:
         """Return the writes of verify configuration, none if the device does not have it (CiA 301, 7.5.2.23)."""
         # Part of a DCF must not be marked: a later start would take it for the whole.
-        if not self.whole or any(self.dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
+        is_there = all(self.dictionary.variable(address) for address in VERIFY_CONFIGURATION)
+        if not self.whole or not is_there or self.cannot_be_marked:
             return []
         stamps = zip(VERIFY_CONFIGURATION, values.TimeOfDay.of(now))
         return [Write(address, number.to_bytes(4, "little")) for address, number in stamps]

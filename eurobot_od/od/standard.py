@@ -150,7 +150,8 @@ KNOWN = (
     Known((0x100D, 0x1019), (0,), UNSIGNED8),
     Known((0x1010, 0x1011, 0x1016), DATA_SUBS, UNSIGNED32),
     Known((0x1018,), range(1, 5), UNSIGNED32, READ_ONLY),
-    Known((0x1020, *range(0x1200, 0x1300)), (1, 2), UNSIGNED32),
+    Known((0x1020,), (1, 2), UNSIGNED32, ("rw",)),
+    Known(range(0x1200, 0x1300), (1, 2), UNSIGNED32),
     Known((0x1021,), (0,), values.DOMAIN, READ_ONLY),
     Known((0x1029,), DATA_SUBS, UNSIGNED8),
     *(

@@ -32,6 +32,7 @@ from eurobot_od.errors import ConfigurationError, EurobotError, LocalError, NoAn
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
+from eurobot_od.od.editing import edited, said
 from eurobot_od.od.objects import address_of, find_one
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address
@@ -260,6 +261,19 @@ def test_a_drive_is_cloned_to_the_byte_whatever_of_it_can_be_mapped(tmp_path: Pa
         second[5]._node.reset()
         assert [each.value for each in read_all(second[5]._node, parameters(dictionary))] == wanted
         assert {address: second[5][address].raw for address in SETTINGS} == SETTINGS
+
+
+def test_a_mark_that_is_read_only_is_left_out_and_the_rest_is_verified(tmp_path: Path) -> None:
+    eds, made = tmp_path / "lift.eds", tmp_path / "ours.dcf"
+    read_only = [said(f"1020:{sub}", {"AccessType": "ro"}) for sub in (1, 2)]
+    eds.write_bytes(edited(EDS.read_bytes(), "servo.eds", read_only))
+    dictionary = Dictionary.load(eds, 5)
+    made.write_bytes(dcf.with_contents(dictionary, {(0x1017, 0): b"\xfa\0"}, 5, "ours", 500, "ours").content)
+    with simulated(eds, node_id=5) as network:
+        plan = difference(network[5]._node, Dictionary.load(made))
+        assert plan.cannot_be_marked
+        assert network[5].configure(made).changed == 1
+        assert network[5][0x1017].raw == 250
 
 
 DRIVE_402 = DEVICE_TYPE.replace("DefaultValue=0", "DefaultValue=0x20192")

@@ -304,6 +304,7 @@ DEFECTS = (
     Defect("E501", "a mapping entry an UNSIGNED16", "1600sub1", "DataType=0x0007", "DataType=0x0006"),
     Defect("E502", "a writable device type", "1000", "AccessType=ro", "AccessType=rw"),
     Defect("E502", "a writable vendor-ID", "1018sub1", "AccessType=ro", "AccessType=rw"),
+    Defect("E502", "a read-only configuration date", "1020sub1", "AccessType=rw", "AccessType=ro"),
     Defect("W503", "a mappable heartbeat time", "1017", "PDOMapping=0", "PDOMapping=1"),
     Defect("E504", "COB-ID SYNC with bit 12", "1005", "DefaultValue=0x00000080", "DefaultValue=0x00001080"),
     Defect("E505", "COB-ID TIME with bit 11", "1012", "DefaultValue=0x80000100", "DefaultValue=0x80000900"),
