@@ -17,7 +17,7 @@ from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
 from eurobot_od.lint.stack_rules import STACKS
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
-from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
+from eurobot_od.od.formats import SUFFIXES, files_in, foreign_network, is_xml
 from eurobot_od.od.values import Address
 from eurobot_od.support.texts import one_line
 
@@ -138,7 +138,10 @@ class FileChecks(NamedTuple):
 
     def findings(self, file: str) -> list[Finding]:
         """Check a file; raises DictionaryError for what is none of a device."""
-        device = load(read_bytes(file), file, self.over.patch, self.over.module)
+        data = read_bytes(file)
+        device = load(data, file, self.over.patch, self.over.module)
+        if not device.objects and (network := foreign_network(data)):
+            raise DictionaryError(file, None, network)
         is_named = file.lower().endswith(SUFFIXES)  # of these, what is missing are findings
         if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
             raise DictionaryError(file, None, "not an EDS: it has no section of one")

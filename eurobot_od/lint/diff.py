@@ -17,6 +17,7 @@ from eurobot_od.lint.model import LintedDevice, load
 from eurobot_od.od import values
 from eurobot_od.od.description import COMPOSED, DescribedRecords, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
+from eurobot_od.od.formats import no_objects
 from eurobot_od.od.renumbering import following
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, Number
@@ -55,9 +56,10 @@ def place(address: Address) -> str:
 
 def read_device(file: str) -> LintedDevice:
     """Read an EDS or DCF for a comparison; raises DictionaryError if it cannot be read or describes nothing."""
-    device = load(read_bytes(file), file)
+    data = read_bytes(file)
+    device = load(data, file)
     if not device.objects:
-        raise DictionaryError(file, None, "not an EDS: it describes no object")
+        raise DictionaryError(file, None, no_objects(data))
     return device
 
 

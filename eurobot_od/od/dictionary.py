@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od import cia401, cia402, standard, values
+from eurobot_od.od import cia401, cia402, formats, standard, values
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, ObjectCode
 from eurobot_od.od.document import Document, Section, parse, read_bytes
@@ -63,7 +63,7 @@ class Dictionary:
         if not self.members:
             for each in normal.refusals:
                 raise DictionaryError(file, None, str(each))
-            raise DictionaryError(file, None, "not an EDS: it describes no object")
+            raise DictionaryError(file, None, formats.no_objects(content))
         self._present: Mapping[Address, Value] = {}
         for address, meaning in self.meanings.items():
             if (variable := self.variable(address)) is not None:
@@ -178,7 +178,7 @@ class Dictionary:
     def _checked_node_id(self, node_id: int | None) -> int:
         if node_id is None:
             if not any(index >= values.FIRST for index in self.device.objects):
-                raise DictionaryError(self.file, None, "not an EDS: it describes no object")
+                raise DictionaryError(self.file, None, formats.no_objects(self.content))
             raise DictionaryError(self.file, None, f"the file names no node-ID; give one, as in 5={self.file.name}")
         if node_id not in values.NODE_IDS:
             what = f"node-ID {node_id!r} is not in {values.NODE_IDS[0]}..{values.NODE_IDS[-1]}"

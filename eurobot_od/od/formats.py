@@ -73,6 +73,25 @@ PARAMETERS = ("COB-ID", "Transmission type", "Inhibit time", "Compatibility entr
 """Communication parameters from sub-index 1 on; the device has those whose bit in CompactPDO is set."""
 
 
+FOREIGN = (
+    (re.compile(rb"<EtherCATInfo\b"), "EtherCAT (ESI)"),
+    (re.compile(rb"ethernet-powerlink\.org|_Powerlink\b"), "POWERLINK"),
+    (re.compile(rb"^\s*\[Device\][^[]*^\s*VendCode\s*=", re.MULTILINE | re.IGNORECASE), "EtherNet/IP"),
+)
+"""What files of other networks, which have the same suffixes, are recognised by."""
+
+
+def foreign_network(data: bytes) -> str:
+    """Say of which other network a device description is; nothing of one that may be CANopen's."""
+    other = next((name for mark, name in FOREIGN if mark.search(data)), "")
+    return other and f"a device description of {other}, not of CANopen"
+
+
+def no_objects(data: bytes) -> str:
+    """Say what a file is that describes no object of CANopen."""
+    return foreign_network(data) or "not an EDS: it describes no object"
+
+
 def completed(document: Document) -> Document:
     """Return a document with all objects that it describes under the names that they have in CiA 306."""
     renamed = {name: usual_name(name) for name in document.sections if not name.isalnum() or looks_odd(name)}

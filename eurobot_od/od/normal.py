@@ -133,7 +133,7 @@ def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]
     """
     made = normal(data, file)
     if not AN_OBJECT.search(made.text):
-        raise DictionaryError(str(file), None, "not an EDS: it describes no object")
+        raise DictionaryError(str(file), None, formats.no_objects(data))
     text = made.text.replace("\n", "\r\n" if b"\r\n" in data else "\n")
     is_known = made.encoding != UNKNOWN or code_page(data) is not None
     if made.encoding == "utf-8" or VALUE_BEYOND_ASCII.search(text) or not is_known:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -512,3 +513,16 @@ def test_an_eds_goes_before_the_xdd_of_the_same_name(tmp_path: Path) -> None:
     for name in ("a.xdd", "a.eds", "b.xdd"):
         (tmp_path / name).write_text(XDD)
     assert [Path(each.file).name for each in read_network(tmp_path).nodes] == ["a.eds", "b.xdd"]
+
+
+FOREIGN = [
+    (b'$ EZ-EDS\n[File]\n  DescText = "Drive";\n[Device]\n  VendCode = 1;\n', "EtherNet/IP"),
+    (b"<?xml version='1.0'?><EtherCATInfo Version='1.6'/>", "EtherCAT (ESI)"),
+    (b"<?xml version='1.0'?><ISO15745ProfileContainer xmlns='http://www.ethernet-powerlink.org'/>", "POWERLINK"),
+]
+
+
+@pytest.mark.parametrize(("data", "network"), FOREIGN, ids=[each[1] for each in FOREIGN])
+def test_a_file_of_another_network_is_named(data: bytes, network: str) -> None:
+    with pytest.raises(DictionaryError, match=re.escape(f"a device description of {network}, not of CANopen")):
+        Dictionary.read(data, Path("device.eds"), 5)
