@@ -9,13 +9,14 @@ one season at once: each makes its runs in folders of its own; of two with the s
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -36,12 +37,12 @@ from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.dbc import ForeignMessage, FramesOfDevice, only_canopen, read_dbc
-from eurobot_od.traffic.decoding import HEARTBEATS, DecoderSpan, Following
+from eurobot_od.traffic.decoding import HEARTBEATS, OF_DATES, DecoderSpan, Following
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, SdoTransfer
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
 
-VERSION = b"6"
+VERSION = b"7"
 """To be raised when the same log would give other tables, so that it is archived again."""
 
 
@@ -101,14 +102,13 @@ class NetworkDecoding:
 
     def as_shown(self, decoder: Decoder) -> NetworkDecoding:
         """Return the same network as a bus has shown it to be."""
-        made = NetworkDecoding(self._devices, decoder, self.eds)
-        columns = repr([(each.table, each.schema.names) for each in made.messages.values()])
-        # All runs of one hash have the same columns.
-        made.eds = hashlib.blake2b(f"{self.eds} {columns}".encode(), digest_size=16).hexdigest()
-        return made
+        return NetworkDecoding(self._devices, decoder, self.eds)
 
 
 EMPTY = pl.DataFrame(schema={columns.WORD: pl.UInt64, LENGTH: pl.UInt32})
+
+
+NO_COLUMNS = pa.schema([])
 
 
 class MessageDecoding:
@@ -128,8 +128,8 @@ class BoundDecoding(MessageDecoding):
     """How the frames of a PDO become rows: those that are long enough."""
 
     def __init__(self, binding: Binding, table: str, answers: str) -> None:
-        place = [each.name for each in tables.PLACE]
-        fields = columns.message_columns(binding, place)
+        place = [each.name for each in tables.PLACE if each is not tables.DATE]
+        fields = columns.message_columns(binding, [*place, tables.DATE.name])
         # Polars itself knows of which type an expression is: it is asked with no rows.
         made = EMPTY.select(each.expression.alias(each.name) for each in fields).to_arrow().schema
         said = {"message": binding.name, "cob_id": f"0x{binding.cob_id:03X}", "answers": answers}
@@ -155,12 +155,12 @@ class ForeignDecoding(MessageDecoding):
         super().__init__(table, pa.schema([*tables.PLACE, *made], said), self._columns.metadata)
 
     def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
-        return self._columns.rows(frames).select(self.schema.names), []
+        return self._columns.rows(frames).select(*(each for each in self.schema.names if each != tables.DATE.name)), []
 
 
 # Files
 
-ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT"}
+ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT", "datetime": "DELTA_BINARY_PACKED"}
 """How numbers are written that grow from row to row: a third of the bytes, and less to compress."""
 
 UNREPEATED = (*ENCODINGS, "data")
@@ -190,19 +190,51 @@ def writer(file: Path, schema: pa.Schema) -> pq.ParquetWriter:
     )
 
 
-class _Table:
-    """One table of a run, written batch after batch; written even without a row, so that a query finds it."""
+DATE = pl.when(pl.col("t") >= OF_DATES).then((pl.col("t") * 1e6).round().cast(pl.Int64)).cast(pl.Datetime("us", "UTC"))
+"""The date of a time."""
+
+
+class TableRows:
+    """The rows of a table of a run: kept in memory, and in its file once they are many, or the run is put in place."""
 
     def __init__(self, file: Path, schema: pa.Schema) -> None:
-        self.schema = schema
-        self._writer = writer(file, schema)
-        self.close = self._writer.close
+        self.schema, self._file = schema, file
+        self._kept, self._number = list[pa.Table](), 0
+        self._writer: pq.ParquetWriter | None = None
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether a part of it is in its file."""
+        return self._writer is not None
 
     def write(self, rows: pl.DataFrame) -> None:
-        """Write rows with the columns of the schema."""
+        """Take in rows with the columns of the schema."""
         if len(rows):
-            arrays = rows.select(self.schema.names).to_arrow().columns
-            self._writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema))
+            arrays = rows.with_columns(DATE.alias(tables.DATE.name)).select(self.schema.names).to_arrow().columns
+            self._kept.append(pa.Table.from_arrays(arrays, schema=self.schema))
+            self._number += len(rows)
+            if self._number >= packing.ROWS:
+                self._flush()
+
+    def add(self, other: TableRows) -> None:
+        """Take in the rows that the same table of another run has in memory."""
+        self._kept += other._kept
+
+    def _flush(self) -> None:
+        if self._writer is None:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = writer(self._file, self.schema)
+        if self._kept:
+            joined = pa.concat_tables(self._kept).unify_dictionaries()
+            self._writer.write_table(joined, row_group_size=packing.ROWS)
+        self._kept, self._number = [], 0
+
+    def close(self, *, is_wanted: bool = True) -> None:
+        """Write the rest; the file is there even without a row, so that a query finds it."""
+        if is_wanted:
+            self._flush()
+        if self._writer is not None:
+            self._writer.close()
 
 
 OF_SERVICES = {SDO: tables.SDO, EMCY_NAME: tables.EMCY, HEARTBEAT: tables.HEARTBEAT, NMT: tables.NMT}
@@ -213,7 +245,7 @@ def rows_of(table: str) -> pl.Schema:
     """Return the columns of a service's table, without the run."""
     made = pl.from_arrow(tables.SCHEMAS[table].empty_table())
     assert isinstance(made, pl.DataFrame)
-    return pl.Schema({name: type_ for name, type_ in made.schema.items() if name != "run"})
+    return pl.Schema({name: type_ for name, type_ in made.schema.items() if name not in ("run", tables.DATE.name)})
 
 
 def of_transfer(transfer: SdoTransfer) -> Fields:
@@ -233,7 +265,7 @@ def said_by(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
     different = right["data"].unique()  # most are many times the same
     types = {"data": pl.Binary()} | {name: type_ for name, type_ in wanted.items() if name not in ENTRY}
     said = pl.DataFrame([{"data": each} | _of_types(service.fields(each), types) for each in different], types)
-    return right.join(said, on="data", maintain_order="left").select(wanted.names())
+    return right.join(said, on="data", maintain_order="left").select("run", *wanted.names())
 
 
 def _by_channel(frames: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame]]:
@@ -255,16 +287,16 @@ def _followed(frames: pl.DataFrame, decoder: Decoder, after: int) -> Iterator[tu
 
 
 class RunTables:
-    """All tables of a run, each a file in a folder; they are whole at the end of the `with` block.
+    """All tables of a run, or of some that were joined; those with many rows are in files in a folder.
 
-    The frames of a message are kept until there are MANY, as to decode and write a few costs as much.
+    Frames are kept until there are many, as to decode and write a few costs as much: all that the files describe as
+    they are (`_plain`), and those of a message.
     """
 
     def __init__(self, folder: Path, run: str, decoding: NetworkDecoding) -> None:
-        self._folder, self._decoding = folder, decoding
-        self._constant = pl.lit(run).cast(pl.Categorical).alias("run")
-        folder.mkdir(parents=True)
-        self._stack = ExitStack()
+        self.folder, self._decoding = folder, decoding
+        self.run, self._constant = run, pl.lit(run).cast(pl.Categorical).alias("run")
+        self.tables: dict[str, TableRows] = {}
         self._frames, self._damage, *services = (
             self._table(name, tables.with_metadata(tables.SCHEMAS[name], {}))
             for name in (tables.FRAMES, tables.DAMAGE, *OF_SERVICES.values())
@@ -273,50 +305,94 @@ class RunTables:
         self._said: dict[str, list[pl.DataFrame]] = {name: [] for name in OF_SERVICES}
         self._transfers: list[Fields] = []
         self._heard: dict[tuple[str, int], Fields] = {}
-        self._files: dict[str, _Table] = {}
         self._kept: dict[MessageDecoding, list[pl.DataFrame]] = {each: [] for each in decoding.messages.values()}
+        self._plain, self._wrong = list[pl.DataFrame](), list[pl.DataFrame]()
         self._now: dict[str, NetworkDecoding] = {}
         self._following = Following(decoding.decoder)
-        self._counts = {"frames": 0, "damage": 0}
+        self.frames, self.damaged = 0, Counter[str]()
         self._ends: dict[str, float | None] = {"start": None, "end": None}
 
-    def _table(self, name: str, schema: pa.Schema) -> _Table:
-        table = _Table(self._folder / f"{name}{tables.SUFFIX}", schema)
-        self._stack.callback(table.close)
-        return table
+    def _table(self, name: str, schema: pa.Schema) -> TableRows:
+        if name not in self.tables:
+            self.tables[name] = TableRows(self.folder / f"{name}{tables.SUFFIX}", schema)
+        return self.tables[name]
 
-    def _file(self, decoding: MessageDecoding) -> _Table:
-        """Return the file for a message's rows; the first mapping that has some takes the message's name."""
-        name, mapped = decoding.table, f"{decoding.table}{REMAPPED}{decoding.fingerprint}"
-        if name in self._files and not self._files[name].schema.equals(decoding.schema):
-            name = mapped
-        if name not in self._files:
-            self._files[name] = self._table(name, decoding.schema)
-        return self._files[name]
+    def _of_message(self, decoding: MessageDecoding) -> TableRows:
+        """Return the table for a message's rows; the first mapping that has some takes the message's name."""
+        name, known = decoding.table, self.tables.get(decoding.table)
+        if known is not None and not known.schema.equals(decoding.schema):
+            name = f"{name}{REMAPPED}{decoding.fingerprint}"
+        return self._table(name, decoding.schema)
 
     def __enter__(self) -> RunTables:
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        with self._stack:  # closes the files whatever happens: after an error they are thrown away
-            if error is None:
-                for channel, last, transfer in self._following.unfinished():
-                    assert isinstance(last.raw, Frame)
-                    self._transfers.append(self._heard[channel, last.raw.cob_id] | of_transfer(transfer))
-                self._write_services()
-                self._write_damage(wrong for each in self._kept for wrong in self._flushed(each))
-                for message in self._decoding.messages.values():
-                    if message.table not in self._files:  # also a table without rows is there for a query
-                        self._file(message)
+        if error is not None:
+            self.close(is_wanted=False)
+            return
+        for channel, last, transfer in self._following.unfinished():
+            assert isinstance(last.raw, Frame)
+            self._transfers.append(self._heard[channel, last.raw.cob_id] | of_transfer(transfer))
+        self._keep_transfers()
+        if self._now or not self.is_small:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Decode and write what is kept."""
+        self._wrong += self._of_plain()
+        self._wrong += [wrong for each in self._kept for wrong in self._flushed(each)]
+        self._write_services()
+        self._write_damage()
+        for message in self._decoding.messages.values():
+            if message.table not in self.tables:  # also a table without rows is there for a query
+                self._of_message(message)
+
+    def join(self, others: Iterable[RunTables]) -> None:
+        """Take in other runs of the same `eds` that are small."""
+        for other in others:
+            self._plain += other._plain
+            self._wrong += other._wrong
+            for name, parts in other._said.items():
+                self._said[name] += parts
+            self.damaged += other.damaged
+            for name, table in other.tables.items():
+                self.tables[name].add(table)
+
+    def close(self, *, is_wanted: bool = True) -> None:
+        """Close all files, with the rest of the rows if they are wanted."""
+        if is_wanted:
+            self._flush()
+        for each in self.tables.values():
+            each.close(is_wanted=is_wanted)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether all rows are in memory."""
+        return not any(each.is_begun for each in self.tables.values())
+
+    @property
+    def eds(self) -> str:
+        """The hash of the EDS files, and of what else is mapped: all runs of one hash have the same columns."""
+        said = {**tables.SCHEMAS, **{each.table: each.schema for each in self._decoding.messages.values()}}
+        found = {name: each.schema for name, each in self.tables.items()}
+        others = sorted(
+            (name, str(each)) for name, each in found.items() if not each.equals(said.get(name, NO_COLUMNS))
+        )
+        if not others:
+            return self._decoding.eds
+        return hashlib.blake2b(f"{self._decoding.eds} {others}".encode(), digest_size=16).hexdigest()
 
     def notes(self) -> tuple[str, ...]:
         """Return what the log cannot tell."""
         return tuple(self._following.notes())
 
     def row(self) -> dict[str, Any]:
-        """Return the run's row: network, amounts, start and end."""
-        last = next(reversed(self._now.values()), self._decoding)
-        return {"network": last.network, "eds": last.eds, **self._counts, **self._ends}
+        """Return the run's row, but for how much is damaged: network, number of frames, start and end."""
+        start = self._ends["start"]
+        date = None if start is None or start < OF_DATES else datetime.fromtimestamp(start, UTC)
+        known = {"network": self._decoding.network, "eds": self.eds, tables.DATE.name: date}
+        return known | {"frames": self.frames} | self._ends
 
     def take(self, batch: ColumnBatch) -> None:
         """Decode and write a batch."""
@@ -324,9 +400,14 @@ class RunTables:
         self._frames.write(frames)
         # Frames of CAN FD are other traffic on the wire, and not damage.
         foreign = batch.foreign.filter(pl.col("kind") != Damage.FD.value)
-        self._write_damage((foreign, *self._by_what_is_in_force(frames)))
-        self._write_services()
-        self._counts["frames"] += len(batch.frames)
+        classic = frames.filter(~pl.col("fd")) if frames["fd"].any() else frames
+        self._wrong.append(foreign.with_columns(self._constant))
+        self._wrong += self._by_what_is_in_force(classic)
+        if not self._plain:
+            self._keep_transfers()
+            self._write_services()
+            self._write_damage()
+        self.frames += len(batch.frames)
         times = [each["t"] for each in (batch.frames, batch.foreign) if len(each)]
         if times:
             begin = self._ends["start"]
@@ -339,9 +420,22 @@ class RunTables:
             for span in self._following.spans(channel, partial(_followed, some)):
                 yield from self._of_transfers(channel, span)
                 behind, last = pl.col("line") > span.after, span.last
-                part = behind if last is None else behind & (pl.col("line") <= last)
-                is_all = last is None and span.after < 0
-                yield from self._of_messages(some if is_all else some.filter(part), self._in_use(channel, span))
+                wanted = behind if last is None else behind & (pl.col("line") <= last)
+                part = some if last is None and span.after < 0 else some.filter(wanted)
+                decoding = self._in_use(channel, span)
+                if decoding is self._decoding:
+                    self._plain.append(part)
+                if decoding is not self._decoding or sum(map(len, self._plain)) >= packing.ROWS:
+                    yield from self._of_plain()
+                if decoding is not self._decoding:
+                    yield from self._of_messages(part, decoding)
+
+    def _of_plain(self) -> Iterator[pl.DataFrame]:
+        """Write the messages that are as the files say; yield what is wrong with all frames."""
+        if self._plain:
+            frames = pl.concat(self._plain)
+            self._plain.clear()
+            yield from self._of_messages(frames, self._decoding)
 
     def _in_use(self, channel: str, span: DecoderSpan) -> NetworkDecoding:
         decoding = self._now.get(channel, self._decoding)
@@ -361,7 +455,7 @@ class RunTables:
                 self._transfers.append(place | of_transfer(said.transfer))
             lost = (each.text for each in said.defects if each.damage is Damage.INCOMPLETE)
             lacking += [place | {"kind": Damage.INCOMPLETE.value, "text": text} for text in lost]
-        yield pl.DataFrame(lacking, FOREIGN)
+        yield pl.DataFrame(lacking, FOREIGN).with_columns(self._constant)
 
     def _of_messages(self, frames: pl.DataFrame, decoding: NetworkDecoding) -> Iterator[pl.DataFrame]:
         """Write the messages; yield what is wrong with them and with all other frames."""
@@ -392,28 +486,34 @@ class RunTables:
         if not kept:
             return []
         rows, wrong = message(pl.concat(kept))
-        self._file(message).write(rows)
+        self._of_message(message).write(rows)
         return wrong
 
-    def _write_services(self) -> None:
-        self._said[SDO].append(pl.DataFrame(self._transfers, rows_of(tables.SDO)))
+    def _keep_transfers(self) -> None:
+        rows = pl.DataFrame(self._transfers, rows_of(tables.SDO))
+        self._said[SDO].append(rows.select(self._constant, pl.all()))
         self._transfers.clear()
+
+    def _write_services(self) -> None:
         for name, parts in self._said.items():
             if parts:
-                rows = pl.concat(parts).sort("line").with_columns(self._constant)
-                self._services[name].write(rows)
+                self._services[name].write(pl.concat(parts).sort("run", "line"))
                 parts.clear()
 
-    def _write_damage(self, wrong: Iterable[pl.DataFrame]) -> None:
-        parts = [each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong if len(each)]
+    def _write_damage(self) -> None:
+        parts = [each.select("run", *FOREIGN.names()).cast(FOREIGN) for each in self._wrong if len(each)]
+        self._wrong.clear()
         if parts:
-            damage = pl.concat(parts).sort("line")  # they came message by message
-            self._damage.write(damage.with_columns(self._constant, pl.col("kind").cast(pl.Categorical)))
-            self._counts["damage"] += len(damage)
+            damage = pl.concat(parts).sort("run", "line")  # they came message by message
+            self._damage.write(damage.with_columns(pl.col("kind").cast(pl.Categorical)))
+            self.damaged.update(damage["run"].cast(pl.String))
 
 
-PACKED = 200
-"""Logs after which small ones are packed, and at the end."""
+TOGETHER = 1 << 20
+"""Bytes of small logs that are put in together: in a second or two, which is what a kill costs."""
+
+PACKED = 16
+"""Groups of logs after which what they became is packed, and at the end."""
 
 HASHED = 1 << 20
 BEGUN = ".begun"
@@ -430,6 +530,14 @@ class Archived(NamedTuple):
     frames: int = 0
     damage: int = 0
     notes: tuple[str, ...] = ()
+
+
+def _archived(log: ReadLog, damaged: int) -> Archived:
+    """Return the result for a log."""
+    name, size = str(log.log), log.file["bytes"]
+    if log.tables is None:
+        return Archived(name, log.run, True, size)
+    return Archived(name, log.run, False, size, log.tables.frames, damaged, log.tables.notes())
 
 
 Progress = Callable[[int], object]
@@ -462,13 +570,31 @@ def archive(
             formats.form_of(opened, form)  # complains before anything is done
     # A bar on this terminal cannot be moved by another process.
     archiver = Archiver(season, network, form, unwatched if workers.executor else progress)
+    groups = list(_together(each_once, workers.number))
     with _begun(season / BEGUN):
-        for number, each in enumerate(campaign.run(archiver, each_once, workers._replace(block=BLOCK)), 1):
-            yield each
-            if number % PACKED == 0:
-                packing.pack(season, season / BEGUN, writer)
-        if each_once:
-            packing.pack(season, season / BEGUN, writer)
+        for number, some in enumerate(campaign.run(archiver.put, groups, workers._replace(block=BLOCK)), 1):
+            yield from some
+            if number % PACKED == 0 or number == len(groups):
+                # What one call has made is joined; with what was there before only once there is much of it.
+                packing.pack(season, season / BEGUN, writer, packing.MANY if number == 1 else 2)
+
+
+def _together(logs: Sequence[Path], workers: int) -> Iterator[tuple[Path, ...]]:
+    """Yield logs in groups of TOGETHER bytes, or less if there are several workers to have some."""
+    most = min(TOGETHER, sum(map(_size, logs)) // workers)
+    some, size = list[Path](), 0
+    for log in logs:
+        if some and size + _size(log) > most:
+            yield tuple(some)
+            some, size = [], 0
+        some.append(log)
+        size += _size(log)
+    if some:
+        yield tuple(some)
+
+
+def _size(log: Path) -> int:
+    return log.stat().st_size
 
 
 @contextmanager
@@ -497,6 +623,15 @@ def _begun(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+class ReadLog(NamedTuple):
+    """A log that was read: the run, what is known of its file, and its tables; None if it is in the season already."""
+
+    log: Path
+    run: str
+    file: dict[str, Any]
+    tables: RunTables | None = None
+
+
 @dataclass(frozen=True)
 class Archiver:
     """Puts one log after the other into a season; `progress` is called with the bytes of each part read."""
@@ -513,6 +648,28 @@ class Archiver:
 
     def __call__(self, log: Path) -> Archived:
         """Put a log into the season. Raises OSError, UnknownName."""
+        (archived,) = self.put([log])
+        return archived
+
+    def put(self, logs: Sequence[Path]) -> list[Archived]:
+        """Put logs into the season, small ones of a network in common files; errors as for one of them.
+
+        Those before one that cannot be read are put in.
+        """
+        # A folder of its own: another process may be at work on the same log.
+        begun, read, damaged = self.season / BEGUN / secrets.token_hex(8), list[ReadLog](), Counter[str]()
+        try:
+            for log in logs:
+                read.append(self._read_log(log, begun))
+        finally:
+            try:
+                damaged += self._place(read)
+            finally:
+                shutil.rmtree(begun, ignore_errors=True)
+        return [_archived(each, damaged[each.run]) for each in read]
+
+    def _read_log(self, log: Path, begun: Path) -> ReadLog:
+        """Read a log that is not in the season."""
         with files.opened(log) as file:
             form, size = formats.form_of(file, self.form), os.fstat(file.fileno()).st_size
             # The same log read by other EDS files gives other tables, so they are part of its name.
@@ -521,12 +678,48 @@ class Archiver:
             while part := file.read(HASHED):
                 digest.update(part)
             run = digest.hexdigest()
+            known = {"run": run, "log": encodable(str(log)), "format": form, "bytes": size}
             # One table that is missing or damaged is reason enough to put the log in again.
-            if self._is_there(run) or run in self._packed:
-                return Archived(str(log), run, True, size)
+            if run in self._known or self._is_there(run):
+                return ReadLog(log, run, known)
             file.seek(0)
-            row, notes = self._put(file, {"run": run, "log": encodable(str(log)), "format": form, "bytes": size})
-        return Archived(str(log), run, False, size, row["frames"], row["damage"], notes)
+            with files.naming(self.season), RunTables(begun / run, run, self._decoding) as made:
+                for batch in self._read(file):
+                    made.take(batch)
+                    self.progress(batch.size)
+        self._known.add(run)
+        return ReadLog(log, run, known, made)
+
+    def _place(self, read: Sequence[ReadLog]) -> Counter[str]:
+        """Put what was read into the season; return how much is damaged in each run."""
+        groups, damaged = defaultdict[str, list[ReadLog]](list), Counter[str]()
+        for each in read:
+            if each.tables is not None:
+                groups[each.tables.eds if each.tables.is_small else each.run].append(each)
+        with files.naming(self.season):
+            for some in groups.values():
+                damaged += self._put(some)
+        return damaged
+
+    def _put(self, logs: Sequence[ReadLog]) -> Counter[str]:
+        """Put logs that have the same tables into common files, their rows of `runs` last, with seals of the others."""
+        made = [each.tables for each in logs if each.tables is not None]
+        first, *others = made
+        rows = [each.file | tables_.row() for each, tables_ in zip(logs, made)]
+        first.join(others)
+        first.close()
+        schemas = {name: each.schema for name, each in first.tables.items()}
+        tables.write_fields(self.season, first.eds, schemas)
+        seals = {each.stem: tables.Seal.of(each) for each in first.folder.iterdir()}
+        schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {}).with_metadata(
+            {tables.SEALS: tables.seals_text(seals)}
+        )
+        rows = [each | {"damage": first.damaged[each["run"]]} for each in rows]
+        target = first.folder / f"{tables.RUNS}{tables.SUFFIX}"
+        pq.write_table(pa.Table.from_pylist(rows, schema), target, write_page_checksum=True)
+        name = tables.pack_name(self.season, (each.run for each in logs)) if others else first.run
+        packing.put_in_place(first.folder, self.season, name)
+        return first.damaged
 
     def _is_there(self, part: str) -> bool:
         """Return whether all files of a part are there, and none is damaged."""
@@ -538,41 +731,12 @@ class Archiver:
         )
 
     @cached_property
-    def _packed(self) -> frozenset[str]:
-        """The logs in packs that are whole: those that were there when the first log of a block was put in."""
+    def _known(self) -> set[str]:
+        """The logs in packs that are whole, which were there when the first log was put in, and those put in since."""
         found = (self.season / tables.RUNS).glob(f"{tables.PACK}*{tables.SUFFIX}")
         packs = (tables.ArchivedRun.read(file) for file in sorted(found) if self._is_there(file.stem))
-        return frozenset(run for each in packs if each for run in each.row["run"].to_pylist())
+        return {run for each in packs if each for run in each.row["run"].to_pylist()}
 
     def _read(self, file: BinaryIO) -> Iterator[ColumnBatch]:
         with files.naming(Path(file.name)):
             yield from batches(file, self.form)
-
-    def _make(self, folder: Path, file: BinaryIO, known: dict[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
-        """Write all tables of a run into a folder, and last its row in `runs` with the seals of the others.
-
-        Return the row, and what the log cannot tell.
-        """
-        with RunTables(folder, known["run"], self._decoding) as written:
-            for batch in self._read(file):
-                written.take(batch)
-                self.progress(batch.size)
-        row = known | written.row()
-        seals = {each.stem: tables.Seal.of(each) for each in folder.iterdir()}
-        schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {}).with_metadata({tables.SEALS: json.dumps(seals)})
-        target = folder / f"{tables.RUNS}{tables.SUFFIX}"
-        pq.write_table(pa.Table.from_pylist([row], schema), target, write_page_checksum=True)
-        return row, written.notes()
-
-    def _put(self, file: BinaryIO, known: dict[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
-        """Write all tables of a run, and move them into the season; return as `_make` does."""
-        run = known["run"]
-        # A folder of its own: another process may be at work on the same log.
-        begun = self.season / BEGUN / f"{run}.{secrets.token_hex(4)}"
-        try:
-            with files.naming(self.season):
-                made = self._make(begun, file, known)
-                packing.put_in_place(begun, self.season, run)
-        finally:
-            shutil.rmtree(begun, ignore_errors=True)
-        return made

@@ -25,13 +25,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from eurobot_od.errors import shown_identifier
-from eurobot_od.frame import MOST_BYTES, Frame, identifier_text
+from eurobot_od.frame import MOST_BYTES, identifier_text
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import Run
 from eurobot_od.pdo.kinds import UNKNOWN, ColumnForm, first_free
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.dbc import ForeignMessage
-from eurobot_od.traffic.entries import Batch, Damage
+from eurobot_od.traffic.entries import Batch, Damage, Foreign, Raw
 from eurobot_od.traffic.meaning import REWRITTEN, Unmapped
 from eurobot_od.traffic.services import CanopenService
 
@@ -42,13 +42,14 @@ AHEAD = 2
 """Batches made ahead: some take longer to be written than others."""
 
 ENTRY: Mapping[str, pl.DataType] = {"line": pl.UInt64(), "t": pl.Float64(), "channel": pl.Categorical()}
-FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt32(), "data": pl.Binary(), "remote": pl.Boolean()})
+KINDS = {"remote": pl.Boolean(), "fd": pl.Boolean(), "brs": pl.Boolean()}
+FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt32(), "data": pl.Binary(), **KINDS})
 FOREIGN = pl.Schema({**ENTRY, "kind": pl.String(), "text": pl.String()})
 NOTHING = pl.DataFrame(schema=FOREIGN)
 
 
 class ColumnBatch(NamedTuple):
-    """Consecutive entries of a log: the `frames`, and the `foreign` entries that are not frames; `size` in bytes.
+    """Consecutive entries of a log: the `frames`, and the `foreign` entries that are none; `size` in bytes.
 
     `size` is how much of the log was read for it, 0 if that is unknown.
     """
@@ -91,16 +92,26 @@ def _columns(batch: Batch) -> ColumnBatch:
     heads = [head if head.__class__ is int else None for head in batch.heads]
     # Nearly always one: a text that is the same in each row is made once.
     channels = batch.channels[:1] if batch.is_of_one_channel else batch.channels
-    columns: tuple[Sequence[object], ...] = batch.lines, list(batch.times), channels, heads, batch.data, [False]
+    place: tuple[Sequence[object], ...] = batch.lines, list(batch.times), channels
+    columns = *place, heads, batch.data, [False], [False], [None]
     made = [pl.Series(name, each, FRAMES[name]) for name, each in zip(FRAMES, columns)]
     frames = pl.DataFrame([each if len(each) > 1 else each.new_from_index(0, len(heads)) for each in made])
     if None not in heads:
         return ColumnBatch(frames, NOTHING)
     others = [entry for entry, head in zip(batch.entries(), heads) if head is None]
-    remote = [(*place, raw.cob_id, raw.data, True) for *place, raw in others if isinstance(raw, Frame)]
-    foreign = [(*place, raw.damage.value, raw.text) for *place, raw in others if not isinstance(raw, Frame)]
-    frames = pl.concat([frames.drop_nulls("cob_id"), pl.DataFrame(remote, FRAMES, orient="row")])
+    more = [(*place, *found) for *place, raw in others if (found := _odd_frame(raw))]
+    foreign = [
+        (*place, raw.damage.value, raw.text) for *place, raw in others if isinstance(raw, Foreign) and not raw.frame
+    ]
+    frames = pl.concat([frames.drop_nulls("cob_id"), pl.DataFrame(more, FRAMES, orient="row")])
     return ColumnBatch(frames.sort("line"), pl.DataFrame(foreign, FOREIGN, orient="row"))
+
+
+def _odd_frame(raw: Raw) -> tuple[object, ...] | None:
+    """Return identifier, data and kind of a remote frame or one of CAN FD; None for what is not a frame."""
+    if isinstance(raw, Foreign):
+        return (*raw.frame, False, True, raw.has_bit_rate_switch) if raw.frame else None
+    return raw.cob_id, raw.data, True, False, None
 
 
 # The columns of a message
@@ -441,4 +452,4 @@ def _frame(cob_id: int) -> pl.Expr:
 
 
 def _defects(frames: pl.DataFrame, damage: Damage, text: pl.Expr) -> pl.DataFrame:
-    return frames.select(*ENTRY, pl.lit(damage.value).alias("kind"), text.alias("text"))
+    return frames.select("run", *ENTRY, pl.lit(damage.value).alias("kind"), text.alias("text"))

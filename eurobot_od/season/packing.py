@@ -8,7 +8,6 @@ reads meanwhile, or after a kill, takes each log from one of them (`Season`).
 
 from __future__ import annotations
 
-import json
 import os
 import secrets
 import shutil
@@ -37,15 +36,15 @@ Writer = Callable[[Path, pa.Schema], pq.ParquetWriter]
 """Opens a file of a table for writing."""
 
 
-def pack(folder: Path, begun: Path, opened: Writer) -> None:
+def pack(folder: Path, begun: Path, opened: Writer, many: int = MANY) -> None:
     """Join the small parts of a season; `begun` is where files are made, `opened` writes them as all others are.
 
-    Does nothing where there are few. Raises OSError.
+    Does nothing where they are fewer than `many`. Raises OSError.
     """
     with _alone(folder / tables.RUNS) as is_alone:
         season = Season(folder) if is_alone else None
         for parts in _small(season).values() if season else ():
-            if season and len(parts) >= MANY:
+            if season and len(parts) >= many:
                 _join(season, parts, begun / f"pack.{secrets.token_hex(4)}", opened)
 
 
@@ -86,7 +85,6 @@ def _small(season: Season) -> Mapping[str, list[str]]:
 
 def _join(season: Season, parts: list[str], folder: Path, opened: Writer) -> None:
     """Make a pack of some parts, put it in place, and remove them."""
-    name = tables.pack_name(parts)
     wanted = set(parts)
     folder.mkdir(parents=True)
     try:
@@ -95,7 +93,8 @@ def _join(season: Season, parts: list[str], folder: Path, opened: Writer) -> Non
                 _write(folder / f"{table}{tables.SUFFIX}", (_rows(season, file) for file in some), opened)
         seals = {each.stem: tables.Seal.of(each) for each in folder.iterdir() if each.stem != tables.RUNS}
         runs = pa.concat_tables([season.rows_of(each) for each in parts])
-        schema = runs.schema.with_metadata({tables.SEALS: json.dumps(seals)})
+        name = tables.pack_name(season.folder, runs["run"].to_pylist())
+        schema = runs.schema.with_metadata({tables.SEALS: tables.seals_text(seals)})
         target = folder / f"{tables.RUNS}{tables.SUFFIX}"
         pq.write_table(runs.cast(schema), target, write_page_checksum=True)
         put_in_place(folder, season.folder, name)

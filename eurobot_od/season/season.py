@@ -10,10 +10,10 @@ own clock, on which channel."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
-import secrets
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -29,6 +29,7 @@ import pyarrow.parquet as pq
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.pdo.kinds import first_free
 from eurobot_od.season.results import verified
+from eurobot_od.support.files import write_whole
 from eurobot_od.support.texts import encodable
 
 if TYPE_CHECKING:
@@ -48,14 +49,18 @@ def _never_null(**types: pa.DataType) -> list[pa.Field]:
     return [pa.field(name, type_, nullable=False) for name, type_ in types.items()]
 
 
-PLACE = _never_null(run=WORD, line=pa.uint64(), t=pa.float64(), channel=WORD)
+DATE = pa.field("datetime", pa.timestamp("us", tz="UTC"))
+PLACE = [*_never_null(run=WORD, line=pa.uint64(), t=pa.float64()), DATE, *_never_null(channel=WORD)]
 SAID = {
     "run": "the log, a row of the table runs",
     "line": "line of the log, or number of the entry where there are no lines",
     "t": "time by the log's clock",
+    "datetime": "the date of t; null if the log's clock has none",
     "channel": "channel as the log names it",
     "cob_id": "identifier; one of 29 bits has bit 29 set, as in a COB-ID",
     "remote": "whether it is a remote frame, whose data is zeros of the length that it asks for",
+    "fd": "whether it is a frame of CAN FD",
+    "brs": "whether the data of a frame of CAN FD came at a higher bit rate; null if the log does not say it",
     "node": "node-ID; of NMT 0 for all nodes",
     "seconds": "from the first frame of the transfer to its last",
     "value": "the value by the object's type; null if that is not known, or the value is bytes",
@@ -76,6 +81,7 @@ TYPES: Mapping[str, pa.DataType] = {
         (pa.uint32(), ("size", "abort")),
         (pa.int64(), ("bytes", "frames", "damage")),
         (pa.float64(), ("start", "end", "seconds")),
+        (DATE.type, ("datetime",)),
         (pa.string(), ("run", "log", "format", "network", "eds")),
         (pa.bool_(), ("whole",)),
         (WORD, ("kind", "direction", "how", "state", "command")),
@@ -92,8 +98,12 @@ def _schema(*names: str, place: Iterable[pa.Field] = PLACE) -> pa.Schema:
 
 
 SCHEMAS: Mapping[str, pa.Schema] = {
-    RUNS: _schema(*("run", "log", "format", "bytes", "start", "end", "frames", "damage", "network", "eds"), place=()),
-    FRAMES: pa.schema([*PLACE, *_never_null(cob_id=pa.uint32(), data=OCTETS, remote=pa.bool_())]),
+    RUNS: _schema(
+        *("run", "log", "format", "bytes", "start", "end", "datetime", "frames", "damage", "network", "eds"), place=()
+    ),
+    FRAMES: pa.schema(
+        [*PLACE, *_never_null(cob_id=pa.uint32(), data=OCTETS, remote=pa.bool_(), fd=pa.bool_()), ("brs", pa.bool_())]
+    ),
     DAMAGE: _schema("kind", "text"),
     SDO: _schema(
         *("node", "direction", "index", "subindex", "object", "value", "content", "size", "how", "seconds", "whole"),
@@ -134,7 +144,7 @@ MAGIC = b"PAR1"
 
 
 SEALS = b"seals"
-"""Key in the metadata of a run's file of `runs`: the seals of its other files by table, as JSON."""
+"""Key in the metadata of a run's file of `runs`: the seals of its other files by table, as JSON, behind its CRC-32."""
 
 PIECE = 1 << 20
 """Bytes that are read at once."""
@@ -158,6 +168,22 @@ class Seal(NamedTuple):
             while left > 0 and (piece := opened.read(min(PIECE, left))):
                 pages, left = zlib.crc32(piece, pages), left - len(piece)
         return cls(zlib.crc32(footer), pages)
+
+
+def seals_text(seals: Mapping[str, Seal]) -> str:
+    """Return seals by table as text, which `seals_of` reads."""
+    text = json.dumps(seals)
+    return f"{zlib.crc32(text.encode()):08x} {text}"
+
+
+def seals_of(text: str) -> dict[str, Seal]:
+    """Return the seals in a text; raises ValueError, TypeError or AttributeError for a damaged one."""
+    crc, _, rest = text.partition(" ")
+    if text.startswith("{"):  # of an earlier version, without a CRC
+        rest = text
+    elif int(crc, 16) != zlib.crc32(rest.encode()):
+        raise ValueError("damaged")
+    return {table: Seal(*seal) for table, seal in json.loads(rest).items()}
 
 
 def footer_of(file: Path) -> bytes:
@@ -195,10 +221,11 @@ PACK = "pack-"
 """Begins the names of files of several logs; those of a log alone have the name of its run."""
 
 
-def pack_name(parts: Iterable[str]) -> str:
-    """Return the name of a pack of some parts; of packs that have the same log the later one comes last."""
-    before = [int(each.removeprefix(PACK).split("-")[0]) for each in parts if each.startswith(PACK)]
-    return f"{PACK}{max(before, default=0) + 1:04}-{secrets.token_hex(8)}"
+def pack_name(season: Path, runs: Iterable[str]) -> str:
+    """Return the name of a new pack of some runs; of packs that have the same log the later one comes last."""
+    before = [int(each.stem.split("-")[1]) for each in (season / RUNS).glob(f"{PACK}*{SUFFIX}")]
+    digest = hashlib.blake2b("\n".join(runs).encode(), digest_size=8).hexdigest()
+    return f"{PACK}{max(before, default=0) + 1:04}-{digest}"
 
 
 class ArchivedRun(NamedTuple):
@@ -210,14 +237,41 @@ class ArchivedRun(NamedTuple):
     @classmethod
     def read(cls, file: Path) -> ArchivedRun | None:
         """Read a file of `runs`, and verify the checksums of its pages; None if it is damaged."""
-        row = verified(file, SCHEMAS[RUNS])
+        row, schema = verified(file), SCHEMAS[RUNS]
         if row is None or not len(row):
             return None
         try:
-            seals = json.loads((row.schema.metadata or {}).get(SEALS, b"{}"))
-            return cls(row.cast(SCHEMAS[RUNS]), {table: Seal(*seal) for table, seal in seals.items()})
-        except (ValueError, TypeError, AttributeError):  # damaged: not as `archive` writes them
+            seals = seals_of((row.schema.metadata or {}).get(SEALS, b"{}").decode())
+            if DATE.name not in row.column_names:  # of an earlier version
+                row = row.append_column(DATE, pa.nulls(len(row), DATE.type))
+            rows = pa.Table.from_arrays(row.select(schema.names).columns, schema=schema)
+            return cls(rows, seals)
+        except (ValueError, TypeError, AttributeError, LookupError):  # damaged: not as `archive` writes them
             return None
+
+
+FIELDS = "fields"
+"""The table of what is known of the columns of all tables, a file for each hash of EDS files."""
+
+FIELD_COLUMNS = pa.schema(
+    [(name, pa.string()) for name in ("eds", "table", "field", "unit", "allowed", "words", "null_is", "meaning")]
+)
+
+
+def write_fields(season: Path, eds: str, schemas: Mapping[str, pa.Schema]) -> None:
+    """Write what the schemas say of their columns, if it is not there; raises OSError."""
+    target = file_of(season, FIELDS, eds)
+    if verified(target, FIELD_COLUMNS) is not None:
+        return
+    rows = []
+    for table, schema in schemas.items():
+        for each in schema:
+            said = {key.decode(): text.decode() for key, text in (each.metadata or {}).items()}
+            rows.append({"eds": eds, "table": table, "field": each.name, "null_is": said.pop("null", None), **said})
+    target.parent.mkdir(exist_ok=True)
+    sink = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pylist(rows, FIELD_COLUMNS), sink, compression="zstd", write_page_checksum=True)
+    write_whole(target, sink.getvalue().to_pybytes())
 
 
 MESSAGES = "messages"
@@ -297,6 +351,8 @@ class Season:
 
         A column that only some logs have, as their EDS files map it, is null for the others.
         """
+        if table == FIELDS:
+            return self.fields.lazy()
         if table in self.files:
             self._verify(table)
         self._complain(table)
@@ -355,6 +411,16 @@ class Season:
         number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt32)
         return made.with_columns(number).sort("cob_id", "eds")
 
+    @cached_property
+    def fields(self) -> pl.DataFrame:
+        """What is known of the columns of all tables: unit, range, words, what null is; without damaged files."""
+        known = sorted({str(each.row["eds"][0]) for each in self.parts.values()})
+        files = [file for eds in known if (file := file_of(self.folder, FIELDS, eds)).is_file()]
+        found = list(filter(None, (self._undamaged(file, verified(file, FIELD_COLUMNS)) for file in files)))
+        made = pl.from_arrow(pa.concat_tables(found) if found else FIELD_COLUMNS.empty_table())
+        assert isinstance(made, pl.DataFrame)
+        return made
+
     def sql(
         self, query: str, values: Mapping[str, Any] | None = None, progress: Progress | None = None
     ) -> pl.DataFrame:
@@ -377,7 +443,8 @@ class Season:
                     if answer is not None:  # one row more than allowed, to see that there are more
                         rows = _as_text(answer).limit(MOST_ROWS + 1).pl()
             except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
-                known = f"; tables: {', '.join([*self.files, MESSAGES])}" if "Table with name" in str(error) else ""
+                names = ", ".join([*self.files, MESSAGES, FIELDS])
+                known = f"; tables: {names}" if "Table with name" in str(error) else ""
                 # What follows in DuckDB's further lines is the query, with a mark below it.
                 raise SqlError(str(error).partition("\n")[0] + known) from None
         if len(rows) > MOST_ROWS:
@@ -390,6 +457,7 @@ class Season:
         connection.execute(f"SET allowed_directories = [{_quoted(str(self.folder))}, {_quoted(_named(self.folder))}]")
         # Replacements: a name that is not a table would be looked up among the variables of this program.
         connection.execute("SET enable_external_access = false; SET python_enable_replacements = false")
+        connection.execute("SET TimeZone = 'UTC'")  # not that of this machine
         connection.execute("SET lock_configuration = true")  # or the query could allow itself everything again
 
     def _selected(self, files: list[Path]) -> str:
@@ -413,10 +481,10 @@ class Season:
             # By name, as logs of another network may have other columns.
             parts = " UNION ALL BY NAME ".join(map(self._selected, self._alike(table)))
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
-        if MESSAGES in words and MESSAGES not in self.files:
+        for table in words & {MESSAGES, FIELDS} - self.files.keys():
             # Copied: DuckDB reports progress only for tables of its own.
-            connection.register("known", self.messages)
-            connection.execute(f"CREATE TABLE {MESSAGES} AS SELECT * FROM known")
+            connection.register("known", self.messages if table == MESSAGES else self.fields)
+            connection.execute(f"CREATE TABLE {table} AS SELECT * FROM known")
 
 
 def _hidden(parts: Mapping[str, ArchivedRun]) -> dict[str, list[str]]:

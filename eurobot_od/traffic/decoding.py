@@ -348,7 +348,6 @@ class Following:
         self.is_guarded = False
         self._last: dict[tuple[str, int], Meaning] = {}
         self._request_lines: dict[tuple[str, int], int] = {}
-        self._unconfirmed = defaultdict[tuple[str, int], set[Address]](set)
         self._ways = defaultdict[str, set[bool]](set)
         self._settings = set[str]()
         self._heard = defaultdict[str, set[int]](set)
@@ -438,15 +437,13 @@ class Following:
         return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
 
     def _leave(self, channel: str, ended: SdoTransfer | None) -> None:
-        """Take in that a client has given up a transfer: the device may have taken what was written."""
+        """Take in that a client has given up a transfer: the device may have taken what was written, or not."""
         if ended and ended.end and ended.address and not ended.is_upload and ended.address[0] in SHOWN:
-            self._unconfirmed[channel, ended.end.server].add(ended.address)
+            self._news(channel, self._in_force(channel).forget(ended.end.server, ended.address))
 
     def _confirm(self, channel: str, server: int, said: Said, place: int | float) -> None:
         """Take in what an answer shows: of a write, asked for at a line or a time in s, only what is confirmed."""
-        # A device that answers has taken, or refused, what was asked before: the log does not have its answer.
-        unseen = self._unconfirmed.pop((channel, server), set())
-        ended = said.ended
+        unseen, ended = set[Address](), said.ended
         is_confirmed = ended and ended.is_whole and ended.aborted is None and ended.end and ended.address
         if said.unseen and said.unseen[0] in SHOWN:
             unseen.add(said.unseen)
@@ -482,7 +479,6 @@ class Following:
         if device := self._renumbered(channel, node_id):
             self._news(channel, True)
             meaning = meaning._replace(text=f"{meaning.text}; by LSS it is {device.name}, read by {device.file}")
-        self._unconfirmed.pop((channel, node_id), None)
         for said in self._transfers.boot(channel, node_id):
             lost = (Defect(Damage.INCOMPLETE, f"{frame}: {said.lost}"),) if said.lost else ()
             meaning = meaning._replace(defects=(*meaning.defects, *lost), transfer=said.ended)
@@ -527,10 +523,12 @@ class InUse:
             row = output.row(meaning) if wanted is None or wanted(meaning) else None
             return row, meaning.defects
 
-        self.known, self.decoder = known, decoder
+        self.known, self.decoder, self._wanted = known, decoder, wanted
         bindings = decoder.protocol.bindings if wanted is None else ()
         self._bindings = {each.cob_id: each for each in bindings if each.is_whole}
-        self._rows_of, self._made = output.rows_of, dict[int | Raw, Rows | None]()
+        self._rows_of, self._made = output.rows_of, dict[int, Rows | None]()
+        # Heartbeats are nearly all alike: those that are followed are decoded once more.
+        self._alone = decoder.followed.difference(HEARTBEATS)
 
     def at_once(self, head: int | Raw) -> Rows | None:
         """Return what writes the frames of an identifier; None if they are decoded one by one."""
@@ -538,8 +536,20 @@ class InUse:
             return None
         if head not in self._made:
             binding = self._bindings.get(head)
-            self._made[head] = self._rows_of(binding) if binding else None
+            self._made[head] = self._rows_of(binding) if binding else self._by_data(head)
         return self._made[head]
+
+    def _by_data(self, cob_id: int) -> Rows | None:
+        """Return what writes the frames of an identifier that is no message's, of which many have the same data."""
+        if self._wanted is not None or cob_id in self._alone:
+            return None
+
+        @lru_cache(REMEMBERED)
+        def row(data: bytes) -> Any:
+            row, defects = self.known(Frame(cob_id, data))
+            return None if defects else row
+
+        return lambda data: [*map(row, data)]
 
 
 class Decoding:
@@ -640,12 +650,14 @@ class DecodedLog:
                     rows[place] = row
                 some = [place for place, row in zip(some, made) if row is None] if None in made else ()
             for place in some:
-                rows[place] = self._row(batch, place, span, in_use)
+                if place not in span.followed:
+                    rows[place] = self._row(place, in_use.known(batch.raw(place)))
+        for place, (_, said) in span.followed.items():
+            rows[place] = self._row(place, self._said(said, in_use))
 
-    def _row(self, batch: Batch, place: int, span: DecoderSpan, in_use: InUse) -> Any:
+    def _row(self, place: int, known: Known) -> Any:
         """Return the row of an entry that is decoded by itself, and note what is wrong with it."""
-        followed = span.followed.get(place)
-        row, defects = self._said(followed[1], in_use) if followed else in_use.known(batch.raw(place))
+        row, defects = known
         if defects:
             self._defects[place] = defects
         return row

@@ -131,7 +131,9 @@ class Meaning(NamedTuple):
     @property
     def is_read(self) -> bool:
         """Whether it says what the frame says: what is wrong may also be what the log lacks before it."""
-        return self.message is not None or all(each.damage is Damage.INCOMPLETE for each in self.defects)
+        if not self.defects or self.message is not None:
+            return True
+        return all(each.damage is Damage.INCOMPLETE for each in self.defects)
 
 
 def wrong(meaning: Meaning) -> str:

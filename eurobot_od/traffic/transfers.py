@@ -39,7 +39,7 @@ SKIPPED = "a segment before this one is not in the log"
 """What a wrong toggle bit says."""
 
 ONE_WAY = {
-    False: "no answers in this log: settings are as the files say",
+    False: "no answers in this log: settings are as the files say, but for those that are written in it",
     True: "no requests in this log: of what was written nobody knows what it was",
 }
 """What a log says of SDO if it has only requests, or only answers."""

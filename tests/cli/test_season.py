@@ -62,7 +62,7 @@ def test_csv_and_json_have_all_rows(season: str, capsys: pytest.CaptureFixture[s
 
 def test_without_a_question_it_lists_the_tables(season: str, capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "query", season).out.splitlines()
-    assert "frames                   2  run, line, t, channel, cob_id, data, remote" in lines
+    assert "frames                   2  run, line, t, datetime, channel, cob_id, data, remote, fd, brs" in lines
 
 
 def test_a_report_is_printed_and_drawn(season: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.season import columns as module
 from eurobot_od.season.columns import batches
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.entries import Foreign, LogEntry
+from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw
 from eurobot_od.traffic.formats import lines
 from tests.rows import rows
 
@@ -49,6 +49,9 @@ LINES = (
 """Lines that each reader has to take the same way: frames, other things, and what cannot be read."""
 
 
+FD = Damage.FD.value
+
+
 def entries(file: Path) -> list[LogEntry]:
     """All entries of a log by its batches, in the order of the lines."""
     return sorted(_entries(file), key=lambda entry: entry[0])
@@ -57,8 +60,9 @@ def entries(file: Path) -> list[LogEntry]:
 def _entries(file: Path) -> Iterator[LogEntry]:
     with file.open("rb") as opened:
         for frames, foreign, _ in batches(opened):
-            for line, time, channel, cob_id, data, remote in frames.rows():
-                yield line, time, channel, (RemoteFrame if remote else Frame)(cob_id, data)
+            for line, time, channel, cob_id, data, remote, fd, brs in frames.rows():
+                raw = (RemoteFrame if remote else Frame)(cob_id, data)
+                yield line, time, channel, Foreign(FD, f"{raw} {brs}") if fd else raw  # type: ignore[arg-type]
             for line, time, channel, kind, text in foreign.rows():
                 yield line, time, channel, Foreign(kind, text)
 
@@ -66,10 +70,14 @@ def _entries(file: Path) -> Iterator[LogEntry]:
 def read(file: Path) -> list[LogEntry]:
     """All entries of a log by its reader, damage by its name."""
     with file.open("rb") as opened:
-        return [
-            (line, time, channel, raw if isinstance(raw, Frame) else Foreign(raw.damage.value, raw.text))  # type: ignore[arg-type]
-            for line, time, channel, raw in formats.read(opened)
-        ]
+        return [(line, time, channel, _named(raw)) for line, time, channel, raw in formats.read(opened)]
+
+
+def _named(raw: Raw) -> Raw:
+    if isinstance(raw, Frame):
+        return raw
+    text = f"{Frame(*raw.frame)} {raw.has_bit_rate_switch}" if raw.frame else raw.text
+    return Foreign(raw.damage.value, text)  # type: ignore[arg-type]
 
 
 @rows("line", LINES)

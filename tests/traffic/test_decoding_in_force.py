@@ -147,6 +147,14 @@ UNKNOWN = {
         f"{BOOT} {write(0x1A00, 1, VELOCITY).split()[0]} {write(0x1A00, 0, 2, 1)} 181#0102E8030000",
         "mapped_object_1=unknown, velocity_actual_value=1000 rpm",
     ),
+    "requests alone": (
+        f"{BOOT} {' '.join(REMAPPED.split()[::2])} {FRAME}",
+        "mapped_object_1=unknown, mapped_object_2=unknown",
+    ),
+    "requests alone, with a write of one entry and a read": (
+        f"{BOOT} {write(0x1A00, 2, VELOCITY).split()[0]} 601#4000100000000000 181#3702E8030000",
+        "statusword=567 (Operation enabled), mapped_object_2=unknown",
+    ),
     "the device answers with another mapping than its file's": (
         "601#40001A0100000000 581#43001A0110004160 601#40001A0100000000 581#43001A0108006160 181#01E8030000",
         "modes_of_operation_display=1 (profile position), mapped_object_2=unknown",

@@ -8,10 +8,12 @@ from eurobot_od.lint.findings import Severity
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import GotoFault, Source
-from eurobot_od.traffic.diagnosis.incidents import IncidentRule, ObservedBus, Occurrences, RuleRow, Watcher
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule, ObservedBus, Occurrences, RuleRow, Take, Watcher
 from eurobot_od.traffic.meaning import Meaning
 
 STOPS = (messages.StopDrive, messages.EmergencyStop, messages.EmergencyShutdown)
+
+LISTENED = (*STOPS, messages.GotoXY, messages.GotoStateResponse, messages.PositionResponse)
 
 STANDS_WITHIN = 0.5
 """Seconds that the drive may brake after a stop."""
@@ -54,7 +56,11 @@ class EurobotWatcher(Watcher):
         self._stop: tuple[float, str, Occurrences] | None = None
         self._stands: tuple[int, int] | None = None
 
-    def take(self, time: float, meaning: Meaning) -> None:
+    def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
+        is_listened_to = meaning.message is None or isinstance(meaning.message, LISTENED)
+        return self._message if is_listened_to else None
+
+    def _message(self, time: float, meaning: Meaning) -> None:
         message = meaning.message
         if isinstance(message, STOPS):
             if self._stop is None:

@@ -14,11 +14,10 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from itertools import chain
 from typing import Any, TypeAlias
 
 from eurobot_od.bus import frame_bits
-from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.frame import Frame, RemoteFrame, identifier_text
 from eurobot_od.lint.findings import LEVELS, Severity
 from eurobot_od.od import values
 from eurobot_od.od.standard import HEARTBEAT_TIME
@@ -27,7 +26,7 @@ from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.diagnosis.deadlines import DeadlineWatcher
 from eurobot_od.traffic.diagnosis.drives import DriveWatcher
-from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Watcher
+from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Take, Watcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
 from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, StreamWatcher, SyncWatcher, TimeWatcher
 from eurobot_od.traffic.diagnosis.questions import Questions
@@ -36,7 +35,6 @@ from eurobot_od.traffic.diagnosis.transfers import SdoWatcher
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.load import MessageSet, load_report
 from eurobot_od.traffic.meaning import CANOPEN, DEFAULT_PDOS, Decoder, Meaning, SdoTransfer
-from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT, LSS, NMT, SDO, SYNC_NAME, TIME_NAME
 from eurobot_od.traffic.statistics import NOTHING
 
 TICK = 0.02
@@ -82,29 +80,17 @@ class WatchedBus:
     """One bus with all its watchers; `more` are those of plug-ins."""
 
     def __init__(self, bus: ObservedBus, more: WatchersOf, bit_rate: int, promised: MessageSet = NOTHING) -> None:
-        self.bus, self.bit_rate, self._more, self._tick_at = bus, bit_rate, more, 0.0
+        self.bus, self.bit_rate, self._more = bus, bit_rate, more
+        self._tick_at, self._due = 0.0, 0.0
         self.nodes, self.pdos, self.sdo = NodesWatcher(bus), PdoWatcher(bus), SdoWatcher(bus)
         self.drives = DriveWatcher(bus)
         streams = StreamWatcher(bus)
-        deadlines = DeadlineWatcher(bus, streams)
-        answers = [AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []
-        self._services: dict[str, tuple[Watcher, ...]] = {
-            NMT: (self.sdo, self.nodes, self.drives),
-            HEARTBEAT: (self.nodes, self.drives),
-            GUARDING: (self.nodes,),
-            EMCY_NAME: (EmergencyWatcher(bus, self.nodes), self.drives, deadlines),
-            SDO: (self.sdo, self.drives),
-            SYNC_NAME: (SyncWatcher(bus),),
-            TIME_NAME: (TimeWatcher(bus),),
-            LSS: (LssWatcher(bus, self.nodes),),
-        }
-        self._messages: list[Watcher] = [
-            self.pdos,
-            self.drives,
-            streams,
-            *answers,
+        self._watchers: list[Watcher] = [
+            *(self.sdo, self.nodes, EmergencyWatcher(bus, self.nodes), LssWatcher(bus, self.nodes)),
+            *(SyncWatcher(bus), TimeWatcher(bus), self.pdos, self.drives, streams, DeadlineWatcher(bus, streams)),
+            *([AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []),
         ]
-        self._watchers = list(dict.fromkeys([*chain(*self._services.values()), *self._messages]))
+        self._services: dict[str, list[Take]] = {}
         self._watch_more()
         self._promised = promised
         self._loads: list[list[Any]] = []
@@ -115,17 +101,32 @@ class WatchedBus:
         self._frames, self._backwards, self._went_back = 0, "", Occurrences()
 
     def _watch_more(self) -> None:
-        """Have watchers of plug-ins watch for the devices that are known now."""
-        there = set(map(type, self._messages))
-        found = [each(self.bus) for each in self._more(self.bus.decoder) if each not in there]
-        self._messages += found
-        self._watchers += found
+        """Have watchers of plug-ins watch for the devices that are known now, and all say anew what they listen to."""
+        there = set(map(type, self._watchers))
+        self._watchers += [each(self.bus) for each in self._more(self.bus.decoder) if each not in there]
+        names = {name for each in self._watchers for name in each.SERVICES}
+        self._services = {name: [each.take for each in self._watchers if name in each.SERVICES] for name in names}
+        self.bus.listeners.clear()
 
     def take(self, time: float, meaning: Meaning) -> None:
         """Take in what came at a time in s."""
         bus, raw = self.bus, meaning.raw
+        if not bus.now <= time < self._due:
+            self._pass_time(time, raw)
+        bus.now, bus.frame = time, raw
+        self._frames += 1
+        if meaning.defects:
+            self._damaged(meaning)
+        if isinstance(raw, Frame):
+            self._count(raw, meaning)
+            self._pass_on(time, meaning, raw)
+
+    def _pass_time(self, time: float, raw: Raw) -> None:
+        """Notice what the time of an entry shows by itself: a gap, what did not come, the load until then."""
+        bus = self.bus
         if self._first is None:
-            bus.began, self._first = time, bus.at()
+            bus.frame, bus.began = raw, time
+            self._first = bus.at()
             self._gap(time)
         elif time < bus.now:
             self._backwards = self._backwards or f"the time goes back from {bus.now:.6f} s to {time:.6f} s"
@@ -135,23 +136,26 @@ class WatchedBus:
         elif time - bus.now > SILENCE:
             self._silence(time)
         bus.now = time
-        self._frames += 1
         if time >= self._tick_at:
             self.tick(time)
         bus.frame = raw
-        if meaning.defects:
-            self._damaged(meaning)
-        if isinstance(raw, Frame):
-            self._load(time, raw, meaning)
-            self._pass_on(time, meaning, raw)
+        if time >= self._load_due and isinstance(raw, Frame):
+            self._judge_load(time)
+        self._due = min(self._tick_at, self._load_due)
 
     def _pass_on(self, time: float, meaning: Meaning, frame: Frame) -> None:
-        watchers: Sequence[Watcher] = () if frame.is_remote else self._messages
+        """Give a frame to the watchers that listen to it."""
+        takers: Sequence[Take] | None
         if meaning.group == CANOPEN:
             self.bus.counts[meaning.name] += 1
-            watchers = self._services.get(meaning.name, ()) if meaning.is_read else ()
-        for each in watchers:
-            each.take(time, meaning)
+            takers = self._services.get(meaning.name, ()) if meaning.is_read else ()
+        elif frame.__class__ is RemoteFrame:
+            return
+        elif (takers := self.bus.listeners.get(frame[0])) is None:
+            asked = (each.listener(frame.cob_id, meaning) for each in self._watchers)
+            takers = self.bus.listeners[frame.cob_id] = tuple(filter(None, asked))
+        for take in takers:
+            take(time, meaning)
 
     def _damaged(self, meaning: Meaning) -> None:
         who = meaning.sender or (meaning.nodes[0] if len(meaning.nodes) == 1 else "")
@@ -183,7 +187,6 @@ class WatchedBus:
         if decoder is not self.bus.decoder:
             self.bus.decoder = decoder
             self.pdos.changed()
-            self.drives.changed()
             self._watch_more()
         if ended.address == HEARTBEAT_TIME and ended.end:
             self.nodes.set_period(self.bus.node(ended.end.server))
@@ -227,13 +230,14 @@ class WatchedBus:
 
     # Load
 
-    def _load(self, time: float, frame: Frame, meaning: Meaning) -> None:
-        bits = frame_bits(frame)
-        self._share[frame.cob_id] = self._share.get(frame.cob_id, 0) + bits
-        self._latest[frame.cob_id] = meaning
-        if time >= self._load_due:
-            self._judge_load(time)
+    def _count(self, frame: Frame, meaning: Meaning) -> None:
+        """Count the bits of a frame, with which its identifier has a share of the load."""
+        bits, cob_id = frame_bits(frame), frame[0]
         self._bits += bits
+        if cob_id in self._share:
+            self._share[cob_id] += bits
+        else:
+            self._share[cob_id], self._latest[cob_id] = bits, meaning
 
     def _judge_load(self, time: float) -> None:
         """Compare the load of the spans that are over with what is too much."""
@@ -306,16 +310,17 @@ class Diagnosis:
         """Take in what somebody else has decoded, who is `following` the same bus."""
         self.frames += 1
         self._line, self._time = line, time
-        if channel not in self._buses:
+        watched = self._buses.get(channel)
+        if watched is None:
             bus = ObservedBus(channel, self._decoder, partial(following.shown, channel), self._at, self.incidents.at)
-            self._buses[channel] = WatchedBus(bus, self._more, self._bit_rate, self._promised)
-        watched = self._buses[channel]
+            watched = self._buses[channel] = WatchedBus(bus, self._more, self._bit_rate, self._promised)
         watched.take(time, meaning)
         if meaning.transfer:
             watched.shown(meaning.transfer, following.decoder(channel))
 
-    def _at(self) -> SeenAt:
-        return SeenAt(self._time, self._log, self._line)
+    def _at(self) -> tuple[float, str, int]:
+        """Return time, log and line of the present entry."""
+        return self._time, self._log, self._line
 
     def tick(self, time: float) -> None:
         """Notice what did not come until now, s."""
@@ -344,7 +349,7 @@ class Diagnosis:
     def missed(self, notes: Iterable[str]) -> None:
         """Report what could not be taken in, as a source of frames says it."""
         for note in notes:
-            self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note).add(self._at())
+            self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note).add(SeenAt(*self._at()))
 
     def questions(self, channel: str) -> Questions | None:
         """Return what asks the nodes of a bus that show trouble; None if no frame came from there."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 from eurobot_od.device.nmt import RESETS, STATE_NAMES
@@ -19,9 +20,9 @@ from eurobot_od.od.values import ALL_NODES, NODE_IDS, PdoDirection
 from eurobot_od.od.words import error_words
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
-from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher
+from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Take, Watcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
-from eurobot_od.traffic.meaning import CANOPEN, Meaning
+from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO
 
 ENABLED_WITHIN = 1.0
@@ -173,22 +174,23 @@ LASTING = (
 class DriveWatcher(Watcher):
     """Watches the axes of all drives of a bus."""
 
+    SERVICES = NMT, HEARTBEAT, EMCY_NAME, SDO
+
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
         self._axes: dict[tuple[int, int], ObservedAxis] = {}
-        self._words: dict[int, tuple[MappedWord, ...]] = {}
         self._data: dict[int, bytes] = {}
         self._emergencies: dict[int, tuple[float, int]] = {}
 
-    def changed(self) -> None:
-        """Take in that the mapping in force is another one."""
-        self._words.clear()
-        self._data.clear()
+    def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
+        self._data.pop(cob_id, None)
+        words = tuple(self._mapped(cob_id)) or tuple(self._by_default(cob_id, len(meaning.raw[1])))
+        # The statusword last: what some of its bits mean depends on the mode.
+        words = tuple(sorted(words, key=lambda each: each.object == cia402.STATUSWORD))
+        return partial(self._message, words) if words else None
 
     def take(self, time: float, meaning: Meaning) -> None:
-        if meaning.message is not None or meaning.group != CANOPEN:
-            self._message(time, meaning)
-        elif meaning.name == SDO:
+        if meaning.name == SDO:
             self._transfer(time, meaning)
         elif meaning.name == EMCY_NAME:
             self._emergency(time, meaning)
@@ -207,16 +209,10 @@ class DriveWatcher(Watcher):
 
     # What comes
 
-    def _message(self, time: float, meaning: Meaning) -> None:
+    def _message(self, words: Sequence[MappedWord], time: float, meaning: Meaning) -> None:
+        """Take in a PDO that carries these words."""
         assert isinstance(meaning.raw, Frame)
         cob_id, data = meaning.raw
-        words = self._words.get(cob_id)
-        if words is None:
-            words = tuple(self._mapped(cob_id)) or tuple(self._by_default(cob_id, len(data)))
-            # The statusword last: what some of its bits mean depends on the mode.
-            words = self._words[cob_id] = tuple(sorted(words, key=lambda each: each.object == cia402.STATUSWORD))
-        if not words:
-            return
         if self._data.get(cob_id) == data:
             for axis in dict.fromkeys(each.axis for each in words):
                 self._again(time, axis)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import partial
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
@@ -248,6 +248,8 @@ def lines(incidents: Sequence[Incident]) -> Iterator[str]:
 
 # What the watchers of a bus share
 
+Take: TypeAlias = Callable[[float, Meaning], None]
+"""Takes in a frame: its time in s, and what it means."""
 
 brief = partial(texts.text, digits=4)
 """Writes a time as it was measured: more digits mean nothing."""
@@ -291,7 +293,8 @@ class ObservedNode:
 class ObservedBus:
     """One bus: its `decoder` by the mapping in force, its nodes by node-ID, and when it was heard first and last, s.
 
-    The last NMT command was `commanded` at a time in s.
+    The last NMT command was `commanded` at a time in s. `listeners` are who takes the frames of a PDO, by identifier;
+    they are asked for again once they are cleared.
 
     `shown` returns what a node has shown to have, `report` where an incident is counted. `frame` is what came now, None
     for what is noticed without one.
@@ -302,7 +305,7 @@ class ObservedBus:
         channel: str,
         decoder: Decoder,
         shown: Callable[[int], Mapping[Address, int]],
-        at: Callable[[], SeenAt],
+        at: Callable[[], tuple[float, str, int]],
         report: Callable[..., Occurrences],
     ) -> None:
         self.channel, self.files, self.decoder, self.report = channel, decoder, decoder, report
@@ -318,6 +321,7 @@ class ObservedBus:
             each.node_id: ObservedNode(each.node_id, each.name, partial(shown, each.node_id), each)
             for each in decoder.dictionaries
         }
+        self.listeners: dict[int, tuple[Take, ...]] = {}
         self.counts: dict[str, int] = defaultdict(int)
         """How many frames of each service came."""
         self.stated: list[Callable[[ObservedNode], None]] = []
@@ -325,8 +329,7 @@ class ObservedBus:
 
     def at(self) -> SeenAt:
         """Return the place of the present frame."""
-        time, log, line, _ = self._place()
-        return SeenAt(time, log, line, self.frame)
+        return SeenAt(*self._place(), self.frame)
 
     def node(self, node_id: int) -> ObservedNode:
         """Return a node, new if it was not known."""
@@ -357,13 +360,26 @@ class ObservedBus:
 
 
 class Watcher:
-    """Watches some services of a bus for what breaks its rules. It has no clock: frames and times in s go in."""
+    """Watches some frames of a bus for what breaks its rules. It has no clock: frames and times in s go in.
+
+    It says what it listens to, as most frames matter to few watchers: `SERVICES` are the services whose frames `take`
+    is given, and for each PDO, or frame of other traffic, `listener` says who takes it.
+    """
+
+    SERVICES: ClassVar[Collection[str]] = ()
 
     def __init__(self, bus: ObservedBus) -> None:
         self.bus = bus
 
     def take(self, time: float, meaning: Meaning) -> None:
-        """Take in a frame that could be read."""
+        """Take in a frame of one of the SERVICES."""
+
+    def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
+        """Return what takes the frames of a PDO, None to leave them out; `meaning` is that of the first one.
+
+        Asked once for an identifier, and again when something else has come into force.
+        """
+        return None
 
     def tick(self, time: float) -> None:
         """Notice what did not come until now; called several times a second."""

@@ -18,7 +18,7 @@ from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Oc
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.series import WINDOW, is_even, two_series
 from eurobot_od.traffic.meaning import Meaning
-from eurobot_od.traffic.services import GUARDING, NMT
+from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT, LSS, NMT
 
 OBEYS_WITHIN = 0.5
 """Seconds after an NMT command in which a heartbeat may still have the state before."""
@@ -150,6 +150,8 @@ class Beats:
 
 class NodesWatcher(Watcher):
     """Watches NMT commands, boot-ups, heartbeats, and node guarding."""
+
+    SERVICES = NMT, HEARTBEAT, GUARDING
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
@@ -467,6 +469,8 @@ GENERIC = 1
 class EmergencyWatcher(Watcher):
     """Watches which errors nodes report, and which of them they take back."""
 
+    SERVICES = (EMCY_NAME,)
+
     def __init__(self, bus: ObservedBus, nodes: NodesWatcher) -> None:
         super().__init__(bus)
         self._nodes = nodes
@@ -527,6 +531,8 @@ CAUSES = {
 
 class LssWatcher(Watcher):
     """Watches that devices do not stay in LSS configuration state, and when the bit rate changes."""
+
+    SERVICES = (LSS,)
 
     def __init__(self, bus: ObservedBus, nodes: NodesWatcher) -> None:
         super().__init__(bus)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from itertools import combinations
 from math import inf
 
@@ -17,12 +18,12 @@ from eurobot_od.od.values import COB_ID, COMMUNICATION_RECORDS, DAY, NODE_IDS, N
 from eurobot_od.od.values import identifier as identifier_of
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import text as duration
-from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher, brief
+from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, SeenAt, Take, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.series import WINDOW, two_series
 from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage
 from eurobot_od.traffic.meaning import Meaning
-from eurobot_od.traffic.services import SYNC_NAME
+from eurobot_od.traffic.services import SYNC_NAME, TIME_NAME
 from eurobot_od.traffic.statistics import SeenTraffic
 
 INHIBITED, STAMP = 0.9, 0.0005
@@ -52,12 +53,12 @@ class TpdoWatch:
     last: float | None = None
     early: Occurrences = field(default_factory=Occurrences)
 
-    @property
+    @cached_property
     def inhibit(self) -> float:
         """Inhibit time, s."""
         return self.pdo.inhibit_time / 10_000
 
-    @property
+    @cached_property
     def timer(self) -> float:
         """Event timer, s; 0 for one that is sent on SYNC or on request."""
         return self.pdo.event_timer / 1000 if self.pdo.transmission_type in OF_EVENTS else 0.0
@@ -78,26 +79,32 @@ class PdoWatcher(Watcher):
         self._pdos.clear()
         self._since = self.bus.now
 
-    def take(self, time: float, meaning: Meaning) -> None:
-        cob_id = meaning.raw[0]
-        watched = self._pdos.get(cob_id) or (self._first(cob_id) if meaning.sender else None)  # type: ignore[arg-type]
+    def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
+        watched = self._pdos.get(cob_id) or (self._first(cob_id) if meaning.sender else None)
         if watched is None:
-            return
-        self._pdos[watched.pdo.cob_id] = watched
+            return None
+        self._pdos[cob_id] = watched
+        return partial(self._came, watched)
+
+    def _came(self, watched: TpdoWatch, time: float, _: Meaning) -> None:
+        """Take in a frame of a TPDO."""
         sender, last = watched.sender, watched.last
-        sender.heard, watched.last = True, time
-        if last is not None and time >= last:
-            if watched.inhibit and time - last < INHIBITED * watched.inhibit - STAMP:
-                after, allowed = brief(time - last), brief(watched.inhibit)
-                text = f"{watched.name} comes {after} after the one before, inhibit time {allowed}"
-                self.bus.found(BusRule.PDO_INHIBIT, sender.name, text, cob_id)
-            is_steady = sender.is_operational and sender.since <= last
-            if watched.timer and is_steady and time - last > LATE_AFTER * watched.timer:
-                self._late(watched, time - last)
-        if not (sender.is_operational or watched.always or time - sender.since < ON_ITS_WAY):
+        sender.heard, watched.last, is_operational = True, time, sender.is_operational
+        if last is not None and (watched.inhibit or watched.timer) and time >= last:
+            self._judge(watched, time - last, is_steady=is_operational and sender.since <= last)
+        if not (is_operational or watched.always or time - sender.since < ON_ITS_WAY):
             if not watched.early.number:
                 self._early.setdefault(sender.node_id, []).append(watched)
             watched.early.add(self.bus.at())
+
+    def _judge(self, watched: TpdoWatch, interval: float, *, is_steady: bool) -> None:
+        """Compare the interval since the last frame with the PDO's times."""
+        if watched.inhibit and interval < INHIBITED * watched.inhibit - STAMP:
+            after, allowed = brief(interval), brief(watched.inhibit)
+            text = f"{watched.name} comes {after} after the one before, inhibit time {allowed}"
+            self.bus.found(BusRule.PDO_INHIBIT, watched.sender.name, text, watched.pdo.cob_id)
+        if watched.timer and is_steady and interval > LATE_AFTER * watched.timer:
+            self._late(watched, interval)
 
     def _late(self, watched: TpdoWatch, gap: float) -> None:
         text = f"{watched.name} after {brief(gap)}, event timer {brief(watched.timer)}"
@@ -210,9 +217,25 @@ class PeriodicStream:
     """The frames of one identifier: their name, the last one and the interval before it in s, how many were even."""
 
     name: str
-    last: float
+    last: float | None = None
     period: float = 0.0
     even: int = 0
+
+    def take(self, time: float, _: Meaning) -> None:
+        """Take in a frame."""
+        last, self.last = self.last, time
+        if last is None:
+            return
+        interval = time - last
+        if abs(interval - self.period) <= EVEN * self.period:
+            self.even += 1
+            self.period += (interval - self.period) / STEADY
+        else:
+            self.even, self.period = 0, interval
+
+    def restart(self) -> None:
+        """Forget what was before a gap."""
+        self.last, self.period, self.even = None, 0.0, 0
 
 
 class StreamWatcher(Watcher):
@@ -222,25 +245,15 @@ class StreamWatcher(Watcher):
         super().__init__(bus)
         self._streams: dict[int, PeriodicStream] = {}
 
-    def take(self, time: float, meaning: Meaning) -> None:
-        cob_id = meaning.raw[0]
-        stream = self._streams.get(cob_id)  # type: ignore[arg-type]
-        if stream is None:
-            self._streams[cob_id] = PeriodicStream(meaning.name, time)  # type: ignore[index]
-            return
-        interval, stream.last = time - stream.last, time
-        if abs(interval - stream.period) <= EVEN * stream.period:
-            stream.even += 1
-        else:
-            stream.even = 0
-        stream.period = interval if not stream.even else stream.period + (interval - stream.period) / STEADY
+    def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
+        return self._streams.setdefault(cob_id, PeriodicStream(meaning.name)).take
 
     def tick(self, time: float) -> None:
         for cob_id, stream in self._streams.items():
-            silence = time - stream.last
-            if stream.even >= STEADY and silence > max(STOPPED_AFTER * stream.period, LEAST_SILENCE):
+            silence = max(STOPPED_AFTER * stream.period, LEAST_SILENCE)
+            if stream.even >= STEADY and stream.last is not None and time - stream.last > silence:
                 stream.even = 0
-                self._stopped(cob_id, stream)
+                self._stopped(cob_id, stream, stream.last)
 
     def last(self, cob_id: int) -> float | None:
         """Return when a message came last, in s."""
@@ -253,15 +266,16 @@ class StreamWatcher(Watcher):
             if stream.even >= STEADY and stream.last is not None and time - stream.last > SYNCS * stream.period:
                 yield cob_id, stream.name or f"0x{identifier_text(cob_id)}", stream.last, stream.period
 
-    def _stopped(self, cob_id: int, stream: PeriodicStream) -> None:
+    def _stopped(self, cob_id: int, stream: PeriodicStream, last: float) -> None:
         node = self.bus.nodes.get(cob_id & NODE_IDS[-1])  # as nearly all PDOs have it in their COB-ID
-        is_told = self.bus.commanded > stream.last - LEAST_SILENCE
+        is_told = self.bus.commanded > last - LEAST_SILENCE
         if not is_told and node and node.state is NmtState.OPERATIONAL and not node.is_lost:
-            text = f"{stream.name or '0x' + identifier_text(cob_id)} stops: {_came(stream.period, stream.last)}"
+            text = f"{stream.name or '0x' + identifier_text(cob_id)} stops: {_came(stream.period, last)}"
             self.bus.found(BusRule.PDO_STOPS, node.name, text, cob_id)
 
     def gap(self, time: float) -> None:
-        self._streams.clear()
+        for each in self._streams.values():
+            each.restart()
 
 
 def _came(period: float, last: float) -> str:
@@ -277,30 +291,33 @@ class AnswerWatcher(Watcher):
 
     def __init__(self, bus: ObservedBus, promised: MessageSet, bit_rate: int) -> None:
         super().__init__(bus)
-        self._seen = SeenTraffic(bit_rate, promised)
-        self._open: dict[int, tuple[float, PeriodicMessage, Occurrences]] = {}
+        self._promised = SeenTraffic(bit_rate, promised)
+        self._asked: dict[int, float] = {}
+        self._open: dict[int, tuple[float, PeriodicMessage, SeenAt]] = {}
 
-    def take(self, time: float, meaning: Meaning) -> None:
-        frame = meaning.raw
-        if not isinstance(frame, Frame) or frame.cob_id not in self._seen.asking:
-            return
-        self._open.pop(frame.cob_id, None)
-        self._seen.take(time, frame, meaning.name, meaning.sender)
-        seen = self._seen.messages[frame.cob_id, False]
-        if seen.answered is not None and seen.bound is not None and seen.answered > seen.bound:
-            computed = f"computed: {brief(seen.bound)} at most"
-            text = f"{meaning.name} comes {brief(seen.answered)} after its request, {computed}"
-            self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, frame.cob_id)
-            seen.answered = None
-        for answer in self._seen.answers.get(frame.cob_id, set()) - self._open.keys():
-            self._open[answer] = time, self._seen.promised[answer].message, Occurrences.once(self.bus.at())
+    def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
+        return partial(self._came, cob_id) if cob_id in self._promised.asking else None
+
+    def _came(self, cob_id: int, time: float, meaning: Meaning) -> None:
+        """Take in an answer, or a message that is answered."""
+        self._open.pop(cob_id, None)
+        asked, row = self._asked.pop(cob_id, None), self._promised.promised.get(cob_id)
+        if asked is not None and row and row.response is not None and time - asked > row.response / MICROSECONDS:
+            computed = f"computed: {brief(row.response / MICROSECONDS)} at most"
+            text = f"{meaning.name} comes {brief(time - asked)} after its request, {computed}"
+            self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, cob_id)
+        for answer in self._promised.answers.get(cob_id, ()):
+            self._asked[answer] = time
+            if answer not in self._open:
+                self._open[answer] = time, self._promised.promised[answer].message, self.bus.at()
 
     def tick(self, time: float) -> None:
         for identifier, (since, answer, asked) in list(self._open.items()):
             if time - since > max(NO_SOONER, 2 * answer.deadline / MICROSECONDS):
                 del self._open[identifier]
                 text = f"no {answer.name} to {answer.answers}"
-                self.bus.found(BusRule.ANSWER_MISSING, answer.node, text, identifier, seen=asked)
+                seen = Occurrences.once(asked)
+                self.bus.found(BusRule.ANSWER_MISSING, answer.node, text, identifier, seen=seen)
 
     def gap(self, time: float) -> None:
         self._open.clear()
@@ -318,6 +335,8 @@ ONE_PRODUCER = 1.55
 
 class SyncWatcher(Watcher):
     """Watches the period of SYNC, its counter, and who sends it."""
+
+    SERVICES = (SYNC_NAME,)
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
@@ -458,6 +477,8 @@ TIMES = 3
 
 class TimeWatcher(Watcher):
     """Watches that TIME goes on as the clock of the log does, and that it does not stop."""
+
+    SERVICES = (TIME_NAME,)
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)

@@ -22,7 +22,7 @@ from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, Watcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
-from eurobot_od.traffic.services import NMT, CanopenService, SdoEnd, object_words
+from eurobot_od.traffic.services import NMT, SDO, CanopenService, SdoEnd, object_words
 from eurobot_od.traffic.transfers import ONE_WAY, SKIPPED, How
 
 IMPATIENT = 0.01
@@ -94,6 +94,8 @@ class HeldFinding(NamedTuple):
 
 class SdoWatcher(Watcher):
     """Watches the SDO channels of a bus."""
+
+    SERVICES = NMT, SDO
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)

@@ -58,7 +58,7 @@ FORMATS: Mapping[str, LogFormat] = {
     "carbus": LogFormat("pasted", "CarbusFormat", _CARBUS),
     "microchip": LogFormat("pasted", "MicrochipFormat", rb"//-+\r?\n[^\n]*Microchip|\d+;[RT]X;0x"),
     "csv": LogFormat("lines", "CsvFormat", rb"timestamp,arbitration_id,extended,remote,error,dlc,data"),
-    "busmaster": LogFormat("lines", "BusmasterFormat", rb"\*{3}BUSMASTER"),
+    "busmaster": LogFormat("lines", "BusmasterFormat", rb"\*{3}BUSMASTER|\d+:\d+:\d+:\d+ [RT]x \d+ "),
     "gvret": LogFormat("lines", "GvretFormat", rb"Time Stamp,ID,Extended,"),
     "ixxat": LogFormat("lines", "IxxatFormat", rb"ASCII Trace IXXAT|\"Bus\"[;,]\"No\"[;,]\"Time"),
     "kvaser": LogFormat("lines", "KvaserFormat", rb"Chn +Identifier +Flg"),
@@ -111,6 +111,9 @@ PACKED = b"\x1f\x8b"
 
 BEGINNING = 1024
 """Number of first bytes that are looked at."""
+
+STRANGE = re.compile(rb"^(?![ \t]*(?:#|\r?$))[^\n]*\n", re.MULTILINE)
+"""A line that is no comment, and not blank."""
 
 MOST_STRANGE = 3
 """Most lines before the first frame that may be anything: a paste often begins with the command that was typed."""
@@ -204,7 +207,7 @@ def _said_by(beginning: bytes, name: object) -> str:
 
     Standard input and other files without a name are read as candump's. Raises LocalError for a name without one.
     """
-    starts = (0, *islice((each.end() for each in re.finditer(rb"\n", beginning)), MOST_STRANGE))
+    starts = (0, *islice((each.end() for each in STRANGE.finditer(beginning)), MOST_STRANGE))
     found = next(filter(None, (CONTENT.match(beginning, start) for start in starts)), None)
     if found is not None and found.lastgroup is not None:
         return found.lastgroup

@@ -165,7 +165,8 @@ def _of_fd_hardware(layout: FdLayout, body: bytes) -> Raw:
     """Read what hardware for CAN FD has recorded: its flags tell whether the frame is a classic one."""
     fields = layout.fields.unpack_from(body)
     dlc, identifier, flags, count = (fields[place] for place in layout.places)
-    data = body[layout.fields.size :][:count]
+    # A file may have fewer bytes than were sent: those that are left out are 0, as its maker's programs read it.
+    data = body[layout.fields.size :][:count].ljust(count, b"\0")
     is_fd, number = flags & layout.is_fd, identifier & ~EXTENDED_FLAG
     is_remote = (fields[1] & REMOTE_FLAG) if layout.remote is None else flags & layout.remote
     length = dlc if is_remote else len(data)

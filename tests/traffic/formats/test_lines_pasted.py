@@ -69,6 +69,17 @@ DAY = datetime(2014, 8, 8, tzinfo=UTC).timestamp()
 BEGAN = datetime(2014, 8, 8, 11, 49, 7, 965000, tzinfo=UTC).timestamp()
 
 
+STRANGE_HEADS = {
+    "a piece of BUSMASTER's": f"{BUSMASTER_LINES}",
+    "a line of words behind comments": "# of an old candump\n" * 8 + "interface = can0, family = 29\n<0x701> [1] 1f\n",
+}
+
+
+@pytest.mark.parametrize("text", STRANGE_HEADS.values(), ids=STRANGE_HEADS)
+def test_a_log_is_known_behind_any_head(text: str) -> None:
+    assert Frame(0x701, b"\x1f") in [raw for *_, raw in read(text)]
+
+
 @pytest.mark.parametrize(
     ("mode", "times"),
     [("SYSTEM", (DAY + 736.639, DAY + 1)), ("ABSOLUTE", (BEGAN + 736.639, BEGAN + 1)),

@@ -85,9 +85,11 @@ def candump(full: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
         write_candump(log, random_traffic(count))
         yield {
             "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log, peer),
+            "bits": partial(run, [PYTHON, PROGRAMS / "peer_bits.py", log, dbc], target=folder / "bits"),
             "loop": partial(run, [PYTHON, PROGRAMS / "peer_loop.py", log, dbc], target=folder / "loop"),
             **({"tshark": partial(run, [TSHARK, "-r", log], target=folder / "tshark")} if TSHARK else {}),
             "ours": partial(decoded, log, peer, count),
+            "diagnose": partial(run, [*OURS, "diagnose", "--fail-on", "never", log]),
         }
 
 
@@ -165,7 +167,7 @@ def _other(suffix: str) -> Series:
     return Series("logs", name, partial(other_format, suffix), (claim,), SELDOM)
 
 
-LINES = "decode 100 000 lines"
+LINES, MANY = "decode 100 000 lines", "decode 1 000 000 lines"
 SERIES = (
     _candump(
         LINES,
@@ -174,7 +176,14 @@ SERIES = (
         Claim(f"{LINES}: thirty lines over cantools' API", "ours", "loop", Way.TIMES_AS_FAST, 1),
         *([Claim(f"{LINES}: tshark", "ours", "tshark", Way.TIMES_AS_FAST, 1)] if TSHARK else []),
     ),
-    _candump("decode 1 000 000 lines", 1_000_000, 6, often=SELDOM),
+    _candump(
+        MANY,
+        1_000_000,
+        6,
+        Claim(f"{MANY}: a loop over bitstruct", "ours", "bits", Way.TIMES_AS_FAST, 1),
+        Claim("diagnose 1 000 000 lines, CPU: decode", "diagnose", "ours", Way.RATIO, 5, Quantity.CPU_TIME),
+        often=SELDOM,
+    ),
     Series(
         "logs",
         "decode --statistics of 100 000 lines",

@@ -38,10 +38,24 @@ def archived(log: Path, count: int) -> Figures:
     return figures
 
 
-def by_hand(log: Path, dbc: Path) -> Figures:
-    """Have the peer write its files."""
+def by_hand(program: str, log: Path, dbc: Path) -> Figures:
+    """Have a peer write its files."""
     with tempfile.TemporaryDirectory() as folder:
-        return run([PYTHON, PROGRAMS / "peer_parquet.py", log, dbc, folder])
+        return run([PYTHON, PROGRAMS / program, log, dbc, folder])
+
+
+COUNT = "SELECT cob_id, count(*) FROM {} GROUP BY cob_id"
+
+
+def counted(log: Path) -> Mapping[str, Contender]:
+    """Return who counts the frames of a season: ours, and DuckDB by itself."""
+    folder = log.with_suffix(".season")
+    files = COUNT.format(f"'{folder}/frames/*.parquet'")
+    alone = f"import duckdb; print(duckdb.sql({files!r}))"
+    return {
+        "query": partial(run, [*OURS, "query", folder, COUNT.format("frames")]),
+        "duckdb": partial(run, [PYTHON, "-c", alone]),
+    }
 
 
 @contextmanager
@@ -61,8 +75,10 @@ def opened(scale: Scale) -> Iterator[Mapping[str, Contender]]:
                 target.write(log.read_bytes())
         yield {
             "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log),
-            "by hand": partial(by_hand, log, dbc),
+            "by hand": partial(by_hand, "peer_parquet.py", log, dbc),
+            "polars": partial(by_hand, "peer_polars.py", log, dbc),
             "ours": partial(archived, log, count),
+            **counted(log),
             "ours, ten times": partial(archived, long, TIMES * count),
         }
 
@@ -77,6 +93,8 @@ SERIES = (
         (
             Claim(f"{NAME}: cantools decode -s", "ours", "cantools", Way.TIMES_AS_FAST, 15),
             Claim(f"{NAME}: python-can, cantools, pyarrow", "ours", "by hand", Way.TIMES_AS_FAST),
+            Claim(f"{NAME}: Polars by hand", "ours", "polars", Way.RATIO, 1.2),
+            Claim("query of a count: DuckDB itself", "query", "duckdb", Way.RATIO, 2),
             Claim(f"{NAME}, CPU: cantools", "ours", "cantools", Way.TIMES_AS_FAST, None, Quantity.CPU_TIME),
             Claim("archive ten times the lines", "ours, ten times", "ours", Way.RATIO, TIMES),
             Claim("archive ten times the lines, CPU", "ours, ten times", "ours", Way.RATIO, None, Quantity.CPU_TIME),
