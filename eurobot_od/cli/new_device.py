@@ -60,13 +60,13 @@ def new_device(
     if eds is None:
         _write_device(folder, name)
         return
-    for path, text in _texts(name, module, Dictionary.load(eds, 5)).items():
-        file = folder / path
+    files = {folder / path: text for path, text in _texts(name, module, Dictionary.load(eds, 5)).items()}
+    files[folder / module / "__init__.py"] = f'"""{name}, a device package for eurobot-od."""\n'
+    for file, text in files.items():
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, text.encode())
-        print(file)
     shutil.copyfile(eds, folder / module / eds.name)
-    write_whole(folder / module / "__init__.py", f'"""{name}, a device package for eurobot-od."""\n'.encode())
+    print(*files, sep="\n")  # last: a reader that has left ends the program here
     print("\ntry it:", f"cd {folder}", "pip install -e .", "pytest", sep="\n  ")
 
 
