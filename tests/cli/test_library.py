@@ -210,6 +210,29 @@ def test_a_named_file_wins(capsys: pytest.CaptureFixture[str], bus: tuple[str, .
     assert said.out == "0x2000:0  Own speed  7\n"
 
 
+OF_A_NODE = {
+    "read": ("read", "5", "Level"),
+    "write": ("write", "5", "Level limit", "9"),
+    "dump": ("dump", "5"),
+    "pdo": ("pdo", "5"),
+    "export-dcf": ("export-dcf", "5"),
+    "emcy": ("emcy", "5"),
+    "restore": ("restore", "5"),
+    "store": ("store", "5"),
+}
+
+
+@pytest.mark.parametrize("words", OF_A_NODE.values(), ids=OF_A_NODE)
+def test_a_command_for_a_node_says_that_its_named_file_is_for_another_device(
+    capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    said = run(capsys, *words, *ALONE, "--library", "makers", "--eds", "5=makers/other.eds", *bus)
+    told = [line for line in said.err.splitlines() if "another device" in line]
+    assert told == ["eurobot-od: makers/other.eds is for another device: node 5 has product code 0x1001, not 0x1002"]
+    right = run(capsys, *words[:2], *words[2:], *ALONE, "--library", "makers", "--eds", "7=makers/other.eds", *bus)
+    assert "another device" not in right.err
+
+
 def test_conformance_is_checked_of_what_is_on_the_bus(capsys: pytest.CaptureFixture[str], bus: tuple[str, ...]) -> None:
     words = ["check", "--conformance", "--tag", "objects", "--step", "Device type", *ALONE, "--library", "makers"]
     said = run(capsys, *words, "--json", *bus)
