@@ -25,8 +25,8 @@ from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.nodes.core.doubts import GotoConfirms, jumps
 from eurobot_od.robot.nodes.core.recovery import PlaceLost
 from eurobot_od.robot.nodes.estimate import Estimate
+from tests.robot.nodes.driving import FAR, NEAR, drive_off, match_under_way
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Bench, Peer
-from tests.robot.nodes.test_safety import FAR, NEAR, drive_off, match_under_way
 from tests.rows import rows
 
 ROOT = Path(__file__).resolve().parents[4]

@@ -12,8 +12,8 @@ from eurobot_od.robot.model.messages import StartConfigurationSet
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes import Core
+from tests.robot.nodes.driving import CORE_ID, FAR, NEAR, drive_off, match_under_way, nmt
 from tests.robot.nodes.harness import DICTIONARIES, RED, Bench
-from tests.robot.nodes.test_safety import CORE_ID, FAR, NEAR, drive_off, match_under_way, nmt
 from tests.rows import rows
 
 
