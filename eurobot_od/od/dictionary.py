@@ -211,9 +211,14 @@ class Dictionary:
         entries = self.objects.indices.items()
         return {index: od.members_of(entry) for index, entry in entries if index not in values.DUMMIES}
 
+    @cached_property
+    def _by_address(self) -> dict[Address, ODVariable]:
+        entries = self.objects.indices.items()
+        return {(index, sub): each for index, entry in entries for sub, each in od.members_of(entry).items()}
+
     def variable(self, address: Address) -> ODVariable | None:
         """Return canopen's variable at an index and sub-index, None if there is none."""
-        return od.variable_at(self.objects, address)
+        return self._by_address.get(address)
 
     @cached_property
     def meanings(self) -> Mapping[Address, ObjectMeaning]:
@@ -297,7 +302,7 @@ class Dictionary:
         made.objects.indices = dict(self.objects.indices)
         for index, subs in other.members.items():
             made.objects.indices[index] = _joined(self.objects.indices.get(index), index, subs)
-        for made_of_objects in ("members", "_by_name", "pdos", "process_data"):
+        for made_of_objects in ("members", "_by_address", "_by_name", "pdos", "process_data"):
             made.__dict__.pop(made_of_objects, None)
         return made
 

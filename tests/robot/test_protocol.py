@@ -13,7 +13,7 @@ import pytest
 import eurobot_od
 from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.kinds import Message, OutOfRange, flagged_fields
+from eurobot_od.pdo.kinds import NOTHING, Message, OutOfRange, flagged_fields, units
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
@@ -110,6 +110,13 @@ def test_messages_are_those_of_the_documents_tables(dialect: str) -> None:
     bindings = [each for each in EurobotProtocol.load(dialect).bindings if each.name in NAMES]
     rows = [(row.cob_id, row.name, row.senders, row.receivers) for row in TABLES_4_AND_5]
     assert [(each.cob_id, each.name, each.senders, each.receivers) for each in bindings] == rows
+
+
+def test_the_table_says_every_unit_that_a_class_names() -> None:
+    told = Protocol.of_devices(dialects.load_all(), NOTHING)
+    named = [(each.name, units(each.type), told.binding(each.name).kinds) for each in PROTOCOL.bindings]
+    lost = [(name, field) for name, own, kinds in named for field in own if field in kinds and not kinds[field].unit]
+    assert lost == []
 
 
 def test_every_message_of_the_document_has_a_frame_in_the_table() -> None:
