@@ -343,6 +343,9 @@ class Keys(NamedTuple):
     below: int
 
 class Watching(Watcher):
+    def listener(self, cob_id, meaning):
+        return self.take
+
     def take(self, time, meaning):
         broken()
 
