@@ -105,10 +105,10 @@ async def _serve(text: Callable[[], str], listen: Address, requests: Requests | 
     from eurobot_od.web.server import served  # with aiohttp
 
     ended = asyncio.Event()
+    for number in ENDING:  # before a page may order anything
+        with suppress(NotImplementedError):  # on Windows
+            asyncio.get_running_loop().add_signal_handler(number, ended.set)
     async with served(text, AccessRules.at(listen.host), listen.port, requests) as address:
-        for number in ENDING:
-            with suppress(NotImplementedError):  # on Windows
-                asyncio.get_running_loop().add_signal_handler(number, ended.set)
         print(f"{address}  (Ctrl-C ends it)", flush=True)
         await ended.wait()
 
