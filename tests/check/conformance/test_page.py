@@ -336,7 +336,7 @@ def made() -> str:
     rows = []
     for number, what in page.ASKS.items():
         steps = asked[number]
-        ours = ", ".join(dict.fromkeys(f"{each.clause} {each.topic}" for each in steps)) or "none"
+        ours = ", ".join(dict.fromkeys(each.clause for each in steps)) or "none"
         tiers = ", ".join(dict.fromkeys(each.tier for each in steps))
         often = (f"{len(run.bus[number].questions)}{word}" for word, run, numbers in devices if number in numbers)
         asked_by_us = next(often, found[number].why)
