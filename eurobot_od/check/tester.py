@@ -123,6 +123,8 @@ class BenchTester:
         for node, address in self._opened.items():
             await self.put(Frame(node.sdo_request, aborted(address, AbortCode.GENERAL)))
             await self._wait_for_silence(node)
+            if not await self.is_there(node, self.timeout):  # it may have crashed
+                self._silent.add(node)
         self._opened.clear()
         self.missed = 0.0
         await self.trace.sleep(UNCONFIRMED)

@@ -18,7 +18,7 @@ from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
-from eurobot_od.od.standard import ERROR_REGISTER, VERIFY_CONFIGURATION
+from eurobot_od.od.standard import DEVICE_TYPE, ERROR_REGISTER, VERIFY_CONFIGURATION
 from eurobot_od.od.values import NMT_COB_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate
 from tests.kit.devices import MODULE, NODE_ID, of_kind, suites
@@ -104,17 +104,25 @@ class StaysOpen(SimulatedDevice):
 
 
 class Crashes(SimulatedDevice):
-    """Ends when one byte is written to 0x1017."""
+    """Ends when one byte is written to 0x1017, or 128 segments are acknowledged."""
 
     _is_dead = False
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        self._is_dead = self._is_dead or frame.data[:4] == b"\x2f\x17\x10\0"
+        self._is_dead = self._is_dead or frame.data.startswith((b"\x2f\x17\x10\0", b"\xa2\x80"))
         return [] if self._is_dead else super().receive(frame, now)
 
     @property
     def next_wakeup(self) -> float:
         return inf if self._is_dead else super().next_wakeup
+
+
+class WithoutSize(Answering):
+    """Does not say the size of values that fit into one answer (CiA 301, 7.2.4.3.6)."""
+
+    def said(self, request: bytes, answer: Frame) -> list[Frame]:
+        is_short = answer.data[0] == 0x43 and Initiate.of(answer.data).address == DEVICE_TYPE
+        return [Frame(answer.cob_id, b"\x42" + answer.data[1:])] if is_short else [answer]
 
 
 class EmptyHistory(Answering):
@@ -202,6 +210,10 @@ def test_what_the_standard_lets_a_device_do_is_green(kind: type[Node]) -> None:
     assert red(done(kind, Tier.DESTRUCTIVE)) == []
 
 
+def test_an_answer_without_a_size_is_green() -> None:
+    assert red(done(WithoutSize, Tier.READING, "sdo")) == []
+
+
 def test_a_reset_that_takes_its_time_is_green() -> None:
     assert red(done(LateReset, Tier.REVERSIBLE, "nmt", "storage")) == []
 
@@ -229,6 +241,11 @@ def test_what_a_red_step_leaves_open_makes_no_other_step_red() -> None:
         "7.2.4.3.7 SDO upload: a wrong toggle bit is refused [reading, CTT 2.17]: abort",
         "7.2.4.3.4 SDO download: a wrong toggle bit is refused [reading]: abort",
     ]
+
+
+def test_a_device_that_crashes_in_a_transfer_is_red_for_that_alone() -> None:
+    crash = "7.2.4.3.13 SDO block upload: an acknowledgement of 128 segments is refused [reading, CTT 2.27]: abort"
+    assert red(done(Crashes, Tier.READING, "sdo")) == [crash]
 
 
 def test_a_device_that_crashes_is_red_for_that_and_because_it_does_not_come_back() -> None:
