@@ -111,9 +111,11 @@ def _new_records(document: Document, pdo: str) -> list[ObjectPatch]:
 
 
 def _default_cob_id(direction: PdoDirection, number: int) -> str:
-    """Return the COB-ID of a new PDO: from the fifth on it has none of its own, and is off."""
+    """Return the COB-ID of a new PDO, which is off; from the fifth on it has no identifier of its own."""
     bases = values.DEFAULT_PDO_BASES[direction]
-    return f"$NODEID+0x{bases[number - 1]:X}" if number <= len(bases) else f"0x{values.NOT_VALID:08X}"
+    return (
+        f"$NODEID+0x{values.NOT_VALID | bases[number - 1]:X}" if number <= len(bases) else f"0x{values.NOT_VALID:08X}"
+    )
 
 
 def _mapping_entry(device: DescribedDevice, index: int, sub: int | None, target: str) -> MappingEntry:
@@ -124,7 +126,7 @@ def _mapping_entry(device: DescribedDevice, index: int, sub: int | None, target:
 
 
 def _mapping(records: DescribedRecords, entries: Sequence[MappingEntry]) -> Iterator[ObjectPatch]:
-    """Give what the mapping record of a PDO says: its entries, 0 for those behind them, and how many there are."""
+    """Give what the records of a PDO say: its entries, 0 behind them, how many there are, and whether it is valid."""
     for sub, each in enumerate(entries, start=1):
         is_there = records.entry(sub) is not None
         new = {} if is_there else {"ParameterName": f"Application object {sub}", **MAPPED}
@@ -133,6 +135,12 @@ def _mapping(records: DescribedRecords, entries: Sequence[MappingEntry]) -> Iter
     for sub in sorted(unused):
         yield _patch(records.mapping_index, sub, {"DefaultValue": "0x00000000"})
     yield _patch(records.mapping_index, 0, {"DefaultValue": str(len(entries))})
+    cob_id = records.value(values.COB_ID)
+    if cob_id and cob_id.value & values.BASE_IDENTIFIER:  # one without an identifier stays off
+        number = cob_id.value & ~values.NOT_VALID if entries else cob_id.value | values.NOT_VALID
+        if number != cob_id.value:
+            text = f"{values.NODE_ID}+0x{number:X}" if cob_id.relative else f"0x{number:08X}"
+            yield _patch(records.index, values.COB_ID, {"DefaultValue": text})
 
 
 def _patch(index: int, sub: int, entries: Mapping[str, str]) -> ObjectPatch:

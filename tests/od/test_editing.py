@@ -121,6 +121,17 @@ def test_the_number_of_pdos_is_that_of_their_records() -> None:
     assert edited(after, "motor.eds", [removed("1801"), removed("1A01")]) == MOTOR
 
 
+def test_a_pdo_is_valid_while_it_carries_something() -> None:
+    # An RPDO or TPDO that is valid and maps nothing is an error to some stacks (CANopenNode: EMCY 0x8200).
+    made = edited(b"[FileInfo]\nFileName=new.eds\n", "new.eds", [profile("301")])
+    for objects, is_valid in ((["1001"], True), ([], False)):
+        made = edited(made, "new.eds", [mapped("TPDO1", objects)])
+        pdos = {
+            each.title: (each.valid, each.cob_id & 0x7FF) for each in Dictionary.read(made, Path("new.eds"), 5).pdos
+        }
+        assert pdos == {"RPDO 1": (False, 0x205), "TPDO 1": (is_valid, 0x185)}
+
+
 def test_a_profile_leaves_what_is_there() -> None:
     after = edited(MOTOR, "motor.eds", [profile("301")])
     gone, _ = difference(MOTOR, after)
