@@ -27,6 +27,7 @@ from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.diagnosis.deadlines import DeadlineWatcher
 from eurobot_od.traffic.diagnosis.drives import DriveWatcher
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Take, Watcher
+from eurobot_od.traffic.diagnosis.modules import ModuleWatcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
 from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, StreamWatcher, SyncWatcher, TimeWatcher
 from eurobot_od.traffic.diagnosis.questions import Questions
@@ -87,7 +88,8 @@ class WatchedBus:
         streams = StreamWatcher(bus)
         self._watchers: list[Watcher] = [
             *(self.sdo, self.nodes, EmergencyWatcher(bus, self.nodes), LssWatcher(bus, self.nodes)),
-            *(SyncWatcher(bus), TimeWatcher(bus), self.pdos, self.drives, streams, DeadlineWatcher(bus, streams)),
+            *(SyncWatcher(bus), TimeWatcher(bus), self.pdos, self.drives, ModuleWatcher(bus)),
+            *(streams, DeadlineWatcher(bus, streams)),
             *([AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []),
         ]
         self._services: dict[str, list[Take]] = {}

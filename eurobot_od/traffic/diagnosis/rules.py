@@ -530,6 +530,29 @@ class BusRule(IncidentRule):
         clause="CiA 402-2, 8.2 (transition 15)",
     )
 
+    # I/O modules
+    INPUT_FLUTTERS = RuleRow(
+        Severity.WARNING,
+        "A digital input changes more than 20 times in a second",
+        cause="a contact that bounces or is loose, or a signal that is too fast for this input",
+        remedy="look at the contact and its wiring, or set a filter time (0x6003)",
+        clause="CiA 401-1, 6.3 (filter constant)",
+    )
+    INPUT_AT_END = RuleRow(
+        Severity.INFO,
+        "An analogue input stays at the end of its range",
+        cause="a broken wire, a sensor without supply, or a signal beyond the range",
+        remedy="measure the signal at the terminal; nothing, if the channel is not used",
+        clause="CiA 401-1 (analogue inputs, 0x6401)",
+    )
+    INPUTS_OFF = RuleRow(
+        Severity.INFO,
+        "Inputs of a module cause no PDO, as that is switched off",
+        cause="0x6423 is 0 after each start, until a master writes it; 0x6005 of digital inputs was cleared",
+        remedy="write 1 to 0x6423 or 0x6005, or give the PDO an event timer",
+        clause="CiA 401-1 (global interrupt enable)",
+    )
+
     # SYNC and TIME
     SYNC_TWO = RuleRow(
         Severity.ERROR,

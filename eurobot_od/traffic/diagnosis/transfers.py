@@ -14,7 +14,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od import objects, values
 from eurobot_od.od.cia402 import MODE, on_first_axis
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import DEVICE_TYPE, IDENTITY
+from eurobot_od.od.standard import DEVICE_TYPE, IDENTITY, REVISION, SERIAL
 from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate, ServerCommand, code_and_reason, when_sent
 from eurobot_od.support.texts import amount
@@ -37,8 +37,14 @@ TWICE = 0.1
 SCAN = 5
 """So many nodes that do not answer the same question are looked for by a scan."""
 
-IDENTIFIES = (DEVICE_TYPE, (IDENTITY, 1), (IDENTITY, 2))
-"""Objects by which a device is known: its type, vendor and product."""
+IDENTIFIES: Mapping[Address, int] = {
+    DEVICE_TYPE: 0xFFFF_FFFF,
+    (IDENTITY, 1): 0xFFFF_FFFF,
+    (IDENTITY, 2): 0xFFFF_FFFF,
+    REVISION: 0xFFFF_0000,
+    SERIAL: 0xFFFF_FFFF,
+}
+"""Objects by which a device is known, and the bits that count: minor revisions behave alike (CiA 301, 7.5.2.21)."""
 
 MOST_QUESTIONS = 32
 """Most objects for which the nodes are kept that do not answer."""
@@ -248,8 +254,10 @@ class SdoWatcher(Watcher):
 
     def _differs(self, node: ObservedNode, file: Dictionary, address: Address, content: bytes) -> None:
         """Compare what a device says that it is with its file."""
-        said, wanted = int.from_bytes(content, "little"), file.number(address)
-        if wanted and said != wanted:
+        said, wanted, mask = int.from_bytes(content, "little"), file.number(address), IDENTIFIES[address]
+        if address == SERIAL and not file.has_own_value(address):
+            return  # an EDS is for all devices of a kind
+        if wanted and (said ^ wanted) & mask:
             text = f"is another device than its file is for: {object_words(file, address)}"
             text = f"{text} is 0x{said:08X}, {file.file.name} has 0x{wanted:08X}"
             self.bus.found(BusRule.OTHER_DEVICE, node.name, text, address)

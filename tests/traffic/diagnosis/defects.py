@@ -67,6 +67,20 @@ DEVICES = {
     "synchronous": _device(5, "synchronous", _sends("0x185", type="1")),
     "event": _device(5, "event", _sends("0x185", type="255")),
     "waiter": _device(5, "waiter", _takes("0x205")),
+    "numbered": _device(
+        5,
+        "numbered",
+        record(
+            0x1018,
+            "Identity",
+            (0, "UNSIGNED8", "4"),
+            (1, "UNSIGNED32", "0"),
+            (2, "UNSIGNED32", "0"),
+            (3, "UNSIGNED32", "0x00020001"),
+            (4, "UNSIGNED32", "0\nParameterValue=7"),
+        ),
+        dcf=True,
+    ),
     "off": _device(5, "off", _sends("0x80000185", type="255")),
     "copy": _device(6, "copy", _sends("0x185", type="255"), heartbeat="0"),
     "taker": _device(6, "taker", _takes("0x185"), heartbeat="0"),
@@ -103,6 +117,22 @@ def _drive() -> Dictionary:
 
 
 DEVICES["drive"] = _drive()
+
+
+def _module() -> Dictionary:
+    """Return an I/O module: TPDO1 has digital inputs, TPDO2 analogue ones, which are switched off."""
+    inputs = record(0x6000, "Inputs", (0, "UNSIGNED8", "1"), (1, "UNSIGNED8", "0"))
+    analogue = record(0x6401, "Analogue inputs", (0, "UNSIGNED8", "1"), (1, "INTEGER16", "0"))
+    enable = variable("6423", "Analogue input global interrupt enable", "BOOLEAN", "0")
+    pdos = (
+        pdo(0x1800, "0x60000108", cob_id="0x185", settings={2: "255"}),
+        pdo(0x1801, "0x64010110", cob_id="0x285", settings={2: "255"}),
+    )
+    text = "".join((variable("1000", "Device type", "UNSIGNED32", "0x50191"), inputs, analogue, enable, *pdos))
+    return Dictionary.read(text.encode(), Path("module.eds"), 5, "module")
+
+
+DEVICES["module"] = _module()
 
 # Parts of logs
 
@@ -141,6 +171,7 @@ def kept(frames: Iterable[tuple[float, str]]) -> Log:
 READ, VALUE, ABSENT = "605#4018100100000000", "585#4318100101000000", "585#8018100100000206"
 DENIED = "585#8001200022000008"
 ASK_TYPE, OTHER_TYPE = "605#4000100000000000", "585#4300100091019901"
+ASKS_REVISION, ASKS_SERIAL = ("605#4018100300000000",), ("605#4018100400000000",)
 ITS_TYPE = "585#4300100092010200"
 VALUE_B = "585#4318100102000000"
 READ_2 = "605#4018100200000000"
@@ -170,6 +201,7 @@ TOO = at("609#2300180185010000", "589#6000180100000000", start=0.03)
 AT_OFF = at("609#2300180185010080", "589#6000180100000000", start=0.03)
 PRODUCES = at("605#23061000A0860100", "585#6006100000000000", "605#2305100080000040", "585#6005100000000000", start=0.5)
 TIMER = "605#2B00140564000000"
+IS_MODULE = at(ASK_TYPE, "585#4300100091010100")
 RUNS = status(0x0637, 0.0, 2.0)
 MOVES = [(4.0, "285#09000000")]
 WAITS_50 = at("609#2316100132000500", "589#6016100100000000", start=0.05)
@@ -187,6 +219,20 @@ ANSWERS = MessageSet(
 
 DEFECTS = [
     RuleDefect(BusRule.OTHER_DEVICE, at(ASK_TYPE, OTHER_TYPE), 0.001, at(ASK_TYPE, ITS_TYPE), ("drive",)),
+    RuleDefect(
+        BusRule.OTHER_DEVICE,
+        at(*ASKS_REVISION, "585#4318100300000300"),
+        0.001,
+        at(*ASKS_REVISION, "585#4318100309000200"),
+        ("numbered",),
+    ),
+    RuleDefect(
+        BusRule.OTHER_DEVICE,
+        at(*ASKS_SERIAL, "585#4318100408000000"),
+        0.001,
+        at(*ASKS_SERIAL, "585#4318100407000000"),
+        ("numbered",),
+    ),
     # The wire and the log
     RuleDefect(BusRule.BUS_OFF, at("20000040#0000000000000000"), 0.0, at("20000080#0000000000000000")),
     RuleDefect(BusRule.ERROR_FRAME, at("705#05", "20000080#0000000000000000"), 0.001, at("705#05", "080#00")),
@@ -548,6 +594,26 @@ DEFECTS = [
         0.501,
         log(status(0x0237, 0, 5), at("205#0F0001", "205#1F0001", start=0.5), every(0.5, "285#05000000", 5), MOVES),
         DRIVE,
+    ),
+    # I/O modules
+    RuleDefect(
+        BusRule.INPUT_FLUTTERS,
+        log(IS_MODULE, every(0.04, "185#01", start=0.02), every(0.04, "185#00", start=0.04)),
+        0.44,
+        log(IS_MODULE, every(0.2, "185#01", start=0.02), every(0.2, "185#00", start=0.12)),
+    ),
+    RuleDefect(
+        BusRule.INPUT_AT_END,
+        log(IS_MODULE, at("285#0000FF7F", start=0.5), beats()),
+        0.5,
+        log(IS_MODULE, at("285#0000FF7F", start=0.5), at("285#0000FE7F", start=1.0), beats()),
+    ),
+    RuleDefect(
+        BusRule.INPUTS_OFF,
+        log(beats(), at("185#00")),
+        2.0,
+        log(beats(), at("605#2F23640001000000", "585#6023640000000000", "185#00")),
+        ("module",),
     ),
     # SYNC and TIME
     RuleDefect(BusRule.SYNC_STOPS, log(beats(until=4), every(0.1, "080#")), 3.0, beats(until=4)),
