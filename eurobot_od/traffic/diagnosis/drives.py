@@ -375,7 +375,8 @@ class DriveWatcher(Watcher):
     # Faults
 
     def _fault(self, time: float, axis: ObservedAxis, before: State | None) -> None:
-        axis.fault = FaultSeen(time, Occurrences.once(self.bus.at()), before, axis.command)
+        is_held = bool(axis.values.get(cia402.CONTROLWORD, 0) & cia402.FAULT_RESET)
+        axis.fault = FaultSeen(time, Occurrences.once(self.bus.at()), before, axis.command, is_held=is_held)
         at, code = self._emergencies.get(axis.node.node_id, (0.0, 0))
         if code and time - at < TOGETHER:
             axis.fault.codes[code] = None

@@ -1,0 +1,100 @@
+"""What is said of an incident is what is the case: the culprit's name, the true period, no cause that cannot be."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.traffic.diagnosis.incidents import Incident
+from eurobot_od.traffic.diagnosis.rules import BusRule
+from tests.traffic.diagnosis.defects import FULL, Log, at, beats, every, log
+from tests.traffic.diagnosis.test_defects import diagnosed, with_followers
+
+
+def found(rule: BusRule, frames: Log, *devices: str) -> Incident:
+    (incident,) = (each for each in with_followers(diagnosed(frames, devices)) if each.rule is rule)
+    return incident
+
+
+FLOOD = every(0.0002, "185#FFFFFFFFFFFFFFFF", 1.2)
+
+
+def test_a_full_bus_names_the_identifier_that_fills_it() -> None:
+    assert "100% of it is 0x123" in found(BusRule.LOAD_FULL, FULL).text
+
+
+@pytest.mark.parametrize(("devices", "node"), [((), "likely node 5"), (("event",), "event")], ids=["no file", "a file"])
+def test_a_full_bus_names_the_node_that_fills_it(devices: tuple[str, ...], node: str) -> None:
+    assert found(BusRule.LOAD_FULL, FLOOD, *devices).text.endswith(f"{node})")
+
+
+def test_what_a_full_bus_delays_is_below_it() -> None:
+    frames = log(FLOOD, beats(until=0.4), beats(start=1.19, until=1.2, period=0.001), beats(node=6, until=0.2))
+    first, *others = diagnosed(frames, ())
+    assert first.rule is BusRule.LOAD_FULL
+    assert [each.rule for each in others if each.rule in (BusRule.HEARTBEAT_LOST, BusRule.TWO_NODES)] == []
+
+
+BLOCK = ("605#A008100010000000", "585#C408100020000000", "605#A300000000000000")
+SEQUENCE = "605#8008100003000405"
+
+
+def test_an_abort_by_the_client_is_an_incident() -> None:
+    text = found(BusRule.SDO_ABORT, at(*BLOCK, SEQUENCE)).text
+    assert text == "has its client abort the read of 0x1008:00: 0x05040003 Invalid sequence number"
+
+
+def test_an_abort_whose_transfer_is_not_in_the_log_is_an_incident() -> None:
+    assert "0x05040003" in found(BusRule.SDO_ABORT, at("705#05", SEQUENCE)).text
+
+
+def test_a_mode_that_a_drive_refuses_is_one_that_it_does_not_have() -> None:
+    frames = at("605#2F6060000B000000", "585#8060600030000906")
+    assert found(BusRule.SDO_ABORT, frames).cause == "the drive does not have this mode of operation: compare 0x6502"
+
+
+ALTERNATING = sorted(each for start in (0.0, 0.024) for each in every(0.04, "080#", 1.0, start))
+
+
+def test_a_timer_on_a_coarse_clock_has_its_true_period() -> None:
+    late = log([each for each in ALTERNATING if each[0] < 0.6], at("080#", start=0.65))
+    assert found(BusRule.SYNC_JITTER, late).text.endswith("with a period of 20 ms (observed)")
+
+
+def test_a_timer_on_a_coarse_clock_is_no_second_producer() -> None:
+    assert diagnosed(ALTERNATING, ()) == []
+
+
+RESET_HELD = log(
+    at("605#4000100000000000", "585#4300100092010200"),
+    every(0.1, "185#1802", 3.0, 0.5),
+    every(0.4, "205#8000", 3.0, 0.3),
+)
+
+
+def test_a_fault_reset_without_a_rising_edge_is_said() -> None:
+    assert "only its rising edge resets" in found(BusRule.DRIVE_FAULT, RESET_HELD).text
+
+
+AXES = log(
+    at("605#4000100000000000", "585#4300100092010200"),
+    *(every(0.2, f"605#4041{high}0000000000", 5.0, start) for high, start in (("60", 0.1), ("68", 0.15))),
+    *(every(0.2, f"585#4B41{high}0037060000", 1.0, start) for high, start in (("60", 0.11), ("68", 0.16))),
+    *(every(0.2, f"585#4B41{high}0018020000", 4.0, start) for high, start in (("60", 1.31), ("68", 1.36))),
+    at("605#403F680000000000", "585#4B3F680020320000", start=1.4),
+    at("605#2B40600080000000", "585#6040600000000000", "605#2B40680080000000", "585#6040680000000000", start=4.2),
+    *(every(0.2, f"585#4B41{high}0050020000", 5.0, start) for high, start in (("60", 4.31), ("68", 4.36))),
+)
+"""A device of two axes, without a file, both in Fault for three seconds; the second one is asked why."""
+
+
+@pytest.mark.parametrize(
+    ("axis", "since", "code"),
+    [("axis 1", 1.31, "its error code (0x603F) is not in the log"), ("axis 2", 1.36, "0x3220 (DC link undervoltage)")],
+    ids=["the first axis", "the second axis"],
+)
+def test_the_fault_of_an_axis_has_its_time_its_error_code_and_what_ended_it(axis: str, since: float, code: str) -> None:
+    faults = [each for each in diagnosed(AXES, ()) if each.rule is BusRule.DRIVE_FAULT]
+    (fault,) = (each for each in faults if each.text.startswith(axis))
+    assert code in fault.text
+    assert fault.text.endswith("before: Operation enabled; ended by Fault reset of an SDO client")
+    assert fault.seen.places[0].time == pytest.approx(since)
