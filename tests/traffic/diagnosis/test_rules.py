@@ -28,11 +28,25 @@ def test_what_to_do_names_commands_that_there_are_and_their_node_first() -> None
     assert [words for words in commands if words[0] not in COMMANDS or "NODE" in words[2:]] == []
 
 
-def test_what_the_page_says_that_it_can_tell_has_a_rule_and_a_defect() -> None:
+def rows_of_the_page() -> list[list[str]]:
     table = PAGE.read_text().partition("## What it can tell")[2].partition("\n## ")[0]
-    named = {each for row in table.splitlines() for each in re.findall(r"`([a-z-]+)`", row.split(" | ")[0])}
-    assert len(named) > 9
+    return [row.split(" | ") for row in table.splitlines() if row.startswith("| ")][1:]
+
+
+def test_what_the_page_says_that_it_can_tell_has_a_rule_and_a_defect() -> None:
+    named = {each for row in rows_of_the_page() for each in re.findall(r"`([a-z-]+)`", row[0])}
+    assert len(named) >= 25
     assert named <= {each.rule.id for each in DEFECTS}
+
+
+def test_the_page_says_of_each_row_how_it_is_told() -> None:
+    assert [row[0] for row in rows_of_the_page() if len(row) != 3 or not row[1].strip()] == []
+
+
+def test_the_page_names_rules_that_there_are() -> None:
+    cells = " ".join(" ".join(row) for row in rows_of_the_page())
+    known = {each.id for each in BusRule}
+    assert {each for each in re.findall(r"`([a-z]+-[a-z-]+)`", cells) if each not in known} == set()
 
 
 def test_the_rules_that_follow_from_others_exist() -> None:
