@@ -364,6 +364,9 @@ class SyncWatcher(Watcher):
         self._before = before[1]
         self._period(time, time - before[0])
 
+    def _two_producers(self, text: str, subject: str, seen: Occurrences | None = None) -> None:
+        self.bus.found(BusRule.SYNC_TWO, "", f"two producers of SYNC: {text}", subject, seen=seen)
+
     def _look_for_producers(self) -> None:
         """Take in who sends SYNC by its settings: a master may have written them since."""
         producers = [each for each in self.bus.nodes.values() if each.number(SYNC) & SYNC_PRODUCER]
@@ -371,7 +374,7 @@ class SyncWatcher(Watcher):
             self._producers = producers
             for one, two in combinations(producers, 2):
                 text = f"{one.name} and {two.name} are both to send SYNC (0x1005)"
-                self.bus.found(BusRule.SYNC_TWO, "", text, "files")
+                self._two_producers(text, "files")
 
     def _period(self, time: float, interval: float) -> None:
         """Compare an interval with the period by the settings, or else with the one observed."""
@@ -386,7 +389,7 @@ class SyncWatcher(Watcher):
             self._two = True
             every = " and ".join(brief(each) for each in periods)
             text = f"two series of SYNC, every {every} (observed)"
-            self.bus.found(BusRule.SYNC_TWO, "", text, "period", seen=self._uneven if self._uneven.number else None)
+            self._two_producers(text, "period", seen=self._uneven if self._uneven.number else None)
             self._uneven = Occurrences()
         self._short = self._short + 1 if usual and interval < 0.9 * usual else 0
         self._extra(interval, usual)
@@ -395,7 +398,7 @@ class SyncWatcher(Watcher):
         text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}{'' if said else ' (observed)'}"
         if said and self._short >= SYNCS:
             self._two = True
-            self.bus.found(BusRule.SYNC_TWO, "", text, "period")
+            self._two_producers(text, "period")
         elif abs(interval / usual - 1) > 0.25:
             self._jitter = self._jitter or text
             self._uneven.add(self.bus.at())
@@ -411,7 +414,7 @@ class SyncWatcher(Watcher):
             if self._doubles >= SYNCS and not self._two:
                 self._two = True
                 text = f"SYNC comes twice in a period of {brief(usual)} (observed), {brief(before)} apart"
-                self.bus.found(BusRule.SYNC_TWO, "", text, "double", seen=self._uneven if self._uneven.number else None)
+                self._two_producers(text, "double", seen=self._uneven if self._uneven.number else None)
                 self._uneven = Occurrences()
 
     @property
@@ -423,12 +426,12 @@ class SyncWatcher(Watcher):
 
     def _count(self, before: bytes, present: bytes) -> None:
         if len(before) != len(present):
-            self.bus.found(BusRule.SYNC_TWO, "", "SYNC comes with and without a counter", "length")
+            self._two_producers("SYNC comes with and without a counter", "length")
         elif present and present == before:
-            self.bus.found(BusRule.SYNC_TWO, "", f"SYNC comes twice with counter {present[0]}", "counter")
+            self._two_producers(f"SYNC comes twice with counter {present[0]}", "counter")
         elif present and self._skipped and _follows(self._before, present) and not _follows(before, present):
             text = f"the counter of SYNC goes on from {self._before[0]} to {present[0]} across another series"
-            self.bus.found(BusRule.SYNC_TWO, "", text, "counter", seen=self._skipped[1])
+            self._two_producers(text, "counter", seen=self._skipped[1])
             self._skipped = None
         elif present:
             self._say_skipped()

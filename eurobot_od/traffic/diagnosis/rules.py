@@ -653,6 +653,11 @@ class BusRule(IncidentRule):
 
 
 EXPLAINED: Mapping[str, Collection[str]] = {
+    "OTHER_DEVICE": {
+        *("other-device", "pdo-length", "pdo-timer", "pdo-inhibit", "pdo-not-sent", "pdo-no-sync", "pdo-off"),
+        *("pdo-mapped-otherwise", "pdo-mapping-unknown", "out-of-range", "heartbeat-changed", "sdo-probed"),
+    },
+    "CONSUMER_SHORT": {"state-untold", "not-started"},
     "LOAD_FULL": {
         *(
             "load-high",
