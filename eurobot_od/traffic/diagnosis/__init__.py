@@ -44,7 +44,13 @@ TICK = 0.02
 SILENCE = 1.0
 """Seconds without any frame after which the log may have a gap."""
 
-LOADS = ((1.0, ((0.9, BusRule.LOAD_FULL), (0.8, BusRule.LOAD_HIGH))), (0.05, ((0.99, BusRule.LOAD_BURST),)))
+ALL = 1.05
+"""Share of the bus that no traffic can exceed: more means that the bus is faster."""
+
+LOADS = (
+    (1.0, ((ALL, BusRule.LOAD_HIGH), (0.9, BusRule.LOAD_FULL), (0.8, BusRule.LOAD_HIGH))),
+    (0.05, ((0.99, BusRule.LOAD_BURST),)),
+)
 """Spans in s, with the shares of the bus that are too much in each, and their rules."""
 
 DELTAS = 0.2
@@ -249,7 +255,7 @@ class WatchedBus:
                 continue
             share = (self._bits - before) / self.bit_rate / span
             if rule := next((rule for most, rule in limits if most < share), None):
-                wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
+                wrong = "; more than all: the bus is faster, -b says its bit rate" if share > ALL else ""
                 text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}{self._culprit()}"
                 self.bus.found(rule, "", text, seen=seen)
             load[:] = time, self._bits, Occurrences.once(self.bus.at())

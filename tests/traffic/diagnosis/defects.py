@@ -206,7 +206,8 @@ RUNS = status(0x0637, 0.0, 2.0)
 MOVES = [(4.0, "285#09000000")]
 WAITS_50 = at("609#2316100132000500", "589#6016100100000000", start=0.05)
 WAITS_200 = at("609#23161001C8000500", "589#6016100100000000", start=0.05)
-FULL = every(0.0002, "123#FFFFFFFFFFFFFFFF", 1.2)
+FULL = every(0.00025, "123#FFFFFFFFFFFFFFFF", 1.2)
+TOO_FULL = every(0.0002, "123#FFFFFFFFFFFFFFFF", 1.2)
 NEARLY_FULL = every(0.0003, "123#FFFFFFFFFFFFFFFF", 1.2)
 FULL_FOR_LONG = every(0.0002, "123#FFFFFFFFFFFFFFFF", 2.5)
 STARVING = MessageSet((PeriodicMessage(0x185, 135, 1000, 1000, node="timed", name="A"),) * 5)
@@ -252,6 +253,7 @@ DEFECTS = [
     RuleDefect(BusRule.LOG_UNREADABLE, at("705#05", "what is this"), 0.0, at("705#05", "705#05")),
     RuleDefect(BusRule.LOAD_BURST, FULL_FOR_LONG, 0.0, every(0.0004, "123#FFFFFFFFFFFFFFFF", 1.2)),
     RuleDefect(BusRule.LOAD_FULL, FULL, 0.0, NEARLY_FULL),
+    RuleDefect(BusRule.LOAD_FULL, FULL, 0.0, TOO_FULL),
     RuleDefect(BusRule.LOAD_HIGH, NEARLY_FULL, 0.0, every(0.0004, "123#FFFFFFFFFFFFFFFF", 1.2)),
     RuleDefect(
         BusRule.LOAD_BURST,

@@ -6,7 +6,7 @@ import pytest
 
 from eurobot_od.traffic.diagnosis.incidents import Incident
 from eurobot_od.traffic.diagnosis.rules import BusRule
-from tests.traffic.diagnosis.defects import FULL, Log, at, beats, every, log
+from tests.traffic.diagnosis.defects import FULL, TOO_FULL, Log, at, beats, every, log
 from tests.traffic.diagnosis.test_defects import diagnosed, with_followers
 
 
@@ -15,7 +15,7 @@ def found(rule: BusRule, frames: Log, *devices: str) -> Incident:
     return incident
 
 
-FLOOD = every(0.0002, "185#FFFFFFFFFFFFFFFF", 1.2)
+FLOOD = every(0.00025, "185#FFFFFFFFFFFFFFFF", 1.2)
 
 
 def test_a_full_bus_names_the_identifier_that_fills_it() -> None:
@@ -25,6 +25,10 @@ def test_a_full_bus_names_the_identifier_that_fills_it() -> None:
 @pytest.mark.parametrize(("devices", "node"), [((), "likely node 5"), (("event",), "event")], ids=["no file", "a file"])
 def test_a_full_bus_names_the_node_that_fills_it(devices: tuple[str, ...], node: str) -> None:
     assert found(BusRule.LOAD_FULL, FLOOD, *devices).text.endswith(f"{node})")
+
+
+def test_more_than_all_means_that_the_bus_is_faster() -> None:
+    assert "the bus is faster, -b says its bit rate" in found(BusRule.LOAD_HIGH, TOO_FULL).text
 
 
 def test_what_a_full_bus_delays_is_below_it() -> None:
