@@ -135,6 +135,7 @@ class ModuleWatcher(Watcher):
                     place = (each.address[1] - 1) * each.bits + bit + 1
                     text = f"input {place} ({label(each.address)}, bit {bit}) changes {FLUTTER} times in a second"
                     self.bus.found(BusRule.INPUT_FLUTTERS, each.node.name, text, (each.address, bit))
+                    times.clear()  # told again after as many changes: each would cost more than the frame
 
     def _measured(self, time: float, each: MappedInput, value: int) -> None:
         """Notice that an analogue input comes to an end of its range, or leaves it."""
