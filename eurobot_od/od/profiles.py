@@ -6,7 +6,7 @@ values mean is in `words`, and the units in `units`: they are asked through `dic
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -180,15 +180,21 @@ def profile_shown(device_type: int, objects: Collection[int]) -> int:
 
 
 def object_of(profile: int, address: Address) -> ProfileObject | None:
-    """Return what a profile says of an object; without a profile, 0, what any of them says. None: nothing."""
+    """Return what a profile says of an object; without a profile, 0, what any of them says. None: nothing.
+
+    Of several profiles that counts which has the object with, or without, sub-indices; else the first one.
+    """
     index, sub = address
+    found = list(_named(profile, index))
+    return next((each for each in found if bool(each.members) is bool(sub)), found[0] if found else OF_ANY.get(index))
+
+
+def _named(profile: int, index: int) -> Iterator[ProfileObject]:
     for each in (profile,) if profile in PROFILES else PROFILES:
         first = cia402.on_first_axis(index) if each == cia402.PROFILE else index
-        found = PROFILES[each].get(first)
-        if found and bool(found.members) is bool(sub):
+        if found := PROFILES[each].get(first):
             axis = (index - first) // cia402.AXIS_STEP + 1
-            return found if axis == 1 else found._replace(name=f"{found.name} (axis {axis})")
-    return OF_ANY.get(index)
+            yield found if axis == 1 else found._replace(name=f"{found.name} (axis {axis})")
 
 
 @lru_cache
@@ -208,7 +214,7 @@ def device_type_text(profile: int) -> str:
 
 
 def _text(profile: int, index: int) -> str:
-    found = object_of(profile, (index, 0)) or object_of(profile, (index, 1))
+    found = object_of(profile, (index, 0))
     assert found
     if not found.members:
         return variable_text(f"{index:X}", found.name, found.type.code)

@@ -83,7 +83,7 @@ class ModuleWatcher(Watcher):
 
     def _transfer(self, meaning: Meaning) -> None:
         ended = meaning.transfer
-        if ended and ended.end and ended.address in ENABLES and ended.content is not None:
+        if ended and ended.end and ended.address and ended.address in ENABLES and ended.content is not None:
             self._enabled[ended.end.server, ended.address] = any(ended.content)
 
     def _message(self, inputs: Sequence[MappedInput], time: float, meaning: Meaning) -> None:
