@@ -15,7 +15,6 @@ from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownNam
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sarif, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
-from eurobot_od.lint.stack_rules import STACKS
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, foreign_network, is_xml
 from eurobot_od.od.values import Address
@@ -34,6 +33,7 @@ def _codes(text: str) -> tuple[str, ...]:
 def _rules(_: Plugin | None = None) -> Mapping[str, Rule]:
     """Return all rules by their codes."""
     from eurobot_od.lint.network import RULES  # costs what most files do not need
+    from eurobot_od.lint.stack_rules import STACKS
 
     of_stacks = (each for rules in STACKS.values() for each in rules)
     return {each.code: each for each in (*FILE_RULES, *RULES, *of_stacks)}
