@@ -15,6 +15,7 @@ import signal
 import sys
 import sysconfig
 import threading
+import time
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
 from pathlib import Path
@@ -199,7 +200,10 @@ PERIOD = 0.05
 """Seconds between two checks whether the loop has moved."""
 
 PATIENCE = 1.0
-"""How long a program may keep the loop from moving, in seconds of real time."""
+"""How long a program may keep the loop from moving: s that it computes, or waits at a line that is known to block."""
+
+STALLED = 30.0
+"""How long it may do so at any other line without computing, s: the disk may stall, the machine be loaded."""
 
 AGAIN = 0.002
 """Seconds from one try to end a program to the next."""
@@ -223,6 +227,10 @@ HINTS = (
     ),
     (re.compile(r"\.result\("), "nothing goes on while it waits for `.result()`, write `await` before the call"),
     (re.compile(r"\binput\("), "nobody can answer `input()` in a match"),
+    (
+        re.compile(r"^(?!.*\bawait\b).*(\.(wait|acquire)\(|\.join\(\)|\bsubprocess\.)"),
+        "nothing goes on while it waits for a thread or a program, await it in `asyncio.to_thread(...)`",
+    ),
 )
 """What to write instead of a line that blocks."""
 
@@ -283,8 +291,19 @@ def raise_in(thread: threading.Thread, kind: type[BaseException]) -> None:
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(kind))
 
 
+def cpu_time_of(thread: threading.Thread) -> Callable[[], float]:
+    """Return a clock of the CPU time of a running thread, in s; of real time, where the system does not count it."""
+    if not hasattr(time, "pthread_getcpuclockid"):
+        return time.monotonic
+    clock = time.pthread_getcpuclockid(thread.ident or 0)
+    return lambda: time.clock_gettime(clock)
+
+
 class Watchdog:
     """Watches the thread that enters this context; `has_moved` says whether anything happened since the last call.
+
+    A program hangs if it computes, or waits at a line that is known to block, for `PATIENCE`. While it does neither,
+    the machine lets it wait, for `STALLED` at most.
 
     `hang` is the line at which the program was ended, and what to write instead; empty if it did not hang. `warn` gets
     a line about each place that blocks for a shorter time.
@@ -324,17 +343,30 @@ class Watchdog:
         return True
 
     def _watch(self) -> None:
-        still = 0
+        cpu_time = cpu_time_of(self._watched)
+        still, moved_at = 0, cpu_time()
         while not self._ended.wait(PERIOD):
-            still = 0 if self._has_moved() else still + 1
-            if still * PERIOD >= PATIENCE:
+            if self._has_moved():
+                still, moved_at = 0, cpu_time()
+                continue
+            still += 1
+            # Before the loop is called still, a line may just take its time.
+            blocks = still > 1 and self._blocks()
+            waited = still * PERIOD  # not by a clock: a machine that is suspended lets nobody wait
+            if cpu_time() - moved_at >= PATIENCE or waited >= (PATIENCE if blocks else STALLED):
                 self._end_program()
-            elif still > 1 and (frame := self._program()) is not None:
-                where, line = place(frame)
-                # Only what is known to block: any other line may just take its time.
-                if hint(line) != IN_GENERAL and where not in self._warned:
-                    self._warned.add(where)
-                    self._report(f"{where}: `{line}` blocks: {hint(line)}")
+                still, moved_at = 0, cpu_time()
+
+    def _blocks(self) -> bool:
+        """Return whether the program is at a line that is known to block, and warn of it once."""
+        frame = self._program()
+        where, line = place(frame) if frame else ("", "")
+        if hint(line) == IN_GENERAL:
+            return False
+        if where not in self._warned:
+            self._warned.add(where)
+            self._report(f"{where}: `{line}` blocks: {hint(line)}")
+        return True
 
     def _end_program(self) -> None:
         if not self.hang:

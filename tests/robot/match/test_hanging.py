@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import gc
+import os
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from textwrap import dedent
+from types import FrameType
 
 import pytest
 
@@ -29,6 +32,9 @@ STOP = EurobotProtocol.load().cob_id(StopDrive)
 
 SOON = 2.0
 """Seconds of the computer's time in which a hanging strategy is ended, 0.3 s of which it has."""
+
+LONG = 30.0
+"""Longest wait for what has to come, s."""
 
 BUSY = 3.0
 """Seconds more for a computer that does something else as well."""
@@ -106,6 +112,52 @@ def test_a_blocking_sleep_is_told_by_name_with_what_to_write_instead(tmp_path: P
     assert summary.failure is None
     text = "`time.sleep(0.4)` blocks: time.sleep stops everything, write `await asyncio.sleep(0.4)`"
     assert told == [f"{tmp_path / 'mine.py'}:3: {text}"]
+
+
+@contextmanager
+def answered_late(pipe: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Make a file on a disk that stalls: its reader gets the word only after the watchdog has looked 20 times."""
+    looks, innermost, enough = 0, event_loop.innermost, threading.Event()
+
+    def counted(frame: FrameType | None) -> FrameType | None:
+        nonlocal looks
+        looks += 1
+        if looks == 20:
+            enough.set()
+        return innermost(frame)
+
+    def answer() -> None:
+        enough.wait(LONG)
+        pipe.write_text("go on", encoding="utf-8")
+
+    monkeypatch.setattr(event_loop, "innermost", counted)
+    os.mkfifo(pipe)
+    thread = threading.Thread(target=answer)
+    thread.start()
+    yield
+    thread.join(LONG)
+
+
+READS = "core.say(pathlib.Path(__file__).with_name('slow').read_text())\nawait core.goto(600, 1700, 90, 60)"
+
+
+@pytest.mark.posix
+@pytest.mark.usefixtures("_impatient")
+def test_a_strategy_that_waits_for_a_slow_file_is_not_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with answered_late(tmp_path / "slow", monkeypatch):
+        summary, events, *_ = play(write(tmp_path, READS))
+    assert summary.failure is None
+    assert [event.text for event in events if event.kind is EventKind.SAID] == ["go on"]
+
+
+@pytest.mark.posix
+@pytest.mark.usefixtures("_impatient")
+def test_one_that_waits_for_a_file_for_ever_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(event_loop, "STALLED", 0.5)
+    os.mkfifo(tmp_path / "slow")
+    summary, *_ = play(write(tmp_path, READS))
+    assert summary.failure is not None
+    assert "read_text()" in summary.failure
 
 
 @pytest.mark.usefixtures("_impatient")
