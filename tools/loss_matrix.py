@@ -1,13 +1,16 @@
 """Loses, delays and doubles messages, kills, reboots and freezes nodes in simulated matches: does the robot stand?
 
-Each cell of the matrix is a short match in which one thing goes wrong. What is measured:
+Each cell of the matrix is a short match in which one thing goes wrong: with a navigation that is there, that died
+before, or that sends heartbeats and no answers; and with a plan that tries again at once, or after 2 s. The plan drives
+at full speed from place to place, and stops some gotos on the way; nothing stands there, and the sensor stops nobody.
+What is measured:
 
 - *uncommanded*: how long, and how far, the robot moves while no living core has a goto under way, or the bus is off.
   Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
-- *off*: how far from its place the robot truly is when it has arrived: OFF_PLACE, or what the drive says of its place.
+- *off*: how far from its place the robot truly is when it has arrived, beyond what the drive says of its place.
 - *open calls*: calls of the core that have not ended when all is over. There must be none.
-- *went on*: whether another place was reached after it went wrong. Not every match can go on. After a pause without the
-  navigation it has to, or at least the robot drives on for DROVE_ON: by its wheels alone it may lose its way later.
+- *went on*: whether another place was reached after it went wrong. Not every match can go on (GOES_ON). Without the
+  navigation one that has driven on for DROVE_ON counts, too: by its wheels alone it may lose its way later.
 
 With `--live` the pauses without the navigation are tried in real time, on a bus in this process (live_network.py).
 
@@ -25,7 +28,8 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
-from itertools import product
+from itertools import cycle, product
+from random import Random
 from typing import Annotated, NamedTuple
 
 from environment import ROOT
@@ -38,17 +42,19 @@ from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summar
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
-from eurobot_od.errors import EurobotError
+from eurobot_od.errors import EurobotError, RemoteError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID
+from eurobot_od.pdo.kinds import field_name
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match import stage, strategy
+from eurobot_od.robot.match import stage
 from eurobot_od.robot.match.referee import Observer, Referee
 from eurobot_od.robot.model.messages import GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
-from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.model.values import Barriers, Obstacle, Outcome, Passage, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive
+from eurobot_od.robot.nodes.agreement import SdoClientParameter
 from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline, equip
@@ -59,17 +65,17 @@ FINE, WRONG = 0, 1
 BOUND = 3.0
 """Seconds within which a robot stands that nobody commands: the core's Standstill wait of 2 s, and braking."""
 
-OFF_PLACE = 50.0
-"""How far from its place, mm, the robot may truly be when it has arrived: more is a drive that has lost its way."""
-
 DEVIATIONS = 3
 """How many of the standard deviations that the drive tells the robot may be off."""
 
+TOLERANCE = 25.0
+"""How much farther, mm, an arrived robot may be from its place: what core (20) and drive (5) call arrived."""
+
 DROVE_ON = 1000.0
-"""How far a robot drives, mm, whose match goes on."""
+"""How far a robot drives, mm, whose match goes on without the navigation."""
 
 UNDATED = ("Navi Position Request", "Navi Position Response")
-"""Positions say nothing about their time: if they are all late, the drive cannot know, and without them it drifts."""
+"""Positions say nothing about their time: if they are all late, the drive cannot know."""
 
 DURATION = 20.0
 """Seconds of a match: enough for several gotos and stops."""
@@ -88,24 +94,31 @@ FROZEN = 5.0
 OFF = 1.0
 """Seconds that a node hangs, and that the bus is off."""
 
-TIMES = 200
-"""At how many times of the match a node is lost."""
+TIMES = 10
+"""At how many moments of a match the same thing goes wrong."""
 
 AFTERWARDS = 12.0
 """Seconds after the match in which everything has to end: a node check alone waits for 10 s."""
 
 NEVER = 1 << 30
 
+# What goes wrong
+
 DELAYS = {"1 ms late": 0.001, "20 ms late": 0.02, "0.5 s late": 0.5, "2 s late": 2.0}
 LOST = {"lost once": 1, "lost 3 times": 3, "lost for ever": NEVER}
 DOUBLED = "doubled"
 MESSAGE_FATES = (*LOST, *DELAYS, DOUBLED)
-NODE_FATES = ("killed", "rebooted", "frozen 5 s")
+KILLED, REBOOTED, CHANGED = "killed", "rebooted", "rebooted in another dialect"
+HANGS = "frozen 5 s"
+NODE_FATES = (KILLED, REBOOTED, HANGS, CHANGED)
+MIXED = "in another dialect"
+"""A node has the files of another dialect from the start."""
+
 BUS, BUS_FATE = "bus", "off 1 s"
-PAUSES = {f"pause {seconds:g} s, navigation dead": seconds for seconds in (0.2, 0.5, 1.0, 2.0, 3.0, 5.0)}
-"""What core, drive or bus do after the navigation has died: only the drive knows the place then, and the match has to
-go on. With a pause of 1 s the drive gives up its goto, and the core only hears of no goto. One of 3 s may end
-in Emergency Shutdown, after which a start configuration has to come, in which the drive keeps its place."""
+PAUSES = {f"pause {seconds:g} s": seconds for seconds in (0.2, 0.5, 1.0, 2.0, 3.0, 5.0)}
+"""What core, drive or bus do. Without the navigation only the drive knows the place then, and the match has to go on.
+With a pause of 1 s the drive gives up its goto, and the core only hears of no goto. One of 3 s may end in Emergency
+Shutdown, after which a start configuration has to come, in which the drive keeps its place."""
 
 RESETS = {"reset": 1, "reset all": 0}
 """NMT resets, and whom they are for: the core alone, or every node."""
@@ -116,30 +129,39 @@ SECOND = "second core"
 STRAY = "stray"
 """Somebody else sends the message once."""
 
-DEAD = ", navigation dead"
-"""The navigation has died before."""
+ORDERED = "goto by SDO"
+"""Somebody else writes a goto to the drive."""
 
-BEGINNINGS = (*RESETS, SECOND, *(each + DEAD for each in (*RESETS, "rebooted", SECOND)))
-"""What happens to the core, with the navigation alive and dead; `NODE_FATES` has its reboot with a living one."""
-
-GOES_ON = (*PAUSES, "reset", "reset" + DEAD, "rebooted" + DEAD)
-"""After this the match has to go on: the drive remembers what the core has forgotten."""
+GOES_ON = (*PAUSES, "reset", STRAY, ORDERED)
+"""After this the match has to go on, and after a reboot of the core: the drive remembers what that has forgotten."""
 
 STRANGER = 9
 """The node-ID of who sends what nobody expects."""
 
-FREEZES = {"frozen 5 s": FROZEN, **PAUSES}
+FREEZES = {HANGS: FROZEN, **PAUSES}
 """How long a node hangs that is itself again afterwards."""
 
-NAVIGATION_DIES = 1.0
 PAUSE_FROM, PAUSE_UNTIL = 4.0, 12.0
-"""When the navigation dies, and between which times the pauses begin, in seconds of the match."""
+"""Between which times of the match what has to go on goes wrong, in s; stray messages come in each phase of it."""
+
+# What else is so
+
+ALIVE, DEAD, SILENT = "alive", "dead", "silent"
+NAVIGATIONS = (ALIVE, DEAD, SILENT)
+"""The navigation: it answers; it has died before; it sends heartbeats, and no answers since then."""
+
+NAVIGATION_DIES = 1.0
+"""When the navigation dies, or falls silent, in seconds of the match."""
+
+AT_ONCE, LATER = 0.05, 2.0
+"""Seconds after which the plan goes on behind a goto that has not arrived."""
 
 
 class Cell(NamedTuple):
     """What goes wrong: a message, a node or the bus, how, and when in seconds since power-on (a message: from then).
 
-    A `live` one is tried in real time.
+    Besides: what the `navigation` is like, and after how many seconds the plan tries again. A `live` one is tried in
+    real time.
     """
 
     what: str
@@ -147,7 +169,17 @@ class Cell(NamedTuple):
     time: float = 0.0
     seed: int = 1
     dialect: str = dialects.DEFAULT
+    navigation: str = ALIVE
+    again: float = LATER
     live: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.how}, navigation {self.navigation}, again after {self.again:g} s"
+
+    @property
+    def has_to_go_on(self) -> bool:
+        """Whether the match has to go on."""
+        return self.how in GOES_ON or (self.what, self.how) == ("core", REBOOTED)
 
 
 class Result(NamedTuple):
@@ -184,10 +216,43 @@ class Watched:
         return odometry
 
 
+# The plan
+
+SPEED = 100
+"""Per cent: at full speed the robot rolls farthest."""
+
+PLACES = ((700, 1650, 0), (1500, 1250, 270), (2400, 1650, 180), (1500, 500, 90))
+AVOIDED = Barriers.of(dict.fromkeys(range(1, 9), Passage.NORMAL))
+STOPPED_EACH, STOPPED_AFTER = 3, 0.7
+"""Which gotos are stopped on the way, and when, in s."""
+
+
+async def plan(core: Core, again: float) -> None:
+    """Drive from place to place for ever; stop some gotos on the way, and go on after whatever went wrong."""
+    for number, place in enumerate(cycle(PLACES), 1):
+        try:
+            if core.shut_down:
+                await core.recover()
+            going = core.goto(*place, SPEED, AVOIDED)
+            if number % STOPPED_EACH == 0:
+                await asyncio.sleep(STOPPED_AFTER)
+                await (core.stop() if number % 2 else core.emergency_stop(Obstacle.ENEMY))
+            if (await going).outcome is Outcome.ARRIVED:
+                continue
+        except (RemoteError, StateError):
+            pass
+        await asyncio.sleep(again)
+
+
 @cache
 def files(dialect: str) -> stage.EdsFiles:
     """Return the EDS files of a dialect, read once in each process."""
     return stage.EdsFiles.read(MatchOptions(dialect=dialect))
+
+
+def other(dialect: str) -> str:
+    """Return another dialect."""
+    return next(each for each in dialects.names() if each != dialect)
 
 
 class Trial:
@@ -195,20 +260,24 @@ class Trial:
 
     def __init__(self, cell: Cell) -> None:
         self.cell, self.files = cell, files(cell.dialect)
-        emergency = MUSHROOM_AT if cell.what == MUSHROOM else None
-        # Judged is what is lost, and not what beacons take for something else or who pushes whom.
-        self.duration = 2 * DURATION if cell.how in GOES_ON else DURATION  # there must be time to go on
+        self.changed = files(other(cell.dialect)).dictionaries
+        # Judged is what is lost, and not what beacons take for something else or who stands in the way.
+        self.duration = 2 * DURATION if cell.has_to_go_on else DURATION  # there must be time to go on
         self.options = MatchOptions(
             seed=cell.seed,
             duration=self.duration,
-            emergency_at=emergency,
+            emergency_at=MUSHROOM_AT if cell.what == MUSHROOM and cell.how != STRAY else None,
             dialect=cell.dialect,
             errors=NOISE_ONLY,
             solid=False,
+            settings=(("core.Obstacle.Stop distance", "0"),),
         )
         self.network: Simulation | LiveNetwork = LiveNetwork() if cell.live else Simulation()
         self.world = World(self.options, self._clock)
-        _, nodes = stage.cast_for(self.options, self.files, self.world)
+        has = {**self.files.dictionaries}
+        if cell.how == MIXED:
+            has[cell.what] = self.changed[cell.what]
+        _, nodes = stage.cast_for(self.options, self.files._replace(dictionaries=has), self.world)
         self.nodes: dict[str, Node] = {node.name: node for node in nodes}
         self.stations: dict[str, Station] = {}
         self.wheels = Watched(self.world, self.drive.chassis, self._is_commanded)
@@ -216,20 +285,18 @@ class Trial:
         for node in nodes:
             self._attach(node, stage.BOOT_TIMES[node.name])
         self.stranger = Node(Dictionary.load(ROOT / "docs" / "io.eds", STRANGER))
-        if self._cause in (*RESETS, STRAY):
+        if cell.how in (*RESETS, STRAY, ORDERED):
             self.network.attach(self.stranger, 0.0, 0.0)
+        if isinstance(self.network, Simulation):
+            self.network.disturb = self._disturb
+        self.silent_from = float("inf")
+        self.seen = 0
         self.off_until = 0.0
         self.without_core = False
         self.reached: list[float] = []
         self.driven_before = 0.0
-        self.last = ""
-        self.off = 0.0
+        self.last = self.off = ""
         self.playing: asyncio.Task[None] | None = None
-
-    @property
-    def _cause(self) -> str:
-        """What goes wrong, without what became of the navigation before."""
-        return self.cell.how.removesuffix(DEAD)
 
     def _clock(self) -> float:
         return self.network.now
@@ -255,30 +322,43 @@ class Trial:
 
     # What goes wrong
 
-    def _spoil_message(self) -> None:
-        cob_id, seen = self.files.protocol.cob_id(self.cell.what), 0
-        assert isinstance(self.network, Simulation)
+    def _disturb(self, now: float, frame: Frame) -> Sequence[float]:
+        """Say when a frame reaches the nodes."""
+        if now >= self.silent_from and frame.cob_id in self._answers_of_navigation:
+            return ()
+        how = self.cell.how
+        if how not in MESSAGE_FATES or frame.cob_id != self._cob_id or now < self.cell.time:
+            return ON_TIME
+        self.seen += 1
+        if how in LOST:
+            return () if self.seen <= LOST[how] else ON_TIME
+        return (DELAYS[how],) if how in DELAYS else (0.0, 0.001)
 
-        def disturb(_: float, frame: Frame) -> Sequence[float]:
-            nonlocal seen
-            if frame.cob_id != cob_id or self.network.now < self.cell.time:
-                return ON_TIME
-            seen += 1
-            if self.cell.how in LOST:
-                return () if seen <= LOST[self.cell.how] else ON_TIME
-            return (DELAYS[self.cell.how],) if self.cell.how in DELAYS else (0.0, 0.001)
+    @property
+    def _cob_id(self) -> int:
+        return self.files.protocol.cob_id(self.cell.what)
 
-        self.network.disturb = disturb
+    @property
+    def _answers_of_navigation(self) -> set[int]:
+        # The drive confirms under the same identifier, but never so that one of the two frames could be told apart.
+        return {each.cob_id for each in self.files.protocol.bindings if [*each.senders] == ["navigation"]}
+
+    def _lose_navigation(self) -> None:
+        if self.cell.navigation == DEAD:
+            self.network.detach(self.stations["navigation"])
+        elif self.cell.navigation == SILENT:
+            self.silent_from = self.network.now
 
     def _go_wrong(self) -> None:
         how, now = self.cell.how, self.network.now
         self.driven_before = self.wheels.driven
-        if self._cause == SECOND:
+        if how == SECOND:
             self.network.attach(Core(self.files.dictionaries["core"]), now, processing_time(self.cell.seed, SECOND))
-        elif self._cause in RESETS:
-            self.stranger.put(Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, RESETS[self._cause]])))
-        elif self._cause == STRAY:
-            self.stranger.put(self._stray_frame())
+        elif how in RESETS:
+            self.stranger.put(Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, RESETS[how]])))
+        elif how in (STRAY, ORDERED):
+            for each in [self._stray_frame()] if how == STRAY else self._orders():
+                self.stranger.put(each)
         elif self.cell.what == BUS:
             self.off_until = now + PAUSES.get(how, OFF)
             self.network.cut(self.off_until)
@@ -287,25 +367,41 @@ class Trial:
             self.network.freeze(self.stations[self.cell.what], end)
             self._miss_core_until(end)
         else:
-            self.network.detach(self.stations[self.cell.what])
-            self._miss_core_until(now + BOOTING if self._cause == "rebooted" else float("inf"))
-            if self._cause == "rebooted":
-                role, dictionary = ROLES[self.cell.what], self.files.dictionaries[self.cell.what]
-                node = role(dictionary)
-                equip([node], self.world.vehicle(), self.options.errors, f"{self.cell.seed} again")
-                if isinstance(node, Drive):
-                    node.chassis = self.wheels
-                self._attach(node, now + BOOTING)
+            self._end_node()
+
+    def _end_node(self) -> None:
+        """Kill a node, or have it boot again."""
+        name, how, now = self.cell.what, self.cell.how, self.network.now
+        self.network.detach(self.stations[name])
+        self._miss_core_until(float("inf") if how == KILLED else now + BOOTING)
+        if how == KILLED:
+            return
+        found = self.changed if how == CHANGED else self.files.dictionaries
+        node = ROLES[name](found[name], store=stage.stores(self.options.settings, found)[name])
+        equip([node], self.world.vehicle(), self.options.errors, f"{self.cell.seed} again")
+        if isinstance(node, Drive):
+            node.chassis = self.wheels
+        self._attach(node, now + BOOTING)
 
     def _stray_frame(self) -> Frame:
         """Return a frame of the message: a goto to the middle, our own team's start; zeros in every other one."""
         protocol = self.files.protocol
-        commands = (GotoXY(1500, 1000, 0, 50), StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0))
-        for each in commands:
+        for each in (STRAY_GOTO, StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0)):
             if self.cell.what == protocol.name(type(each)):
                 return protocol.encode(each)
         binding = protocol.binding(self.cell.what)
         return Frame(binding.cob_id, binding.pack(dict.fromkeys(binding.layout.fields, 0)))
+
+    def _orders(self) -> Iterator[Frame]:
+        """Yield the SDO requests that write a goto to the drive."""
+        channel, drive = SdoClientParameter.to("drive", self.core.device), self.files.dictionaries["drive"]
+        _, raw = self.files.protocol.unpack(*self.files.protocol.encode(STRAY_GOTO))
+        index = drive.data_index("Goto XY")
+        assert channel is not None
+        assert index is not None
+        for variable in drive.members[index].values():
+            if (field := field_name(variable.name)) in raw:
+                yield channel.order(drive, f"Goto XY.{variable.name}", raw[field])
 
     def _miss_core_until(self, time: float) -> None:
         if self.cell.what != "core":
@@ -314,11 +410,11 @@ class Trial:
         if time < float("inf"):
             asyncio.get_running_loop().call_later(time - self.network.now, self._core_is_back)
         if self.cell.how not in FREEZES and self.playing is not None:
-            self.playing.cancel()  # the strategy is part of the program that has died
+            self.playing.cancel()  # the plan is part of the program that has died
 
     def _core_is_back(self) -> None:
         self.without_core = False
-        if self._cause == "rebooted":
+        if self.cell.how not in FREEZES:
             self.playing = asyncio.ensure_future(self._play(BEGIN + self.duration - self.network.now))
 
     # The match
@@ -329,26 +425,23 @@ class Trial:
         with suppress(EurobotError):  # a match that cannot be played has an end, too
             timeline = Timeline(self._clock, self._told)
             Observer(self.core, timeline, lambda: self.world.robot)
-            await Referee(self.core, options, timeline, lambda: self.world.robot).play(strategy.play)
+            referee = Referee(self.core, options, timeline, lambda: self.world.robot)
+            await referee.play(lambda core: plan(core, self.cell.again))
 
     def _told(self, event: MatchEvent) -> None:
         if event.kind in (EventKind.GIVEN_UP, EventKind.FAILED):
             self.last = event.text
         if event.kind is EventKind.ARRIVED:
             self.reached.append(event.time)
-            # A drive that says that it knows its place badly has not called anything a good arrival.
-            if event.data["distance"] > DEVIATIONS * (event.data["deviation"] or 0):
-                self.off = max(self.off, event.data["distance"])
+            distance, deviation = event.data["distance"], event.data["deviation"] or 0
+            if distance > TOLERANCE + DEVIATIONS * deviation and self.cell.what not in UNDATED:
+                self.off = f"arrived {distance:.0f} mm off, says {deviation} mm, at {event.time:.2f} s"
 
     async def _run(self) -> bool:
         """Play the match, have it go wrong, and tell whether everything has ended in time."""
         self.playing = asyncio.ensure_future(self._play(self.duration))
-        if self.cell.how in MESSAGE_FATES:
-            self._spoil_message()
-        else:
-            if self.cell.how in PAUSES or self.cell.how.endswith(DEAD):
-                await asyncio.sleep(BEGIN + NAVIGATION_DIES)
-                self.network.detach(self.stations["navigation"])
+        asyncio.get_running_loop().call_later(BEGIN + NAVIGATION_DIES, self._lose_navigation)
+        if self.cell.how not in (*MESSAGE_FATES, MIXED):
             await asyncio.sleep(self.cell.time - self.network.now)
             self._go_wrong()
         await asyncio.sleep(BEGIN + self.duration + AFTERWARDS - self.network.now)
@@ -356,21 +449,25 @@ class Trial:
 
     def result(self) -> Result:
         """Try the cell."""
-        network = self.network
+        cell, network = self.cell, self.network
         ended = network.run(self._run()) if isinstance(network, LiveNetwork) else loop.run(network, self._run())
-        killed = self.cell.what if self.cell.how == "killed" else None
+        killed = cell.what if cell.how == KILLED else None
         wrong = {
             "moves at the end": killed != "drive" and self.wheels.moving,
             f"uncommanded for {self.wheels.seconds:.2f} s": self.wheels.seconds > BOUND,
-            f"arrived {self.off:.0f} mm off": self.off > OFF_PLACE and self.cell.what not in UNDATED,
+            self.off: bool(self.off),
             "the match does not end": not ended,
             f"{self.core.open_calls} open calls": killed != "core" and self.core.open_calls > 0,
         }
-        went_on = any(time > self.cell.time for time in self.reached)
-        drove_on = went_on or self.wheels.driven - self.driven_before > DROVE_ON
-        wrong[f"the match does not go on: {self.last}"] = self.cell.how in GOES_ON and not drove_on
+        went_on = any(time > cell.time for time in self.reached)
+        drove_on = cell.navigation != ALIVE and self.wheels.driven - self.driven_before > DROVE_ON
+        stuck = cell.has_to_go_on and cell.time < BEGIN + DURATION and not (went_on or drove_on)
+        wrong[f"the match does not go on: {self.last}"] = stuck
         text = "; ".join(text for text, is_so in wrong.items() if is_so)
-        return Result(self.cell, self.wheels.seconds, self.wheels.distance, went_on, text)
+        return Result(cell, self.wheels.seconds, self.wheels.distance, went_on, text)
+
+
+STRAY_GOTO = GotoXY(1500, 1000, 0, 50)
 
 
 def attempt(cell: Cell) -> Result:
@@ -381,23 +478,32 @@ def attempt(cell: Cell) -> Result:
 # Which cells
 
 
-def cells(dialect: str, times: int) -> Iterator[Cell]:
-    """Give all cells of a dialect, in the order of the table; a node is lost at each of the `times` of a match."""
-    for name in files(dialect).protocol.names():
-        yield from (Cell(name, how, dialect=dialect) for how in MESSAGE_FATES)
-    losses = [(node, how) for node in ROLES for how in NODE_FATES]
-    for what, how in (*losses, (BUS, BUS_FATE)):
-        for number in range(times):
-            yield Cell(what, how, BEGIN + DURATION * number / times, number + 1, dialect)
-    span = PAUSE_UNTIL - PAUSE_FROM
-    strange = [("core", how) for how in BEGINNINGS]
-    strange += [(name, STRAY + dead) for name in files(dialect).protocol.names() for dead in ("", DEAD)]
-    for what, how in strange:
-        for number in range(times):
-            yield Cell(what, how, BEGIN + PAUSE_FROM + span * number / times, number + 1, dialect)
-    for what, how in product(("core", "drive", BUS), PAUSES):
-        for number in range(times):
-            yield Cell(what, how, BEGIN + PAUSE_FROM + span * number / times, number + 1, dialect)
+def cells(dialect: str, times: int, seed: int = 1) -> Iterator[Cell]:
+    """Give all cells of a dialect, in the order of the table; what happens in a match, at `times` moments of it."""
+    variants = list(product(NAVIGATIONS, (AT_ONCE, LATER)))
+    for what, how, begin, end in causes(dialect):
+        chance = Random(f"{seed} {what} {how}")
+        for number in range(1 if begin == end else times):
+            time = round(BEGIN + chance.uniform(begin, end), 3)
+            for navigation, again in variants[: 1 if how == MIXED else None]:
+                yield Cell(what, how, 0.0 if begin == end else time, seed + number, dialect, navigation, again)
+
+
+Cause = tuple[str, str, float, float]
+"""What goes wrong, how, and between which times of the match, in s; twice the same time for what is so all the time."""
+
+
+def causes(dialect: str) -> Iterator[Cause]:
+    """Give all causes."""
+    names = files(dialect).protocol.names()
+    yield from ((name, how, 0.0, 0.0) for name, how in product(names, MESSAGE_FATES))
+    yield from ((name, MIXED, 0.0, 0.0) for name in ROLES)
+    losses = (*product(ROLES, NODE_FATES), (BUS, BUS_FATE))
+    yield from ((what, how, 0.0, DURATION) for what, how in losses if (what, how) != ("core", REBOOTED))
+    goes_on = (*product(("core", "drive", BUS), PAUSES), ("core", REBOOTED), *product(["core"], (*RESETS, SECOND)))
+    yield from ((what, how, PAUSE_FROM, PAUSE_UNTIL) for what, how in (*goes_on, ("drive", ORDERED)))
+    # Before the start, on the way, and after the match.
+    yield from ((name, STRAY, 0.1 - BEGIN, 2 * DURATION + 1.0) for name in names)
 
 
 # The table
@@ -405,20 +511,24 @@ def cells(dialect: str, times: int) -> Iterator[Cell]:
 
 def table(results: Iterable[Result]) -> Iterator[str]:
     """Write the results as two tables: a row for each message, and a row for each loss of a node or the bus."""
-    rows: dict[str, dict[str, list[Result]]] = {}
-    for each in results:
-        rows.setdefault(each.cell.what, {}).setdefault(each.cell.how, []).append(each)
-    spoiled = {what: fates for what, fates in rows.items() if fates.keys() & {*MESSAGE_FATES}}
+    found = list(results)
     yield f"| message | {' | '.join(MESSAGE_FATES)} |"
     yield "|---" * (1 + len(MESSAGE_FATES)) + "|"
-    for what, fates in spoiled.items():
-        yield f"| {what} | {' | '.join(_figures(fates.get(how, ())) for how in MESSAGE_FATES)} |"
+    spoiled = [each for each in found if each.cell.how in MESSAGE_FATES]
+    for what in dict.fromkeys(each.cell.what for each in spoiled):
+        own = [each for each in spoiled if each.cell.what == what]
+        yield f"| {what} | {' | '.join(_figures([e for e in own if e.cell.how == how]) for how in MESSAGE_FATES)} |"
     yield ""
-    yield "| lost | matches | worst | matches that went on |"
-    yield "|---|---|---|---|"
-    for what, fates in rows.items():
-        for how, found in ((how, found) for how, found in fates.items() if how not in MESSAGE_FATES):
-            yield f"| {what} {how} | {len(found)} | {_figures(found)} | {sum(each.went_on for each in found)} |"
+    yield f"| cause | {' | '.join(f'navigation {each}' for each in NAVIGATIONS)} |"
+    yield "|---" * (1 + len(NAVIGATIONS)) + "|"
+    rows: dict[str, list[Result]] = {}
+    for each in found:
+        if each.cell.how not in MESSAGE_FATES:
+            name = "any message, stray" if each.cell.how == STRAY else f"{each.cell.what} {each.cell.how}"
+            rows.setdefault(name, []).append(each)
+    for name, own in rows.items():
+        parts = ([each for each in own if each.cell.navigation == navigation] for navigation in NAVIGATIONS)
+        yield f"| {name} | {' | '.join(map(_with_counts, parts))} |"
 
 
 def _figures(results: Sequence[Result]) -> str:
@@ -427,6 +537,10 @@ def _figures(results: Sequence[Result]) -> str:
         return ""
     seconds, distance = max(each.seconds for each in results), max(each.distance for each in results)
     return f"{seconds:.2f} s, {distance:.0f} mm" + "*" * (not any(each.went_on for each in results))
+
+
+def _with_counts(results: Sequence[Result]) -> str:
+    return f"{_figures(results)}; {sum(each.went_on for each in results)} of {len(results)}" if results else ""
 
 
 def in_one_line(results: Sequence[Result]) -> str:
@@ -442,22 +556,23 @@ def in_one_line(results: Sequence[Result]) -> str:
 def run_all(
     *,
     dialect: Annotated[str, f"EDS files (default: {dialects.DEFAULT})"] = dialects.DEFAULT,
-    times: Annotated[int, Option(metavar="N"), f"times of a match (default: {TIMES})"] = TIMES,
+    times: Annotated[int, Option(metavar="N"), f"moments of a match (default: {TIMES})"] = TIMES,
+    seed: Annotated[int, "of the moments and the matches (default: 1)"] = 1,
     only: Annotated[str, Option(metavar="TEXT"), "only cells whose name has this in it"] = "",
     live: Annotated[bool, "the pauses without the navigation, in real time"] = False,
     campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
 ) -> int:
     """Lose messages and nodes in matches, see that the robot stands; print table, what is wrong, and figures."""
-    chosen = [each for each in cells(dialect, times) if only in f"{each.what} {each.how}"]
+    chosen = [each for each in cells(dialect, times, seed) if only in str(each)]
     if live:
-        chosen = [each._replace(live=True) for each in chosen if each.how in PAUSES]
-    kept = campaign.kept(Result, lambda: {"campaign": "losses", "dialect": dialect})
+        chosen = [each._replace(live=True) for each in chosen if each.how in PAUSES and each.navigation == DEAD]
+    kept = campaign.kept(Result, lambda: {"campaign": "losses", "dialect": dialect, "seed": seed, "times": times})
     with campaign.workers(len(chosen)) as workers:
         results = list(counted(in_blocks(attempt, chosen, workers, kept), len(chosen), "cells", workers))
     print(*table(results), sep="\n")
     print()
     wrong = [each for each in results if each.wrong]
-    print(*(f"{each.cell.what} {each.cell.how} at {each.cell.time:.2f} s: {each.wrong}" for each in wrong), sep="\n")
+    print(*(f"{each.cell} at {each.cell.time:.3f} s, seed {each.cell.seed}: {each.wrong}" for each in wrong), sep="\n")
     print(in_one_line(results))
     return WRONG if wrong else FINE
 

@@ -4,35 +4,38 @@ from __future__ import annotations
 
 import loss_matrix
 import pytest
-from loss_matrix import BOUND, Cell
+from loss_matrix import AT_ONCE, BOUND, DEAD, SILENT, Cell
 
 from eurobot_od.device.timers import START, Script
 from eurobot_od.robot import dialects
-from eurobot_od.robot.nodes import Core, Drive
-from tests.rows import rows
+from eurobot_od.robot.nodes import Core, Drive, flows
 
 KINDS = (
     Cell("Emergency Stop", "lost for ever"),
-    Cell("Stop Drive", "lost 3 times"),
-    Cell("Goto Confirm", "lost for ever"),
-    Cell("Goto XY", "2 s late"),
+    Cell("Stop Drive", "lost 3 times", navigation=SILENT),
+    Cell("Goto Confirm", "lost for ever", again=AT_ONCE),
+    Cell("Goto XY", "2 s late", navigation=DEAD),
     Cell("Goto State Response", "lost 3 times"),
     Cell("Start Configuration Confirm", "doubled"),
     Cell("core", "killed", 5.0),
-    Cell("core", "rebooted", 5.0),
+    Cell("core", "rebooted", 5.0, navigation=SILENT, again=AT_ONCE),
     Cell("core", "frozen 5 s", 5.0),
-    Cell("drive", "rebooted", 5.0),
+    Cell("drive", "rebooted", 5.0, navigation=DEAD),
+    Cell("drive", "rebooted in another dialect", 5.0),
+    Cell("navigation", "in another dialect"),
     Cell("navigation", "frozen 5 s", 9.0),
     Cell("bus", "off 1 s", 5.0),
-    Cell("core", "reset, navigation dead", 8.0),
+    Cell("core", "reset", 8.0, navigation=DEAD, again=AT_ONCE),
     Cell("core", "second core", 8.0),
-    Cell("Start Configuration Set", "stray, navigation dead", 8.0),
+    Cell("drive", "goto by SDO", 8.0, navigation=DEAD, again=AT_ONCE),
+    Cell("Start Configuration Set", "stray", 8.0, navigation=DEAD, again=AT_ONCE),
+    Cell("Emergency Shutdown", "stray", 1.0),
 )
 
 
 @pytest.mark.long
-@rows("dialect", dialects.names())
-@rows("cell", KINDS)
+@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize("cell", KINDS, ids=map(str, KINDS))
 def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
     result = loss_matrix.attempt(cell._replace(dialect=dialect))
     assert result.wrong == ""
@@ -41,7 +44,13 @@ def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
 
 def test_every_message_and_every_loss_has_its_cells() -> None:
     cells = list(loss_matrix.cells(dialects.DEFAULT, 3))
-    assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3 + 3 * 6 * 3 + (7 + 23 * 2) * 3
+    causes = 3 * 4 + 1 + 3 * 6 + 4 + 23
+    assert len(cells) == len(set(cells)) == 6 * (23 * 8 + causes * 3) + 3
+
+
+def test_another_seed_gives_other_moments() -> None:
+    first, second = ([each.time for each in loss_matrix.cells(dialects.DEFAULT, 2, seed)] for seed in (1, 2))
+    assert first != second
 
 
 def test_a_core_that_asks_nobody_after_a_reset_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,7 +58,15 @@ def test_a_core_that_asks_nobody_after_a_reset_is_seen(monkeypatch: pytest.Monke
         yield START
 
     monkeypatch.setattr(Core, "_recall", nothing)
-    assert "does not go on" in loss_matrix.attempt(Cell("core", "reset, navigation dead", 8.0)).wrong
+    assert "does not go on" in loss_matrix.attempt(Cell("core", "reset", 8.0, navigation=DEAD)).wrong
+
+
+def test_a_drive_that_begins_anew_at_a_stray_start_configuration_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the navigation it would believe that it is at its start place, and the core would believe it."""
+    monkeypatch.setattr(Drive, "_keeps_place", lambda _: False)
+    monkeypatch.setattr(Core, "_find_place", lambda core, *_: flows.drive_position(core))
+    stray = Cell("Start Configuration Set", "stray", 8.0, navigation=DEAD, again=AT_ONCE)
+    assert "arrived" in loss_matrix.attempt(stray).wrong
 
 
 def test_a_match_goes_on_after_the_drive_was_frozen() -> None:
@@ -58,7 +75,7 @@ def test_a_match_goes_on_after_the_drive_was_frozen() -> None:
 
 @pytest.mark.long
 def test_a_match_goes_on_in_real_time_after_the_core_hung_without_a_navigation() -> None:
-    assert loss_matrix.attempt(Cell("core", "pause 1 s, navigation dead", 7.0, live=True)).wrong == ""
+    assert loss_matrix.attempt(Cell("core", "pause 1 s", 7.0, navigation=DEAD, live=True)).wrong == ""
 
 
 def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,5 +85,6 @@ def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.Monkey
 
 
 def test_the_exit_status_and_the_last_line_tell_how_it_went(capsys: pytest.CaptureFixture[str]) -> None:
-    assert loss_matrix.main(["--times", "1", "--only", "bus off", "--jobs", "1"]) == loss_matrix.FINE
+    only = "bus off 1 s, navigation alive, again after 2 s"
+    assert loss_matrix.main(["--times", "1", "--only", only, "--jobs", "1"]) == loss_matrix.FINE
     assert capsys.readouterr().out.splitlines()[-1].startswith("1 cells, 0 wrong; uncommanded for ")
