@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
-from eurobot_od.cli import ExitStatus, complain
+from eurobot_od import loading
+from eurobot_od.cli import ExitStatus, RobotName, complain
 from eurobot_od.cli.options import BusOptions, Json, OneDevice, check_node_id, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName, look_up
@@ -92,12 +93,13 @@ def lint(
     fix: bool = False,
     output: Annotated[str | None, Option("-o", metavar="FILE", is_file=True)] = None,
     explain: Annotated[str | None, Option(metavar="CODE", suggest=_rules)] = None,
+    robot_name: RobotName = None,
 ) -> ExitStatus:
     """Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network.
 
     Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
 
-    files: EDS, DCF, XDD, XDC or a folder; with --network also a network file
+    files: EDS, DCF, XDD, XDC or a folder; with --network also a network file; left out: those of the --robot
     network: check the files as the nodes of one network
     stack: check also what this stack asks of the object dictionary that it is compiled with
     fix: rewrite the files in the normal form that every tool reads, and list the changes
@@ -106,13 +108,15 @@ def lint(
 
     $ lint motor.eds
     $ lint --fix motor.eds -o better.eds
+    $ lint --robot mine
     """
     report.check()
     if explain:
         print(explanation(explain.upper()))
         return ExitStatus.FINE
+    files = files or _of_robot(loading.named(robot_name), network)
     if not files:
-        raise LocalError("no files to check: name EDS, DCF or XDD files, or folders of them")
+        raise LocalError("no files to check: name EDS, DCF or XDD files, folders of them, or a --robot")
     if fix:  # one by one: a whole folder is not rewritten by mistake
         return _fix(files, output)
     unreadable: list[DictionaryError] = []
@@ -121,6 +125,16 @@ def lint(
     for each in unreadable:
         complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status
+
+
+def _of_robot(robot: Plugin | None, as_network: bool) -> list[str]:
+    """Return the files of a robot: the EDS files of all its dialects, or its network file."""
+    if robot is None:
+        return []
+    network = robot.dialects.network_file()
+    if as_network and network:
+        return [str(network)]
+    return [str(robot.dialects.folder(each)) for each in robot.dialects.names()]
 
 
 def _in_folders(paths: Sequence[str]) -> list[str]:

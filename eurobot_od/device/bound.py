@@ -173,8 +173,8 @@ SHORTEST_PERIOD = 0.001
 
 ValueT = TypeVar("ValueT")
 
-NumberOf: TypeAlias = Callable[[str], int]
-"""Gives the number in a setting, by its ParameterNames, `Record.Member`."""
+NumberOf: TypeAlias = Callable[[str], Any]
+"""Gives the number in a setting, by its ParameterNames, `Record.Member`: an int, or a float of a REAL."""
 
 
 class Setting(Generic[ValueT]):
@@ -194,7 +194,7 @@ class Setting(Generic[ValueT]):
 
 
 def setting(name: str) -> Setting[int]:
-    """A number, as it is in the object."""
+    """A number, as it is in the object: of a REAL32 a float."""
     return Setting([name], lambda number: number(name))
 
 

@@ -271,7 +271,7 @@ def preset(setting: str, value: int) -> Mixin:
     """Have a setting another value than the object dictionary says."""
 
     class Preset(Node):
-        def setting(self, name: str) -> int:
+        def setting(self, name: str) -> float:
             return value if name == setting else super().setting(name)
 
     return Preset

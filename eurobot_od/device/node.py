@@ -284,12 +284,12 @@ class Node:
 
     # What it does with messages
 
-    def setting(self, name: str) -> int:
+    def setting(self, name: str) -> float:
         """Return the number that a setting has now, by its ParameterNames; a node's class has them as attributes.
 
-        Raises DictionaryError.
+        It is an int, but of a REAL. Raises DictionaryError.
         """
-        return self.device.number(self._addresses.get(name) or self.device.dictionary.address(name))
+        return self.device.objects.quantity(self._addresses.get(name) or self.device.dictionary.address(name))
 
     def handle(self, message: Message) -> None:
         """Take in a message, and act on it if it can be believed and the node does not refuse it.

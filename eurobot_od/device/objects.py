@@ -142,6 +142,11 @@ class Objects:
             raise DictionaryError(self.dictionary.file, address[0], f"sub {address[1]} has no number as its value")
         return value
 
+    def quantity(self, address: Address) -> float:
+        """Return a value that must be a number, of a REAL with its fraction; raises DictionaryError."""
+        value = self.value(address)
+        return value if isinstance(value, float) else self.number(address)
+
     def cob_id(self, address: Address) -> int | None:
         """Return an 11-bit identifier that an object holds, None if it is not valid or there is none."""
         return values.base_identifier(self.value(address))

@@ -20,7 +20,7 @@ from eurobot_od.errors import LocalError, YamlError
 from eurobot_od.support.texts import encodable, one_line
 
 T = TypeVar("T")
-STRING = "tag:yaml.org,2002:str"
+STRING, DECIMAL = "tag:yaml.org,2002:str", "tag:yaml.org,2002:float"
 """The tag of what YAML itself takes for a text."""
 
 
@@ -72,6 +72,10 @@ class PlacedNumber(WithPlace, int):
 
 class PlacedInteger(PlacedNumber):
     """A whole number, which may be negative, and its `place`."""
+
+
+class PlacedReal(WithPlace, float):
+    """A decimal number with a fraction, and its `place`."""
 
 
 Problems = list[Problem]

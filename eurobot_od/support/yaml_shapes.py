@@ -28,7 +28,16 @@ from eurobot_od.errors import LocalError, UnknownName, look_up
 from eurobot_od.support import texts
 from eurobot_od.support import yaml_places as nodes
 from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
-from eurobot_od.support.yaml_places import NodeReader, Place, PlacedInteger, PlacedNumber, PlacedText, Problem, Problems
+from eurobot_od.support.yaml_places import (
+    NodeReader,
+    Place,
+    PlacedInteger,
+    PlacedNumber,
+    PlacedReal,
+    PlacedText,
+    Problem,
+    Problems,
+)
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -118,10 +127,20 @@ def _printable(text: PlacedText) -> PlacedText:
 ASCII = converted(TEXT, _printable)
 """A text of printable ASCII characters."""
 
-INTEGER_OR_ASCII: Shape[PlacedInteger | PlacedText] = Shape(
-    lambda node, problems: (ASCII if node.tag == nodes.STRING else INTEGER).read(node, problems)
+_FRACTION = Shape(_unquoted(DECIMAL, "a number", lambda text, place: PlacedReal(text, place)))
+
+
+def _number(node: yaml.Node, problems: Problems) -> PlacedInteger | PlacedReal:
+    return (_FRACTION if node.tag == nodes.DECIMAL else INTEGER).read(node, problems)
+
+
+ANY_NUMBER: Shape[PlacedInteger | PlacedReal] = Shape(_number)
+"""An integer, or a decimal number with a fraction."""
+
+NUMBER_OR_ASCII: Shape[PlacedInteger | PlacedReal | PlacedText] = Shape(
+    lambda node, problems: (ASCII if node.tag == nodes.STRING else ANY_NUMBER).read(node, problems)
 )
-"""An integer, or else a text of ASCII."""
+"""A number, or else a text of ASCII."""
 
 
 def matching(pattern: str, what: str) -> Shape[PlacedText]:

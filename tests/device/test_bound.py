@@ -242,6 +242,17 @@ def test_what_is_written_holds_from_the_next_use_on() -> None:
     assert (axis.speed, axis.motion) == (7, Motion(7, 0.25))
 
 
+def test_a_real32_setting_is_a_float_with_the_fraction_of_its_default() -> None:
+    class Joint(Node):
+        gain = setting("Joint.Entry 1")
+        millimetres = scaled("Joint.Entry 1", 1000)
+
+    joint = Joint(dictionary(record(0x2100, "Joint", (1, "REAL32", "1.5"))))
+    assert (joint.gain, joint.millimetres) == (1.5, 1500.0)
+    joint.device.objects.write((0x2100, 1), bytes.fromhex("00002040"))
+    assert joint.gain == 2.5
+
+
 def test_names_are_looked_up_when_the_node_is_made_and_not_again(monkeypatch: pytest.MonkeyPatch) -> None:
     axis = Axis(dictionary())
     monkeypatch.setattr(Dictionary, "address", None)

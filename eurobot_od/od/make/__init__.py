@@ -24,8 +24,26 @@ from eurobot_od.od.values import BASE_IDENTIFIER, EMCY_BASE, MAX_BITS, NODE_ID, 
 from eurobot_od.support import texts, yaml_places
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_places import Place, PlacedInteger, PlacedNumber, PlacedText, Problem, Problems
-from eurobot_od.support.yaml_shapes import ASCII, INTEGER_OR_ASCII, PLAIN, SCALAR, Plain, filled, matching, shape_of
+from eurobot_od.support.yaml_places import (
+    Place,
+    PlacedInteger,
+    PlacedNumber,
+    PlacedReal,
+    PlacedText,
+    Problem,
+    Problems,
+)
+from eurobot_od.support.yaml_shapes import (
+    ANY_NUMBER,
+    ASCII,
+    NUMBER_OR_ASCII,
+    PLAIN,
+    SCALAR,
+    Plain,
+    filled,
+    matching,
+    shape_of,
+)
 
 SERVICES = ("EMCY", "SDO")
 """CANopen services that may have a row in the traffic, for all nodes."""
@@ -62,10 +80,11 @@ class TableField:
 
     A field with a value below 0 is signed. One of the `type` REAL32 has 32 bits, and neither range nor codes.
     `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
+    Only that of a REAL32 has a fraction.
     """
 
     bits: Bits
-    default: PlacedInteger | PlacedText
+    default: PlacedInteger | PlacedReal | PlacedText
     range: tuple[PlacedInteger, PlacedInteger] | None = None
     codes: dict[CodeName, PlacedInteger] = field(default_factory=dict)
     type: FieldType = FieldType.INTEGER
@@ -109,13 +128,17 @@ class Record:
 
 @dataclass(frozen=True)
 class MessageRow:
-    """A message: one PDO in each of its nodes; `object` is its data, None without any."""
+    """A message: one PDO in each of its nodes; `object` is its data, None without any.
+
+    With an `event_timer` its senders send it by themselves after each such time, with what its object holds then.
+    """
 
     identifier: Annotated[PlacedNumber, Within(1, BASE_IDENTIFIER, form="0x{:03X}")]
     senders: tuple[PlacedText, ...]
     receivers: tuple[PlacedText, ...]
     listeners: tuple[PlacedText, ...] = ()
     object: PlacedText | None = None
+    event_timer: Milliseconds | None = None
     # for readers of the table; an EDS has no keys for them
     priority: str = ""
     protocol: str = ""
@@ -155,7 +178,7 @@ class DialectRow:
     fields: dict[PlacedText, dict[PlacedText, TableField]] = field(default_factory=dict)
     widths: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
     reserved: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
-    defaults: dict[PlacedText, dict[PlacedText, PlacedInteger]] = field(default_factory=dict)
+    defaults: dict[PlacedText, dict[PlacedText, PlacedInteger | PlacedReal]] = field(default_factory=dict)
     most_significant_first: tuple[PlacedText, ...] = ()
 
     def form_of(self, name: PlacedText, plain: Record) -> Record:
@@ -242,7 +265,12 @@ class Table:
         return {name: dialect.form_of(name, each) for name, each in self.objects.items()}
 
 
-SINGLE_VALUES: Plain = {**PLAIN, str: ASCII, PlacedInteger | PlacedText: INTEGER_OR_ASCII}
+SINGLE_VALUES: Plain = {
+    **PLAIN,
+    str: ASCII,
+    PlacedInteger | PlacedReal: ANY_NUMBER,
+    PlacedInteger | PlacedReal | PlacedText: NUMBER_OR_ASCII,
+}
 """How the table's single values are read: an EDS holds ASCII only."""
 
 
@@ -355,6 +383,9 @@ def default_problems(each: TableField, names: list[str]) -> Iterator[Problem]:
         yield Problem(each.default.place, f"unknown default '{each.default}'; known: {', '.join(names) or 'none'}")
     if isinstance(each.default, PlacedText) or not each.limits:
         return
+    if isinstance(each.default, PlacedReal):
+        steps = f": in steps of {each.unit}" if each.unit else ""
+        yield Problem(each.default.place, f"default {each.default} is not a whole number{steps}")
     low, high = each.limits
     if not low <= each.default <= high:
         yield Problem(each.default.place, f"default {each.default} is not in {low}..{high}")

@@ -44,7 +44,7 @@ from eurobot_od.od.pdos import PADDING as PADDING_NAME
 from eurobot_od.od.pdos import carries_nothing, unheard
 from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DataType, MappingEntry, PdoDirection
-from eurobot_od.support.yaml_places import PlacedNumber, PlacedText, Problem
+from eurobot_od.support.yaml_places import PlacedNumber, PlacedReal, PlacedText, Problem
 
 KeyValues = list[tuple[str, object]]
 EdsSection = tuple[str, KeyValues]
@@ -277,7 +277,7 @@ ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
 
 
 def entry(
-    name: str, type_: DataType, access: str, default: int | str | None, *limits: int | None, mappable: bool = False
+    name: str, type_: DataType, access: str, default: float | str | None, *limits: int | None, mappable: bool = False
 ) -> KeyValues:
     """Return the keys of a VAR or a sub-index, the two limits and the default only where there are any.
 
@@ -404,7 +404,9 @@ def clients(table: Table, node: NodeRow) -> list[MadeObject]:
 # PDOs
 
 
-def pdo_records(index: int, name: str, cob_id: int, mapping: Sequence[int], entries: int) -> Iterator[MadeObject]:
+def pdo_records(
+    index: int, name: str, cob_id: int, event_timer: int, mapping: Sequence[int], entries: int
+) -> Iterator[MadeObject]:
     """Give a PDO's communication record, and its mapping record padded to `entries` (7.5.2.35 to 7.5.2.38)."""
     yield record(
         index,
@@ -413,7 +415,7 @@ def pdo_records(index: int, name: str, cob_id: int, mapping: Sequence[int], entr
         entry("Transmission type", U8, "rw", EVENT_DRIVEN),
         entry("Inhibit time", U16, "rw", 0),
         entry("Compatibility entry", U8, "rw", 0),
-        entry("Event timer", U16, "rw", 0),
+        entry("Event timer", U16, "rw", event_timer),
     )
     count = entry("Number of mapped objects in PDO", U8, "rw", len(mapping), 0, entries)
     targets = enumerate([*mapping, *[0] * (entries - len(mapping))], start=1)
@@ -441,11 +443,11 @@ def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -
     for direction, messages in ((PdoDirection.RPDO, received(table, name)), (PdoDirection.TPDO, sent(table, name))):
         for index, (key, each) in enumerate(messages.items(), start=direction.value):
             if direction is PdoDirection.TPDO:
-                control = values.NO_RTR  # nothing is asked for by remote frames
+                control, timer = values.NO_RTR, each.event_timer or 0  # nothing is asked for by remote frames
             else:
-                control = values.NOT_VALID if name in each.listeners else 0  # off until a master wants it
+                control, timer = values.NOT_VALID if name in each.listeners else 0, 0  # off until a master wants it
             targets = data[each.object].targets if each.object else ()
-            yield from pdo_records(index, key, each.identifier | control, targets, entries)
+            yield from pdo_records(index, key, each.identifier | control, timer, targets, entries)
 
 
 def fingerprints(table: Table, data: dict[PlacedText, ObjectLayout]) -> MadeObject:
@@ -484,9 +486,9 @@ def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout
 def slice_entry(part: Slice, whole: TableField | None, access: str) -> KeyValues:
     """Return the entry of a slice of a field; padding is a slice of no field."""
     mask = (1 << part.bits) - 1
-    default = default_of(whole) if whole else 0
-    if whole and whole.type is FieldType.REAL32:
-        default = int.from_bytes(values.REAL32.write(default), "little")
+    said = default_of(whole) if whole else 0
+    is_real = whole is not None and whole.type is FieldType.REAL32
+    default = int.from_bytes(values.REAL32.write(said), "little") if is_real else int(said)
     if whole and whole.is_signed and part.high == whole.bits - 1:  # the slice with the sign is signed, as the field is
         type_ = integer(part.bits, signed=True)
         return entry(part.name, type_, access, default >> part.low, ~mask >> 1, mask >> 1, mappable=True)
@@ -501,9 +503,9 @@ def field_entry(
     return entry(name, type_, access, default_of(whole, node), *whole.limits, mappable=mappable)
 
 
-def default_of(whole: TableField, node: NodeRow | None = None) -> int:
+def default_of(whole: TableField, node: NodeRow | None = None) -> float:
     """Return a field's default as a number; `node` is the one whose setting it is."""
-    if isinstance(whole.default, PlacedNumber):
+    if isinstance(whole.default, PlacedNumber | PlacedReal):
         return whole.default
     return node.node_id if node and whole.default == values.NODE_ID else whole.codes[whole.default]
 

@@ -100,6 +100,8 @@ class EdsFiles(NamedTuple):
     dictionaries: dict[str, Dictionary]
     protocol: Protocol
     roles: dict[str, str]
+    robot: str
+    """The name of a team's own robot, empty for the one that this package brings."""
 
     @classmethod
     def read(cls, options: MatchOptions) -> EdsFiles:
@@ -112,7 +114,7 @@ class EdsFiles(NamedTuple):
         for needed in BOOT_TIMES:
             if not roles.get(needed):
                 raise LocalError(f"{folder}: a match needs a {needed}, and there is no {needed}.eds of a robot's")
-        return cls(folder.name, dictionaries, protocol, roles)
+        return cls(folder.name, dictionaries, protocol, roles, robot.name if robot.folder else "")
 
 
 def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = OURS) -> tuple[Core, list[Node]]:
@@ -148,6 +150,7 @@ class Performance:
         name: str = OURS,
     ) -> None:
         self._dialect, self.name, self._world = files.dialect, name, world
+        self._whose = f"{files.robot}: " if files.robot else ""
         core, self.nodes = cast_for(options, files, world, name)
         self._counter, self._timeline = FrameCounter(files.protocol), Timeline(world.clock, show)
         self._observer = Observer(core, self._timeline, self._truth)
@@ -171,7 +174,7 @@ class Performance:
         """Play from power-on to the end; raises NoAnswer."""
         who = ", ".join(node.name for node in self.nodes)
         where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self._dialect}"
-        self._timeline.tell(EventKind.START, f"{who} at {where}")
+        self._timeline.tell(EventKind.START, f"{self._whose}{who} at {where}")
         await asyncio.sleep(POWER_UP)
         await self.referee.play(strategy)
 

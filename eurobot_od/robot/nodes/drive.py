@@ -389,7 +389,7 @@ class Drive(FollowingNode):
             return StartState.SHUT_DOWN
         return StartState.UNCONFIGURED if self.configuration is None else StartState.CONFIGURED
 
-    FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {
+    FACTS: ClassVar[Mapping[str, Callable[[Facts], float]]] = {
         "Body.Robot radius": lambda facts: math.ceil(facts.body.radius),
     }
     OBJECTS: ClassVar[Objects] = {

@@ -16,7 +16,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.objects import Store, out_of_limits
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import Range, limits
+from eurobot_od.od.objects import Range, data_type, limits
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.gatekeeper import Gatekeeper
@@ -117,11 +117,11 @@ class RobotNode(Node):
     """A node of the robot; `facts` are those of the robot and its match, by default from the file beside the EDS.
 
     `FACTS` has the settings that are such facts: they replace the EDS's defaults, but not a stored value, or one in a
-    DCF. Raises DictionaryError for one outside the setting's limits.
+    DCF. Raises DictionaryError for one that the setting cannot hold.
     """
 
     CATALOGUE = messages.CATALOGUE
-    FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {}
+    FACTS: ClassVar[Mapping[str, Callable[[Facts], float]]] = {}
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None, facts: Facts | None = None) -> None:
         self.facts = robot_file.read(robot_file.file_for(dictionary.file)) if facts is None else facts
@@ -158,8 +158,10 @@ class RobotNode(Node):
             # Only a DCF has a ParameterValue: somebody has configured this very device, which takes precedence.
             if variable is None or variable.value is not None:
                 continue
-            if out_of_limits(variable, value):
-                what = f"{name} = {value}, as the robot's file says, is not in {variable.min}..{variable.max}"
+            is_integer = data_type(variable).is_integer
+            if out_of_limits(variable, value) or (is_integer and not isinstance(value, int)):
+                allowed = f"not {'a whole number ' if is_integer else ''}in {variable.min}..{variable.max}"
+                what = f"{name} = {value}, as the robot's file says, is {allowed}"
                 raise DictionaryError(dictionary.file, address[0], what)
             given[address] = value
         return super()._application(dictionary)._replace(given=given)

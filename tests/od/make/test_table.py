@@ -147,6 +147,11 @@ INVALID = {
         "bits: ^32, type: REAL32, range: [0, 9]",
         "a REAL32 has 32 bits, and neither range nor codes",
     ),
+    "a fraction of whole numbers": (
+        "default: 9, unit: ms",
+        "default: ^1.5, unit: 0.1 mm",
+        "default 1.5 is not a whole number: in steps of 0.1 mm",
+    ),
     "short REAL32": (WAIT, "bits: ^16, type: REAL32", "a REAL32 has 32 bits, and neither range nor codes"),
     "width over the range": ("{Speed: 7}", "{Speed: ^6}", "100 does not fit into 6 bits"),
     "no bits": ("bits: 8, range: [0, 100]", "bits: ^0, range: [0, 0]", f"bits = '0' {REFUSED} 1..32"),

@@ -44,6 +44,24 @@ def test_a_reading_is_read_only_and_a_setting_is_not() -> None:
     assert access == {"2102sub1": "ro", "2100sub1": "rw"}
 
 
+def _default(text: str, section: str) -> str:
+    return text.split(f"[{section}]")[1].split("DefaultValue=")[1].split("\n")[0]
+
+
+def test_the_event_timer_of_a_message_is_that_of_its_senders_tpdo() -> None:
+    periodic = TABLE.replace("receivers: [drive], object", "receivers: [drive], event_timer: 100, object")
+    texts = make_files(read_table(periodic, ""))
+    assert _default(texts["plain/core.eds"], "1800sub5") == "100"
+    assert _default(texts["plain/drive.eds"], "1400sub5") == "0"
+
+
+@pytest.mark.parametrize("default", ["1.5", "-0.25", "2"])
+def test_a_real32_setting_has_its_default_as_it_is_written(default: str) -> None:
+    real = f"settings: {{Joint: {{index: 0x2102, fields: {{Gain: {{bits: 32, type: REAL32, default: {default}}}}}}}}}"
+    text = make_files(read_table(TABLE.replace("settings: {}", real), ""))["plain/drive.eds"]
+    assert _default(text, "2102sub1") == default
+
+
 def test_the_network_says_how_often_what_is_sent() -> None:
     rows = "traffic: {Goto: {every: Wait.Check wait, reason: again}, Confirm: {answers: Goto, jitter: 1 ms}}\n"
     network = read_network_file(make_files(read_table(rows + TABLE, ""))["network.yaml"], "network.yaml")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -50,6 +51,8 @@ WORKS = [
     (["field", "a.log", "-o", "b.svg"], ""),
     (["check", "--simulate"], "1 suite: 20 ok"),
     (["check", "--conformance", "--simulate", "--tag", "emcy"], "4 suites"),
+    (["lint"], "4 files: "),
+    (["lint", "--network"], "Lift State Response"),
     (["show", "Lift State Response"], "motion"),
     (["faults", "lift"], "lift:\n  lift-stop-not-heard "),
     (["faults", "core"], "lift-set-not-sent"),
@@ -77,6 +80,35 @@ def test_the_commands_of_a_newcomer_work(made: Path) -> None:
 def test_pytest_finds_its_checks_in_its_folder(made: Path) -> None:
     said = command(made, ["-q", "-p", "no:cacheprovider"], "pytest")
     assert (said.returncode, "21 passed" in said.stdout) == (0, True), said.stdout
+
+
+WITH_GAIN = "          Maximum speed: {bits: 16, range: [1, 1000], default: 100, unit: mm/s}\n"
+GAIN = "          Gain: {bits: 32, type: REAL32, default: 1.5}\n"
+STATE = "senders: [lift], receivers: [core], object: Lift state"
+CHANGES = {
+    "eds/protocol.yaml": [(WITH_GAIN, WITH_GAIN + GAIN), (STATE, f"{STATE}, event_timer: 100")],
+    "lift.py": [
+        ("maximum_speed = setting", 'gain = setting("Lift drive.Gain")\n    maximum_speed = setting'),
+        ("round(self.height)", "round(self.height * self.gain)"),
+    ],
+}
+
+
+def test_a_real32_setting_and_a_message_that_is_sent_by_itself(mine: Path) -> None:
+    for name, changes in CHANGES.items():
+        text = (mine / name).read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (mine / name).write_text(text)
+    assert command(mine, ["make-eds", "eds/protocol.yaml", "-o", "eds", "--robot", "."]).returncode == 0
+    played = ["match", "--robot", ".", "--duration", "10", "--log", "a.log", "--set", "lift.Lift drive.Gain=0.5"]
+    said = command(mine, played)
+    assert (said.returncode, said.stderr) == (0, "")
+    assert said.stdout.startswith("    0.000 s  start      My robot: core, drive, navigation, lift at 500 kbit/s")
+    logged = command(mine, ["decode", "a.log", "--robot", ".", "--message", "Lift State Response"]).stdout
+    assert len(logged.splitlines()) > 80  # ten a second, and as answers
+    assert max(int(each) for each in re.findall(r"height=(\d+)", logged)) == 90  # half of where it goes
 
 
 @pytest.fixture(scope="module")

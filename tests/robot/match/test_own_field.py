@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, ClassVar
 
 import pytest
 
@@ -16,6 +17,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import NAME
 from eurobot_od.robot.model.values import OURS, Barriers, Outcome, Passage, TeamColour
+from eurobot_od.robot.nodes.node import RobotNode
 
 CORNER = (3350, 150, 315)
 """The far corner, seen from the start of red."""
@@ -133,6 +135,15 @@ def test_the_planner_keeps_away_by_the_radius(radius: int) -> None:
 def test_the_drives_setting_is_the_radius(radius: int) -> None:
     facts = robot_file.read(changes=[("body.radius", str(radius))])
     assert Drive(dialects.load("drive"), facts=facts).setting("Body.Robot radius") == radius
+
+
+class Arm(RobotNode):
+    FACTS: ClassVar[Any] = {"Body.Robot radius": lambda facts: facts.body.radius + 0.5}
+
+
+def test_a_fact_that_a_setting_cannot_hold_is_told() -> None:
+    with pytest.raises(DictionaryError, match=r"Body.Robot radius = 140.5, as the robot's file says, is not a whole"):
+        Arm(dialects.load("drive"))
 
 
 def test_a_setting_that_was_stored_counts_more_than_the_fact() -> None:

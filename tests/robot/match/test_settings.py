@@ -13,7 +13,7 @@ from tests.rows import rows
 FILES = EdsFiles.read(MatchOptions())
 
 
-def value(setting: str, *settings: tuple[str, str]) -> int:
+def value(setting: str, *settings: tuple[str, str]) -> float:
     """Return a setting of the node that has it, in a match with some settings."""
     options = MatchOptions(settings=settings)
     nodes = {node.name: node for node in cast_for(options, FILES, World(options, lambda: 0.0))[1]}
