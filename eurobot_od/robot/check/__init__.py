@@ -40,9 +40,6 @@ BETWEEN = 1.5
 ENEMY_DIAMETER = 30
 """cm."""
 
-NODES_WITHOUT_SDO = "Node check.Nodes without SDO"
-"""The setting that is 1 in this run: the tester, which plays drive and navigation, answers no SDO."""
-
 UNDISTURBED = (
     GotoXY(1300, 1750, 90, 100, Barriers.of({2: Passage.FORCED})),
     GotoXY(700, 1150, 225, 60),
@@ -67,7 +64,7 @@ async def drill(core: Core) -> None:
 
     Ends early if a node does not answer during the startup: that blocks it. A stop is watched until the robot stands.
     """
-    core.device.objects.put(core.device.dictionary.address(NODES_WITHOUT_SDO), 1)
+    core.trusts_without_sdo = True  # the tester, which plays drive and navigation, answers no SDO
     with suppress(NoAnswer):
         await core.check_nodes()
         await core.configure_start(TeamColour.RED, enemies=1, confederates=1, enemy_1_diameter=ENEMY_DIAMETER)
