@@ -485,9 +485,12 @@ def cells(dialect: str, times: int, seed: int = 1) -> Iterator[Cell]:
         chance = Random(f"{seed} {what} {how}")
         for number in range(1 if begin == end else times):
             time = round(BEGIN + chance.uniform(begin, end), 3)
-            for navigation, again in variants[: 1 if how == MIXED else None]:
+            for navigation, again in variants[: VARIANTS.get((what == "navigation", how))]:
                 yield Cell(what, how, 0.0 if begin == end else time, seed + number, dialect, navigation, again)
 
+
+VARIANTS = {(is_navigation, MIXED): 1 for is_navigation in (True, False)} | {(True, how): 2 for how in NODE_FATES}
+"""How many of the variants a cause has, by whether it is the navigation's: what is lost itself has not died before."""
 
 Cause = tuple[str, str, float, float]
 """What goes wrong, how, and between which times of the match, in s; twice the same time for what is so all the time."""
