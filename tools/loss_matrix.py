@@ -54,7 +54,7 @@ from eurobot_od.robot.model.messages import GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.model.values import Barriers, Obstacle, Outcome, Passage, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive
-from eurobot_od.robot.nodes.agreement import SdoClientParameter
+from eurobot_od.robot.nodes.core.agreement import SdoClientParameter
 from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline, equip
@@ -221,7 +221,7 @@ class Watched:
 SPEED = 100
 """Per cent: at full speed the robot rolls farthest."""
 
-PLACES = ((700, 1650, 0), (1500, 1250, 270), (2400, 1650, 180), (1500, 500, 90))
+PLACES = ((2600, 1650, 180), (600, 400, 0), (2500, 400, 90), (700, 1650, 0))
 AVOIDED = Barriers.of(dict.fromkeys(range(1, 9), Passage.NORMAL))
 STOPPED_EACH, STOPPED_AFTER = 3, 0.7
 """Which gotos are stopped on the way, and when, in s."""
