@@ -60,7 +60,8 @@ class Panel:
 
     `script` and `style` are written into the page: the script calls `panel(name, make)`, see `files/page.js`. `stop` is
     the message of the button Stop, empty if that is left to NMT. `plan` is the message that carries out a plan, empty
-    if there is none: Stop takes whoever sends it out of OPERATIONAL.
+    if there is none: Stop takes whoever sends it out of OPERATIONAL. `orders` are messages that the page leaves to the
+    node that sends them, by the name of the object to be written there; without that node the page sends them itself.
     """
 
     name: ClassVar[str]
@@ -69,6 +70,7 @@ class Panel:
     style: ClassVar[str]
     stop: ClassVar[str] = ""
     plan: ClassVar[str] = ""
+    orders: ClassVar[Mapping[str, str]] = {}
 
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:

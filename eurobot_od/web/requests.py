@@ -26,7 +26,7 @@ from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.client.motion import GIVE_UP, AxisAddress
 from eurobot_od.client.streams import read_history
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import BusError, DriveError, EurobotError, LocalError, RemoteError, look_up
+from eurobot_od.errors import BusError, DriveError, EurobotError, LocalError, NoAnswer, RemoteError, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
@@ -43,7 +43,7 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
-from eurobot_od.pdo.kinds import Message
+from eurobot_od.pdo.kinds import Message, field_name
 from eurobot_od.web.drives import LOOK, SILENT, STALE, STOPS, Drives, MayMove, MotionThread, OrderMaster
 from eurobot_od.web.guard import MotionGuard
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Sample, Session
@@ -55,6 +55,13 @@ SHORTEST, LONGEST = 5, 60_000
 """Periods of what is sent again and again, ms."""
 
 MOST_CYCLIC = 20
+
+
+class Leader(NamedTuple):
+    """A node that sends a message for the page, and the index of the object that is written for it."""
+
+    node: Dictionary
+    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
 
 
 @dataclass
@@ -322,8 +329,35 @@ class Requests:
         return [each for each in self.drives.axes if each.node_id in node_ids]
 
     async def send(self, said: Arguments) -> str:
-        """Send a message."""
-        return await self._send_once(said, await self._message(said))
+        """Send a message, or have the node send it that alone may do so; return the frame."""
+        frame = await self._message(said)
+        leader = self._leader(_text(said, "message"))
+        if leader and await self._ask(partial(self._order_from, leader, frame), leader.node.name):
+            return f"{frame} by the {leader.node.name}"
+        return await self._send_once(said, frame)
+
+    def _leader(self, message: str) -> Leader | None:
+        """Return the node to which the sending of a message is left, None if there is none that was heard."""
+        names = {key: name for panel in self.session.panels for key, name in panel.orders.items()}
+        senders = self.session.decoder.protocol.binding(message).senders
+        for each in self.session.decoder.dictionaries:
+            index = each.data_index(names.get(message, "")) if each.name in senders else None
+            first = each.variable((index, 1)) if index else None
+            if index and first is not None and first.writable and self.drives.has_heard(each.node_id):
+                return Leader(each, index)
+        return None
+
+    def _order_from(self, leader: Leader, frame: Frame) -> bool:
+        """Have a node send a message by writing its object; return whether it answers. Raises NodeRefused."""
+        _, raw = self.session.decoder.protocol.unpack(*frame)
+        node = self.master.node(leader.node.node_id)
+        for subindex, variable in leader.node.members[leader.index].items():
+            if (field := field_name(variable.name)) in raw:
+                try:
+                    node.download((leader.index, subindex), objects.encode(variable, raw[field]), variable.qualname)
+                except NoAnswer:
+                    return False
+        return True
 
     async def send_frame(self, said: Arguments) -> str:
         """Send a frame."""

@@ -149,7 +149,8 @@ class MessageRow:
 class NodeRow:
     """A node: its identity, the nodes whose heartbeats it watches and whose SDO servers it asks, its own settings.
 
-    `readings` are objects that it measures and that cannot be written. `heartbeat` and `heartbeat_timeout` are this
+    `readings` are objects that it measures and that cannot be written. `orders` are messages that it is told to send by
+    writing their objects, which are read-only otherwise. `heartbeat` and `heartbeat_timeout` are this
     node's own times, in place of the table's.
     """
 
@@ -162,6 +163,7 @@ class NodeRow:
     settings: dict[PlacedText, Record]
     readings: dict[PlacedText, Record] = field(default_factory=dict)
     asks: tuple[PlacedText, ...] = ()
+    orders: tuple[PlacedText, ...] = ()
     heartbeat: Milliseconds | None = None
     heartbeat_timeout: Milliseconds | None = None
 
@@ -282,8 +284,10 @@ def unknown_names(table: Table) -> Iterator[Problem]:
     for message in table.messages.values():
         yield from unknown("node", [*message.senders, *message.receivers, *message.listeners], table.nodes)
         yield from unknown("object", [message.object] if message.object else [], table.objects)
-    for node in table.nodes.values():
+    for name, node in table.nodes.items():
         yield from unknown("node", [*node.watches, *node.asks], table.nodes)
+        sent = {key for key, each in table.messages.items() if name in each.senders}
+        yield from unknown(f"message of the {name}", node.orders, sent)
     for dialect in table.dialects.values():
         named = [*dialect.fields, *dialect.widths, *dialect.reserved, *dialect.most_significant_first]
         yield from unknown("object", named, table.objects)

@@ -15,7 +15,7 @@ CANopenNode, CanFestival, canmatrix and canopen.
 - A field has the type of exactly as many bytes as it touches in its frame: canopen reads and writes it through these.
 - Every PDO has all five communication parameters. Every mapping record, even that of a message without data, has the
   same number of entries, filled up with zeros: a master can write only entries that are there.
-- Data that is received is `rww`, data that is sent `ro`, and all of it has limits.
+- Data that is received is `rww`, data that is sent `ro`, or `rwr` if the node's `orders` have it; all has limits.
 
 Each row of a standard's object names its clause (CiA 301 version 4.2.0, CiA 302-2).
 """
@@ -274,6 +274,8 @@ LEAST_ENTRIES = 8
 """Entries of a mapping record, unless a mapping needs more: the same in every PDO, so that any may be remapped."""
 ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
 """Access to data by (sent, received) of its node: it alone sets what it sends; only `rw` may be mapped both ways."""
+ORDERED = "rwr"
+"""Access to data that a node is told to send: a master writes it, and it is no setting."""
 
 
 def entry(
@@ -473,8 +475,9 @@ def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout
     """Give the data that the PDOs of the node `name` map: objects of fields and, if a dialect cuts them, of slices."""
     out = {each.object for each in sent(table, name).values()}
     come = {each.object for each in received(table, name).values()}
+    ordered = {table.messages[each].object for each in table.nodes[name].orders}
     for key in filter((out | come).__contains__, data):
-        access, layout = ACCESS[key in out, key in come], data[key]
+        access, layout = ORDERED if key in ordered else ACCESS[key in out, key in come], data[key]
         begins, fields = layout.begins, layout.fields.items()
         entries = (field_entry(field, each, access, begins.get(field, 0), mappable=True) for field, each in fields)
         yield record(layout.index, key, *entries)

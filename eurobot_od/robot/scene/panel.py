@@ -53,6 +53,7 @@ class FieldPanel(Panel):
     style: ClassVar[str] = style.style_sheet() + (HERE / "field.css").read_text(encoding="utf-8")
     stop: ClassVar[str] = "Stop Drive"
     plan: ClassVar[str] = "Goto XY"
+    orders: ClassVar[Mapping[str, str]] = {"Goto XY": "Goto XY", "Start Configuration Set": "Start configuration"}
 
     def __init__(self) -> None:
         self._recorder, self._scene = Recorder(), MatchScene(self.facts())

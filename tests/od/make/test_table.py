@@ -188,6 +188,11 @@ INVALID = {
         "settings: {}\n    readings: {Now: {index: 0x2102, fields: {Rate: {bits: ^3, range: [0, 9], default: 0}}}}",
         "9 does not fit into 3 bits",
     ),
+    "order of what is not sent": (
+        "watches: [drive]",
+        "watches: [drive]\n    orders: [^Confirm]",
+        "unknown message of the core 'Confirm'",
+    ),
     # traffic
     "traffic of nothing": ("messages:", "traffic: {^Go: {every: 1 s}}\nmessages:", "unknown message 'Go'"),
     "traffic without a time": (

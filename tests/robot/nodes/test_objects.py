@@ -160,7 +160,7 @@ def test_a_core_reads_what_it_sent_last() -> None:
     master = Master("core")
     master.node.offer(GOTO)
     assert master.values_of("Goto XY") == [1500, 1000, 90, 100, 0, 0]  # the last are the reserved bits
-    assert master.refused((master.index("Goto XY"), 1), 0, size=2) == AbortCode.READ_ONLY
+    assert master.refused((master.index("Emergency stop"), 1), 0, size=1) == AbortCode.READ_ONLY  # nobody orders it
 
 
 # Commands

@@ -68,6 +68,26 @@ def test_the_page_sends_a_goto_only_when_a_core_would(
     assert len(gotos) == (objection is None)
 
 
+def test_with_a_core_there_the_page_has_it_send_the_goto(tmp_path: Path) -> None:
+    name = channel()
+    with ExitStack() as stack:
+        present(BOTH, configured=False)(stack, name)
+        core = Core(dialects.load("core"))
+        stack.enter_context(Live.node(open_bus("virtual", name), core))
+        served = stack.enter_context(live_page(name, tmp_path))
+        other = stack.enter_context(open_bus("virtual", name))
+        core.check_nodes().result(LONG)
+        core.configure_start(TeamColour.RED).result(LONG)
+        read = {"id": 1, "do": "read", "node": "core", "object": "0x1000"}  # from then on the page has heard the core
+        talk(served, lambda opened: answer(opened, json.dumps(read)))
+        said = talk(served, lambda opened: answer(opened, json.dumps({"id": 2, **GO})))
+        heard = [each.arbitration_id for _ in range(50) if (each := other.recv(LONG))]
+        assert core.is_commanding
+        assert said["ok"].endswith(" by the core")
+        assert heard.count(0x008) == 1
+        core.stop().result(LONG)
+
+
 def test_stop_is_sent_again_when_who_leads_is_held(tmp_path: Path) -> None:
     """What the core had in its mailbox when it heard of the stop leaves after the first one."""
     name = channel()

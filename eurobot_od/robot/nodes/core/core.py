@@ -33,6 +33,7 @@ from eurobot_od.robot.nodes.core.flows import GotoReport, Standstill
 from eurobot_od.robot.nodes.core.gotos import Gotos
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.match_clock import MATCH_OVER, MatchClock
+from eurobot_od.robot.nodes.core.orders import Orders
 from eurobot_od.robot.nodes.core.positions import Positions
 from eurobot_od.robot.nodes.core.resumption import Resumption
 from eurobot_od.robot.nodes.core.settings import CoreSettings, Readiness
@@ -106,6 +107,7 @@ class Core(CoreSettings):
         self._resumption = Resumption(self, stops, clock, losses, positions, startup)
         self._lookout, self._tasks = Lookout(self, stops), Tasks(self, clock)
         self._gotos = Gotos(self, stops, clock, startup, self._resumption, self._lookout, distrust)
+        self._orders = Orders(self, clock, startup, self._resumption, self.goto)
 
     def reset(self) -> None:
         """Give up whatever is going on and forget everything, as after power-on; a goto under way is stopped.
@@ -188,6 +190,7 @@ class Core(CoreSettings):
             self.device.transmit(configuration)  # raises if anything is wrong with it, and sends nothing yet
             if wrong := configuration.contradiction():
                 raise wrong
+            self._resumption.end_recall()
             return self._startup.begin(configuration)
 
     def recall(self) -> Call[recovery.Memory | None]:
@@ -417,6 +420,8 @@ class Core(CoreSettings):
 
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {"Match.Match duration": lambda facts: facts.duration}
     OBJECTS: ClassVar[Objects] = {
+        "Goto XY": BoundObject(write=messages.GotoXY),
+        "Start configuration": BoundObject(write=messages.StartConfigurationSet),
         "Goto state": BoundObject(write=messages.GotoStateResponse),
         **{each.record: BoundObject(write=each.response) for each in messages.POSITIONS},
     }
@@ -427,6 +432,8 @@ class Core(CoreSettings):
         PLACE_AGE: lambda core: age(core._positions.seen_at, core.now),
     }
     HANDLERS: ClassVar[Handlers] = {
+        messages.GotoXY: lambda core, goto: core._orders.goto(goto, core.shut_down),
+        messages.StartConfigurationSet: lambda core, configuration: core._orders.start(configuration),
         messages.GotoConfirm: lambda core, _: core._gotos.confirmed(),
         messages.GotoStateResponse: _told_state,
         messages.StartConfigurationConfirm: lambda core, _: core._startup.confirmed(),

@@ -50,6 +50,10 @@ class Resumption:
         """Begin to ask the drive what it remembers of the start and of the match."""
         self._recalling.begin(self._recall())
 
+    def end_recall(self) -> None:
+        """Ask no further: a start configuration says more than the drive remembers."""
+        self._recalling.end(StateError("replaced by a newer start configuration"))
+
     def begin(self) -> Call[messages.KalmanPositionResponse]:
         """Begin to recover everything (see `Core.recover`)."""
         self._startup.running.end(StateError("replaced by a recovery"))

@@ -38,13 +38,16 @@ class Startup:
         self.is_recovering, self.tells_deviation = False, True
         self._asked_until = 0.0
 
-    def begin(self, configuration: messages.StartConfigurationSet) -> Call[float]:
-        """Begin to configure the start; the robot is at its start place, and a goto under way is stopped."""
+    def begin(self, configuration: messages.StartConfigurationSet, in_place: bool = False) -> Call[float]:
+        """Begin to configure the start, and stop a goto under way.
+
+        The robot is at its start place, or `in_place`: where the drive knows that it is.
+        """
         # The older one first: as it fails, it goes back to stopping.
         self.running.end(StateError("replaced by a newer start configuration"))
         if self._stops.is_commanding:
             self._stops.stop(messages.StopDrive(), Outcome.STOPPED, "a new start configuration")
-        return self.running.begin(self.configure_all(configuration, self.end_watch()))
+        return self.running.begin(self.configure_all(configuration, self.end_watch(), in_place))
 
     def end_watch(self) -> bool:
         """End the watch over a stop because of a new configuration; return whether there was one."""
