@@ -40,6 +40,8 @@ class Gotos:
 
     def begin(self, goto: messages.GotoXY, timeout: float | None) -> Call[GotoReport]:
         """Begin a goto, and replace the one before; raises StateError if it must not be sent."""
+        if self._resumption.is_unanswered and not self._resumption.is_recalling:
+            self._resumption.begin_recall()
         if not self._resumption.is_recalling:
             self._check_may_drive()
         if self._clock.is_over:

@@ -51,17 +51,22 @@ def recall(core: CoreSettings) -> Script[Memory | None]:
     Raises NoAnswer if it does not answer at all.
     """
     yield START
-    try:
-        state = yield from _asked_drive(core, START_STATE)
-        if state is None or state == StartState.UNCONFIGURED:
-            return None
-        raw = {}
-        for name, field in zip(CONFIGURED, messages.StartConfigurationSet._fields):
-            raw[field] = (yield from _asked_drive(core, f"Start configuration.{name}")) or 0
-        left = yield from _asked_drive(core, TIME_LEFT)
-    except NoAnswer:
-        yield from drive_position(core)  # raises NoAnswer: a drive that is not there is not one without SDO
+    for _ in range(2):
+        try:
+            return (yield from _memory(core))
+        except NoAnswer:  # twice from a drive without SDO, and once from one that hung meanwhile
+            yield from drive_position(core)
+    return None
+
+
+def _memory(core: CoreSettings) -> Script[Memory | None]:
+    state = yield from _asked_drive(core, START_STATE)
+    if state is None or state == StartState.UNCONFIGURED:
         return None
+    raw = {}
+    for name, field in zip(CONFIGURED, messages.StartConfigurationSet._fields):
+        raw[field] = (yield from _asked_drive(core, f"Start configuration.{name}")) or 0
+    left = yield from _asked_drive(core, TIME_LEFT)
     here = yield from drive_position(core)
     if here.x is None:
         return None

@@ -21,7 +21,10 @@ from eurobot_od.robot.nodes.core.stops import Stops
 
 
 class Resumption:
-    """Has the robot go on after a loss; `is_recalling` tells whether the drive is being asked after an NMT reset."""
+    """Has the robot go on after a loss; `is_recalling` tells whether the drive is being asked after an NMT reset.
+
+    `is_unanswered` tells whether it was asked so and has not answered at all: then each goto asks it again.
+    """
 
     def __init__(
         self,
@@ -35,6 +38,7 @@ class Resumption:
         self._core, self._stops, self._clock = core, stops, clock
         self._losses, self._positions, self._startup = losses, positions, startup
         self._recalling: SingleFlow[None] = SingleFlow(core, is_called=False)
+        self.is_unanswered = False
 
     @property
     def is_recalling(self) -> bool:
@@ -48,10 +52,12 @@ class Resumption:
 
     def begin_recall(self) -> None:
         """Begin to ask the drive what it remembers of the start and of the match."""
+        self.is_unanswered = True
         self._recalling.begin(self._recall())
 
     def end_recall(self) -> None:
         """Ask no further: a start configuration says more than the drive remembers."""
+        self.is_unanswered = False
         self._recalling.end(StateError("replaced by a newer start configuration"))
 
     def begin(self) -> Call[messages.KalmanPositionResponse]:
@@ -124,6 +130,7 @@ class Resumption:
     def _recall(self) -> Script[None]:
         """Take over what the drive remembers of the start and of the match; the next goto begins with a recovery."""
         memory = yield from recovery.recall(self._core)
+        self.is_unanswered = False
         if memory is None:
             return
         self._core.configuration, self._positions.place = memory.configuration, memory.place

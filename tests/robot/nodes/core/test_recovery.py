@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 
@@ -75,6 +76,24 @@ def test_after_an_nmt_reset_the_next_goto_alone_goes_on() -> None:
     bench.run(12.0)
     assert call.result(0).outcome is Outcome.ARRIVED
     assert bench.drive.chassis.pose.distance(Point(*NEAR[:2])) < 50  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("seconds", [1.0, 6.0])
+def test_a_drive_that_hangs_while_the_core_is_reset_is_asked_again(seconds: float) -> None:
+    bench = under_way_far_off()
+    bench.network.freeze(bench.stations["drive"], bench.now + seconds)
+    nmt_reset(bench)
+    bench.run(1.0)
+    with suppress(StateError):
+        bench.core.goto(*NEAR)
+    bench.run(7.0)
+    if bench.core.shut_down:  # a robot that nobody has seen to stand
+        bench.core.recover()
+        bench.run(3.0)
+    call = bench.core.goto(*NEAR)
+    bench.run(12.0)
+    assert call.result(0).outcome is Outcome.ARRIVED
+    assert bench.core.time_left < 60.0
 
 
 def test_a_drive_that_has_booted_as_well_has_nothing_to_go_back_to() -> None:
