@@ -348,16 +348,23 @@ class Requests:
         return None
 
     def _order_from(self, leader: Leader, frame: Frame) -> bool:
-        """Have a node send a message by writing its object; return whether it answers. Raises NodeRefused."""
+        """Have a node send a message by writing its object; return whether it answers at all.
+
+        Raises NodeRefused; NoAnswer if it answers no more in the middle: it may have the order, which must not come twice.
+        """
         _, raw = self.session.decoder.protocol.unpack(*frame)
         node = self.master.node(leader.node.node_id)
+        answers = False
         for subindex, variable in leader.node.members[leader.index].items():
             if (field := field_name(variable.name)) in raw:
                 try:
                     node.download((leader.index, subindex), objects.encode(variable, raw[field]), variable.qualname)
                 except NoAnswer:
+                    if answers:
+                        raise
                     return False
-        return True
+                answers = True
+        return answers
 
     async def send_frame(self, said: Arguments) -> str:
         """Send a frame."""
