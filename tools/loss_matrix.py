@@ -135,6 +135,9 @@ ORDERED = "goto by SDO"
 GOES_ON = (*PAUSES, "reset", STRAY, ORDERED)
 """After this the match has to go on, and after a reboot of the core: the drive remembers what that has forgotten."""
 
+PLACE = "Kalman Position Response"
+"""A false one is not believed, and without a navigation nobody can say where the robot is (decision 24)."""
+
 STRANGER = 9
 """The node-ID of who sends what nobody expects."""
 
@@ -179,6 +182,8 @@ class Cell(NamedTuple):
     @property
     def has_to_go_on(self) -> bool:
         """Whether the match has to go on."""
+        if self.what == PLACE and self.navigation != ALIVE:
+            return False
         return self.how in GOES_ON or (self.what, self.how) == ("core", REBOOTED)
 
 

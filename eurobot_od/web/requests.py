@@ -350,7 +350,7 @@ class Requests:
     def _order_from(self, leader: Leader, frame: Frame) -> bool:
         """Have a node send a message by writing its object; return whether it answers at all.
 
-        Raises NodeRefused; NoAnswer if it answers no more in the middle: it may have the order, which must not come twice.
+        Raises NodeRefused; NoAnswer if it answers no more in the middle: it may have the order, and must not get two.
         """
         _, raw = self.session.decoder.protocol.unpack(*frame)
         node = self.master.node(leader.node.node_id)
