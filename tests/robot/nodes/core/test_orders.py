@@ -14,8 +14,8 @@ from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core
 from eurobot_od.sdo.client import download
 from tests.robot.nodes.core.test_doubts import ROOT, reports, with_stranger
+from tests.robot.nodes.driving import CORE_ID, NEAR, drive_off, match_under_way, nmt
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, Peer
-from tests.robot.nodes.test_safety import CORE_ID, NEAR, drive_off, match_under_way, nmt
 
 ORDERS = {GotoXY: "Goto XY", StartConfigurationSet: "Start configuration"}
 
