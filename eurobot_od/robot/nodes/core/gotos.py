@@ -69,7 +69,7 @@ class Gotos:
             yield START
             if self._resumption.is_recalling:
                 yield from self._resumption.until_recalled()
-                self._check_may_drive()
+            self._check_may_drive()  # what was asked for may have been answered before this step, by nothing
             if self._clock.is_over:  # as the drive remembers
                 raise StateError("no goto after the match")
             yield from self._resumption.before_goto()
