@@ -86,8 +86,9 @@ def _signed(index: int, raw: int, bits: int) -> int:
 
 @dataclass
 class FaultSeen:
-    """A fault that is not over: when and where it began, in which state, the last command before, its error codes.
+    """A fault that is not over: when and where it began, in which state, the last command before.
 
+    Its error `codes` are those that the axis has shown; an emergency `told` one of the device, of any of its axes.
     Bit 7 of the controlword, fault reset, `is_held` if it was commanded without a rising edge.
     """
 
@@ -96,6 +97,7 @@ class FaultSeen:
     before: State | None
     command: DriveCommand | None
     codes: dict[int, None] = field(default_factory=dict)
+    told: dict[int, None] = field(default_factory=dict)
     resets: int = 0
     is_held: bool = False
 
@@ -280,7 +282,7 @@ class DriveWatcher(Watcher):
         self._emergencies[said["node"]] = time, said["code"]
         for (node_id, _), axis in self._axes.items():
             if node_id == said["node"] and axis.fault and time - axis.fault.since < TOGETHER:
-                axis.fault.codes.setdefault(said["code"])
+                axis.fault.told.setdefault(said["code"])
 
     # What an axis shows
 
@@ -379,7 +381,7 @@ class DriveWatcher(Watcher):
         axis.fault = FaultSeen(time, Occurrences.once(self.bus.at()), before, axis.command, is_held=is_held)
         at, code = self._emergencies.get(axis.node.node_id, (0.0, 0))
         if code and time - at < TOGETHER:
-            axis.fault.codes[code] = None
+            axis.fault.told[code] = None
         code = axis.values.get(cia402.ERROR_CODE, 0)
         if code and time - axis.changed[cia402.ERROR_CODE] < TOGETHER:
             axis.fault.codes[code] = None
@@ -392,7 +394,7 @@ class DriveWatcher(Watcher):
 
     def _say_fault(self, axis: ObservedAxis, fault: FaultSeen, ended: str) -> None:
         span = self.bus.now - fault.since
-        codes = [f"0x{each:04X} ({error_words(each, {}, cia402.PROFILE)})" for each in fault.codes]
+        codes = [f"0x{each:04X} ({error_words(each, {}, cia402.PROFILE)})" for each in self._codes(axis, fault)]
         code = f"error code {', '.join(codes)}" if codes else "its error code (0x603F) is not in the log"
         before = f"before: {fault.before.words}" if fault.before else "it was so when first seen"
         text = f"{axis.name} is in Fault for {duration(span, 3)}, {code}; {before}; {ended}"
@@ -400,6 +402,14 @@ class DriveWatcher(Watcher):
         rule = BusRule.DRIVE_FAULT_RESET if is_old else BusRule.DRIVE_FAULT
         cause = f"the drive reports {', '.join(codes)}" if codes else ""
         self._report(axis, rule, text, fault.seen, cause=cause, subject=" ".join(codes))
+
+    def _codes(self, axis: ObservedAxis, fault: FaultSeen) -> list[int]:
+        """Return the error codes of an axis: an emergency of a device with several axes may be that of another one."""
+        others = [each for each in self._axes.values() if each.node is axis.node and each is not axis]
+        if not others:
+            return list(fault.told | fault.codes)
+        theirs = {each.values.get(cia402.ERROR_CODE) for each in others}
+        return list(fault.codes or [each for each in fault.told if each not in theirs])
 
     def _quick_stop(self, axis: ObservedAxis) -> None:
         if axis.command is DriveCommand.QUICK_STOP:
@@ -466,8 +476,9 @@ class DriveWatcher(Watcher):
         """Report an axis that was told to move, and stands."""
         halted = axis.lasting.get(BusRule.DRIVE_HALTED)
         if halted and time - halted[0] > STANDS:
-            text = f"{axis.name} is halted for {duration(time - halted[0], 1)}: bit 8 of its controlword is set"
-            self._report(axis, BusRule.DRIVE_HALTED, text, halted[1])
+            rule, on_its_way = (BusRule.DRIVE_HELD, " on its way") if axis.target else (BusRule.DRIVE_HALTED, "")
+            text = f"{axis.name} is halted{on_its_way} for {duration(time - halted[0], 1)}"
+            self._report(axis, rule, f"{text}: bit 8 of its controlword is set", halted[1])
         moved = axis.changed.get(cia402.POSITION)
         if axis.target and moved is not None and time - max(moved, axis.target[0]) > STANDS:
             goal = axis.values.get(cia402.TARGET_POSITION)

@@ -117,7 +117,7 @@ class IncidentRule(Enum):
 
     @property
     def stage(self) -> int:
-        """0 for what is wrong with the bus, 1 for what is wrong with a robot on it, 2 for what nodes say of that."""
+        """0 for what is wrong with the bus, 1 with a robot on it, 2 for what nodes say of that, 3 for the files."""
         return 0
 
     @property

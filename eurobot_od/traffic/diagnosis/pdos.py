@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import combinations
 from math import inf
+from statistics import fmean
 
 from eurobot_od.client.watch import LATE_AFTER
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
@@ -332,6 +333,9 @@ DOUBLE = 0.1
 ONE_PRODUCER = 1.55
 """Ratio of the intervals between SYNCs up to which they are one producer's: a timer on a coarse clock has 1.5."""
 
+INTERVALS = 500
+"""The last intervals between SYNCs, of which shortest, longest and average are told."""
+
 
 class SyncWatcher(Watcher):
     """Watches the period of SYNC, its counter, and who sends it."""
@@ -348,6 +352,7 @@ class SyncWatcher(Watcher):
         self._producers: list[ObservedNode] = []
         self._short = self._doubles = 0
         self._interval = inf
+        self._intervals: deque[float] = deque(maxlen=INTERVALS)
         self._before, self._usual = b"", 0.0
         self._uneven, self._jitter = Occurrences(), ""
 
@@ -383,6 +388,7 @@ class SyncWatcher(Watcher):
             self._usual = self._observed
         usual = said or self._usual
         self._times.append(time)
+        self._intervals.append(interval)
         self._number += 1
         periods = None if self._number % SYNCS or self._two else two_series([*self._times], ONE_PRODUCER)
         if periods:
@@ -395,7 +401,7 @@ class SyncWatcher(Watcher):
         self._extra(interval, usual)
         if not usual or self._two:
             return
-        text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}{'' if said else ' (observed)'}"
+        text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}" if said else ""
         if said and self._short >= SYNCS:
             self._two = True
             self._two_producers(text, "period")
@@ -463,7 +469,12 @@ class SyncWatcher(Watcher):
         if self._skipped:
             self.bus.found(BusRule.SYNC_COUNTER, "", self._skipped[0], seen=self._skipped[1])
         if self._uneven.number:
-            self.bus.found(BusRule.SYNC_JITTER, "", self._jitter, seen=self._uneven)
+            self.bus.found(BusRule.SYNC_JITTER, "", self._jitter or self._as_seen(), seen=self._uneven)
+
+    def _as_seen(self) -> str:
+        """Return the times between SYNCs as they were: a median would be one of the two of a coarse clock."""
+        span = f"{brief(min(self._intervals))} to {brief(max(self._intervals))}"
+        return f"SYNC comes {span} after the one before, {brief(fmean(self._intervals))} on average (observed)"
 
 
 def _follows(before: bytes, present: bytes) -> bool:

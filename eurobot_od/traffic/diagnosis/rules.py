@@ -480,10 +480,17 @@ class BusRule(IncidentRule):
         remedy="look at the switches in 0x60FD while the axis is moved by hand; compare 0x6098",
         clause="CiA 402-2, 10 (homing)",
     )
+    DRIVE_HELD = RuleRow(
+        Severity.WARNING,
+        "An axis was given a position, and is halted by its controlword",
+        cause="a master has set halt (bit 8), and not taken it back",
+        remedy="clear bit 8 of the controlword: the axis goes on to its target",
+        clause="CiA 402-2, 8.4.1 (controlword bit 8)",
+    )
     DRIVE_TARGET = RuleRow(
         Severity.WARNING,
         "An axis was given a position, and stands without reaching it",
-        cause="it is blocked or halted, at a limit, or its window (0x6067, 0x6068) is too narrow",
+        cause="it is blocked, at a limit, or its window (0x6067, 0x6068) is too narrow",
         remedy="read 0x6064, 0x6067 and 0x60FD; look at the mechanics",
         clause="CiA 402-2, 11 (position window), statusword bit 10",
     )
@@ -649,7 +656,11 @@ class BusRule(IncidentRule):
 
     @property
     def stage(self) -> int:
-        return 2 if self.name.startswith("EMCY") else 0
+        return 3 if self.name in OF_FILES else 2 if self.name.startswith("EMCY") else 0
+
+
+OF_FILES = frozenset(("CAN_STARVE", "PDO_UNHEARD", "PDO_WITHOUT_FILE"))
+"""The rules that judge files, and not what happened on the bus."""
 
 
 EXPLAINED: Mapping[str, Collection[str]] = {
@@ -691,6 +702,7 @@ EXPLAINED: Mapping[str, Collection[str]] = {
     "DRIVE_DISABLED": {"drive-target", "pdo-stops"},
     "DRIVE_QUICK_STOP": {"drive-target", "pdo-stops"},
     "DRIVE_STOPPED": {"drive-target", "pdo-stops"},
+    "DRIVE_HELD": {"drive-target", "pdo-stops"},
     "DRIVE_FOLLOWING": {"drive-target", "pdo-stops"},
     "SYNC_STOPS": {"pdo-stops", "pdo-timer", "pdo-deadline"},
     "GUARD_UNANSWERED": {"guard-toggle"},

@@ -591,6 +591,13 @@ DEFECTS = [
         BusRule.DRIVE_HALTED, log(RUNS, at("205#0F0101"), beats(until=5)), 0.0, log(RUNS, beats(until=5)), DRIVE
     ),
     RuleDefect(
+        BusRule.DRIVE_HELD,
+        log(status(0x0237, 0, 5), at("205#0F0001", "205#1F0101", start=0.5)),
+        0.501,
+        log(status(0x0237, 0, 5), at("205#0F0001", "205#1F0101", start=0.5), at("205#1F0001", start=4.9)),
+        DRIVE,
+    ),
+    RuleDefect(
         BusRule.DRIVE_TARGET,
         log(status(0x0237, 0, 5), at("205#0F0001", "205#1F0001", start=0.5), at("285#05000000", start=0.6)),
         0.501,

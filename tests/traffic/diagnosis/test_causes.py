@@ -6,7 +6,7 @@ import pytest
 
 from eurobot_od.traffic.diagnosis.incidents import Incident
 from eurobot_od.traffic.diagnosis.rules import BusRule
-from tests.traffic.diagnosis.defects import FULL, TOO_FULL, Log, at, beats, every, log
+from tests.traffic.diagnosis.defects import FULL, TOO_FULL, Log, at, beats, every, log, status
 from tests.traffic.diagnosis.test_defects import diagnosed, with_followers
 
 
@@ -57,11 +57,28 @@ def test_a_mode_that_a_drive_refuses_is_one_that_it_does_not_have() -> None:
 
 
 ALTERNATING = sorted(each for start in (0.0, 0.024) for each in every(0.04, "080#", 1.0, start))
+COARSE = log(ALTERNATING, at("080#", start=ALTERNATING[-1][0] + 0.036))
+EARLY_OR_LATE = (4, -7, 0, 7, -3, -6, 2, 6, -1, 5, -5, 1)
+"""By how many ms SYNCs of a period of 20 ms are early or late."""
+
+UNEVEN = [(round(0.02 * n + EARLY_OR_LATE[n % 12] / 1000, 6), "080#") for n in range(121)]
 
 
-def test_a_timer_on_a_coarse_clock_has_its_true_period() -> None:
-    late = log([each for each in ALTERNATING if each[0] < 0.6], at("080#", start=0.65))
-    assert found(BusRule.SYNC_JITTER, late).text.endswith("with a period of 20 ms (observed)")
+@pytest.mark.parametrize(
+    ("frames", "devices", "text"),
+    [
+        (UNEVEN, (), "SYNC comes 9 ms to 28 ms after the one before, 20 ms on average (observed)"),
+        (COARSE, (), "SYNC comes 16 ms to 36 ms after the one before, 20.3 ms on average (observed)"),
+        (
+            log(every(0.1, "080#", 0.4), at("080#", start=0.55)),
+            ("clock",),
+            "SYNC comes after 150 ms, with a period of 100 ms",
+        ),
+    ],
+    ids=["jitter at random", "a coarse clock that is late once", "the period of 0x1006"],
+)
+def test_jitter_is_told_as_it_was_seen(frames: Log, devices: tuple[str, ...], text: str) -> None:
+    assert found(BusRule.SYNC_JITTER, frames, *devices).text == text
 
 
 def test_a_timer_on_a_coarse_clock_is_no_second_producer() -> None:
@@ -102,3 +119,46 @@ def test_the_fault_of_an_axis_has_its_time_its_error_code_and_what_ended_it(axis
     assert code in fault.text
     assert fault.text.endswith("before: Operation enabled; ended by Fault reset of an SDO client")
     assert fault.seen.places[0].time == pytest.approx(since)
+
+
+TOLD = at("085#1023080000000000", "085#2032080000000000", start=1.32)
+"""Emergencies of both axes: they do not say of which one."""
+
+READ_FIRST = at("605#403F600000000000", "585#4B3F600010230000", start=1.45)
+OVERCURRENT, UNDERVOLTAGE = "0x2310 (continuous overcurrent at the output)", "0x3220 (DC link undervoltage)"
+
+
+@pytest.mark.parametrize("frames", [log(AXES, TOLD), log(AXES, TOLD, READ_FIRST)], ids=["one is asked", "both are"])
+def test_each_axis_in_fault_has_its_own_error_code(frames: Log) -> None:
+    faults = [each.text for each in diagnosed(frames, ()) if each.rule is BusRule.DRIVE_FAULT]
+    codes = {text[:6]: text.split("error code ")[1].split(";")[0] for text in faults}
+    assert codes == {"axis 1": OVERCURRENT, "axis 2": UNDERVOLTAGE}
+
+
+ENABLED = log(status(0x0237, 0, 5), at("285#05000000", start=0.6))
+STOPS_205 = log(beats(until=4), every(0.05, "205#0000", 1.0))
+
+
+@pytest.mark.parametrize(
+    ("frames", "devices", "first", "then"),
+    [
+        (
+            log(ENABLED, at("205#0F0101", "205#1F0101", start=0.5)),
+            ("drive",),
+            BusRule.DRIVE_HELD,
+            BusRule.DRIVE_TARGET,
+        ),
+        (
+            log(ENABLED, at("205#0F0001", "205#1F0001", start=0.5), at("205#1F0101", start=1.5)),
+            ("drive",),
+            BusRule.DRIVE_HELD,
+            BusRule.DRIVE_TARGET,
+        ),
+        (log(STOPS_205, at("185#0000")), ("waiter", "copy"), BusRule.PDO_STOPS, BusRule.PDO_UNHEARD),
+    ],
+    ids=["halted before it is to move", "halted on its way", "a stop above a remark about files"],
+)
+def test_a_cause_stands_first(frames: Log, devices: tuple[str, ...], first: BusRule, then: BusRule) -> None:
+    incidents = diagnosed(frames, devices)
+    assert incidents[0].rule is first
+    assert then in [each.rule for each in with_followers(incidents)[1:]]
