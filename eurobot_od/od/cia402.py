@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping
 from enum import Enum, IntEnum
+from functools import lru_cache
 from typing import NamedTuple, Self
 
 PROFILE = 402
@@ -80,6 +81,7 @@ class BitPattern(Enum):
         self.words, self.mask, self.bits = words, mask, bits
 
     @classmethod
+    @lru_cache
     def of(cls, word: int) -> Self | None:
         """Return what a word says; None for bits that say nothing."""
         return next((each for each in cls if word & each.mask == each.bits), None)

@@ -143,9 +143,7 @@ class Batch(NamedTuple):
 
     def raw(self, place: int) -> Raw:
         """Return what stands at a place in the batch."""
-        head = self.heads[place]
-        # Without the named tuple's own constructor, which is Python code: a log may have millions of entries.
-        return tuple.__new__(Frame, (head, self.data[place])) if isinstance(head, int) else head
+        return _raw(self.heads[place], self.data[place])
 
     def grouped(self, places: Sequence[int]) -> dict[int | Raw, list[int]]:
         """Return some places, in their order, by their heads."""
@@ -156,7 +154,7 @@ class Batch(NamedTuple):
 
     def entries(self) -> Entries:
         """Give the entries one by one."""
-        return zip(self.lines, self.times, self.channels, map(self.raw, range(len(self.heads))))
+        return zip(self.lines, self.times, self.channels, map(_raw, self.heads, self.data))
 
     @property
     def is_of_one_channel(self) -> bool:
@@ -167,6 +165,12 @@ class Batch(NamedTuple):
     def is_read(self) -> bool:
         """Whether some of it is what a bus can carry, and not text that nobody understands."""
         return any(not isinstance(head, Foreign) or head.is_read for head in self.heads)
+
+
+def _raw(head: int | Raw, data: bytes) -> Raw:
+    """Return what a batch has as a head and data."""
+    # Without the named tuple's own constructor, which is Python code: a log may have millions of entries.
+    return tuple.__new__(Frame, (head, data)) if isinstance(head, int) else head
 
 
 def _stamped(batch: Batch) -> Batch:

@@ -53,6 +53,9 @@ ENDS_WITHIN = 1.0
 ANSWERS_WITHIN = 0.1
 """Time in which a node answers node guarding, in s."""
 
+STATES = {each.value: each for each in NmtState}
+"""The states by what a heartbeat says."""
+
 OFF_OR_ELSEWHERE = "its heartbeat is switched off, or it sends it under another node-ID"
 """Why a node that is there likely sends no heartbeat."""
 
@@ -181,8 +184,8 @@ class NodesWatcher(Watcher):
             state = frame.data[0] & ~TOGGLE
             if state == NmtState.INITIALISING:
                 self._boot(time, node)
-            elif state in set(NmtState):
-                self._state(time, node, NmtState(state), is_answer)
+            elif state in STATES:
+                self._state(time, node, STATES[state], is_answer)
 
     # NMT
 
@@ -315,14 +318,14 @@ class NodesWatcher(Watcher):
 
     def _judge(self, node: ObservedNode, beats: Beats) -> None:
         """Look at a node's last intervals."""
-        *others, last = beats.intervals
-        if len(others) >= SURE and not beats.is_of_two and last > LATE_AFTER * (usual := beats.usual):
+        last = beats.intervals[-1]
+        if len(beats.intervals) > SURE and not beats.is_of_two and last > LATE_AFTER * (usual := beats.usual):
             text = f"a heartbeat after {brief(last)}, with a period of {brief(usual)}"
             self.bus.found(BusRule.HEARTBEAT_LATE, node.name, text)
         if not (beats.period or beats.observed) or len(beats.intervals) < 2 * SURE:
             return
         period, uneven = beats.period or beats.observed, max(beats.intervals) > (1 + CHANGED) * min(beats.intervals)
-        pairs = [one + two for one, two in pairwise(beats.intervals)]
+        pairs = (one + two for one, two in pairwise(beats.intervals))
         if (uneven or beats.observed) and all(abs(each / period - 1) < UNEVEN for each in pairs):
             if not beats.is_of_two:
                 self._two(node, f"two series of heartbeats, each every {brief(period)}", "heartbeats")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import combinations
@@ -22,7 +22,7 @@ from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, SeenAt, Take, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.series import WINDOW, two_series
-from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage
+from eurobot_od.traffic.load import MICROSECONDS, BoundRow, MessageSet, PeriodicMessage
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import SYNC_NAME, TIME_NAME
 from eurobot_od.traffic.statistics import SeenTraffic
@@ -297,17 +297,22 @@ class AnswerWatcher(Watcher):
         self._open: dict[int, tuple[float, PeriodicMessage, SeenAt]] = {}
 
     def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
-        return partial(self._came, cob_id) if cob_id in self._promised.asking else None
+        seen = self._promised
+        if cob_id not in seen.asking:
+            return None
+        return partial(self._came, cob_id, seen.promised.get(cob_id), seen.answers.get(cob_id, ()))
 
-    def _came(self, cob_id: int, time: float, meaning: Meaning) -> None:
-        """Take in an answer, or a message that is answered."""
+    def _came(
+        self, cob_id: int, row: BoundRow | None, answers: Collection[int], time: float, meaning: Meaning
+    ) -> None:
+        """Take in an answer, whose bound is in a `row`, or a message that is answered by others."""
         self._open.pop(cob_id, None)
-        asked, row = self._asked.pop(cob_id, None), self._promised.promised.get(cob_id)
+        asked = self._asked.pop(cob_id, None)
         if asked is not None and row and row.response is not None and time - asked > row.response / MICROSECONDS:
             computed = f"computed: {brief(row.response / MICROSECONDS)} at most"
             text = f"{meaning.name} comes {brief(time - asked)} after its request, {computed}"
             self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, cob_id)
-        for answer in self._promised.answers.get(cob_id, ()):
+        for answer in answers:
             self._asked[answer] = time
             if answer not in self._open:
                 self._open[answer] = time, self._promised.promised[answer].message, self.bus.at()
@@ -401,11 +406,14 @@ class SyncWatcher(Watcher):
         self._extra(interval, usual)
         if not usual or self._two:
             return
+        is_short, is_uneven = said and self._short >= SYNCS, abs(interval / usual - 1) > 0.25
+        if not (is_short or is_uneven):
+            return
         text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}" if said else ""
-        if said and self._short >= SYNCS:
+        if is_short:
             self._two = True
             self._two_producers(text, "period")
-        elif abs(interval / usual - 1) > 0.25:
+        else:
             self._jitter = self._jitter or text
             self._uneven.add(self.bus.at())
 
