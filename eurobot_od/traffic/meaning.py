@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from struct import unpack
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -134,6 +134,22 @@ class Meaning(NamedTuple):
         if not self.defects or self.message is not None:
             return True
         return all(each.damage is Damage.INCOMPLETE for each in self.defects)
+
+
+class MessageMeaning(Meaning):
+    """What a frame of a message means: its text is written each time that it is read, as few readers want it."""
+
+    __slots__ = ()
+
+    @property
+    def text(self) -> str:
+        """The fields in words."""
+        text: Any = self[TEXT]
+        return text if isinstance(text, str) else text(self.raw[1])
+
+
+TEXT = Meaning._fields.index("text")
+"""The place of the text, or of what writes it from the data of a frame."""
 
 
 def wrong(meaning: Meaning) -> str:
@@ -331,8 +347,14 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
     sender = next(iter(binding.senders), "")
     # As candump's frames, a Meaning is made without the named tuple's own constructor.
-    length, decode, write, new = binding.layout.length, binding.decode, texts_writer(binding), tuple.__new__
+    length, decode, new = binding.layout.length, binding.decode, tuple.__new__
     allowed = lru_cache(None)(lambda field: binding.kinds[field].allowed(binding.limits[field]))
+
+    writer = cache(partial(texts_writer, binding))  # compiled when the first text is read
+
+    def text(data: bytes) -> str:
+        (text,) = writer()("", words_of(binding, [binding.complete(data)]))
+        return text.replace(OUTSIDE, "")
 
     def read(frame: Frame) -> Meaning:
         data = frame[1]  # to unpack a named tuple takes an iterator
@@ -347,10 +369,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
         if len(data) > length or OutOfRange in map(type, message):
             defects = (*_too_long(frame, binding), *_out_of_range(message, binding, allowed))
-        (text,) = write("", words_of(binding, [binding.complete(data)]))
-        return new(
-            Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, None)
-        )
+        return new(MessageMeaning, (frame, name, group, nodes, message, text, defects, None, sender, None))
 
     return read
 

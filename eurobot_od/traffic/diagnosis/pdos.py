@@ -302,9 +302,7 @@ class AnswerWatcher(Watcher):
             return None
         return partial(self._came, cob_id, seen.promised.get(cob_id), seen.answers.get(cob_id, ()))
 
-    def _came(
-        self, cob_id: int, row: BoundRow | None, answers: Collection[int], time: float, meaning: Meaning
-    ) -> None:
+    def _came(self, cob_id: int, row: BoundRow | None, answers: Collection[int], time: float, meaning: Meaning) -> None:
         """Take in an answer, whose bound is in a `row`, or a message that is answered by others."""
         self._open.pop(cob_id, None)
         asked = self._asked.pop(cob_id, None)
