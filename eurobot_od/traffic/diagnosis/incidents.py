@@ -356,7 +356,10 @@ class ObservedBus:
     ) -> None:
         """Report that a rule does not hold here, or where it was `seen`; `subject` tells incidents of a node apart."""
         here = self.report(rule, self.channel, who, str(subject), text, cause)
-        here.join(seen or Occurrences.once(self.at()))
+        if seen:
+            here.join(seen)
+        else:
+            here.add(self.at())
 
 
 class Watcher:
