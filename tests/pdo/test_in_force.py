@@ -79,7 +79,6 @@ NOT_SHOWN = {
     "writes that the device refuses": (
         "601#2F001A0001000000 581#80001A0011000906 601#23001A0120006C60 581#80001A0122000008 " + FRAME
     ),
-    "writes that nobody confirms": "601#2F001A0001000000 601#23001A0120006C60 " + FRAME,
     "restored and started anew": f"{REMAP} {SAVE} {LOAD} 701#00 {FRAME}",
 }
 
@@ -95,6 +94,11 @@ def test_what_was_shown_is_in_force(lines: str) -> None:
 def test_what_was_not_shown_or_is_over_is_as_the_file_says(lines: str) -> None:
     assert decoded(lines, SERVO)[-1].text == decoded(FRAME, SERVO)[-1].text != ""
     assert VELOCITY not in decoded(lines, SERVO)[-1].text
+
+
+def test_what_was_written_and_not_confirmed_is_unknown() -> None:
+    last = decoded("601#2F001A0001000000 601#23001A0120006C60 " + FRAME, SERVO)[-1]
+    assert last.text == "mapped_object_1=unknown, mapped_object_2=unknown"
 
 
 def test_a_pdo_on_another_identifier_leaves_its_old_one() -> None:
