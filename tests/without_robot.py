@@ -46,6 +46,7 @@ def commands(devices: Sequence[str]) -> Iterator[tuple[str, ...]]:
         ("devices", "--library", "."),
         ("new-device", "gripper", "--package", "--eds", "motor.eds"),
         ("lint", "motor.eds"),
+        ("edit", "motor.eds", "set", "1017", "DefaultValue=250", "--dry-run"),
         ("lint", "--network", "net.yaml"),
         ("diff", "motor.eds", "motor.eds"),
         ("export", "xdd", "motor.eds"),

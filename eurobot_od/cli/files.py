@@ -187,6 +187,7 @@ def dcf(
     """Write the DCF of a device that need not be there: its file, the values of a patch, its node-ID and bit rate.
 
     file: node-ID, and an EDS, DCF, XDD or XDC
+    bitrate: bit/s that it is commissioned with
 
     $ export dcf 5=motor.eds --patch ours.yaml -o motor5.dcf
     """

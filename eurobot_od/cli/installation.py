@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from typing import Literal
 
+from eurobot_od import loading
 from eurobot_od.bus.live import adapters
 from eurobot_od.cli import COMMANDS, ExitStatus, RobotName, find, program, robot_of_help, version, with_robot
 from eurobot_od.cli.signature import Parser, describe
 from eurobot_od.errors import LocalError
-from eurobot_od.loading import DEVICES, ROBOTS, Installed
+from eurobot_od.loading import Installed
 from eurobot_od.plugin import NOTHING, Plugins
 from eurobot_od.support import extras
 from eurobot_od.support.extras import Package
@@ -31,7 +32,7 @@ FOR_DEVELOPERS = ("test", "bench", "release")
 
 WITHOUT = "`node --share 54701` makes a bus that needs none (docs/hardware.md)"
 
-KINDS = {ROBOTS.what: "robot     ", DEVICES.what: "device    "}
+KINDS = {loading.ROBOTS.what: "robot     ", loading.DEVICES.what: "device    "}
 """What stands before a plug-in, by its kind."""
 
 NEEDED = ("canopen", "python-can", "PyYAML", "shtab")
@@ -45,7 +46,7 @@ def doctor() -> ExitStatus:
 
     $ doctor
     """
-    why = {each: broken(each) for kind in (ROBOTS, DEVICES) for each in kind.installed().values()}
+    why = {each: broken(each) for kind in (loading.ROBOTS, loading.DEVICES) for each in kind.installed().values()}
     unloaded = [(what, f"{sys.executable} -m pip uninstall {each.package}") for each, what in why.items() if what]
     troubles = (trouble for link in adapters.links() for trouble in adapters.troubles(link))
     wrong = [*unloaded, *troubles, *denied(adapters.refused())]

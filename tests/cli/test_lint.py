@@ -38,7 +38,6 @@ CALLS = [
     (["lint", CLEAN, str(ROOT / "docs"), "--select", "W442"], 0, "motor.eds:389:14: W442"),
     (["lint", str(ROOT / "tools")], 2, ""),  # no file of a device in it
     (["lint", CLEAN, "none.eds"], 2, ""),
-    (["lint"], 2, ""),
     (["lint", "--explain", "e606"], 0, "E606 (error): No PDO has an identifier of NMT"),
     (["lint", "--explain", "I802"], 0, "I802 (info)"),
     (["lint", "--explain", "E999"], 2, ""),

@@ -160,7 +160,7 @@ print(sorted({"can", "canopen", "numpy", "yaml"} & set(sys.modules)))
     ("words", "without"),
     [
         ("show", "yaml rich eurobot_od.bus.live eurobot_od.client.master"),  # messages, from the EDS files alone
-        ("decode -", "yaml rich eurobot_od.bus.live eurobot_od.client.master"),  # a log needs no bus
+        ("decode -", "rich eurobot_od.bus.live eurobot_od.client.master"),  # a log needs no bus
         ("monitor --plain --speed max -", "rich eurobot_od.client.configure"),  # plain lines, and nothing is asked
     ],
 )

@@ -144,7 +144,7 @@ def test_scan_of_an_empty_bus(run: Run) -> None:
     "words, out",
     [
         (["2", "0x1018:2"], "0x1018:2  Identity object.Product code  0x00000002\n"),
-        (["lift", "Motion.Maximum speed"], "0x2101:1  Motion.Maximum speed  800\n"),  # names of node and object
+        (["lift", "Motion.Maximum speed"], "0x2101:1  Motion.Maximum speed  800 mm/s\n"),  # names of node and object
         (
             ["2", "0x1017", "0x1008"],
             f"{HEARTBEAT}   10\n0x1008:0  Manufacturer device name  Packaging line lift\n",
@@ -252,7 +252,7 @@ def test_a_refused_object_is_listed_with_its_reason(run: Run, lift: str) -> None
 def test_dump_lists_every_object(run: Run, lift: str) -> None:
     status, out, err = run(lift, "dump", "2")
     assert (status, err) == (0, "")
-    assert any(line.split() == ["0x2101:1", "Motion.Maximum", "speed", "800"] for line in out.splitlines())
+    assert any(line.split() == ["0x2101:1", "Motion.Maximum", "speed", "800", "mm/s"] for line in out.splitlines())
     _, out, _ = run(lift, "dump", "2", "--json")
     assert {
         "index": 0x2101,
@@ -260,6 +260,7 @@ def test_dump_lists_every_object(run: Run, lift: str) -> None:
         "name": "Motion.Maximum speed",
         "type": "UNSIGNED16",
         "value": 800,
+        "unit": "mm/s",
     } in json.loads(out)
 
 

@@ -135,7 +135,7 @@ def test_a_difference_is_found_by_reading_alone(make: Callable[..., Dictionary])
         (HEARTBEAT, "1000", "500"),
         (COB_ID, "0x00000202", "0x00000018"),
         (ENTRY, "0x20000606", "0x20000602"),
-        (SPEED, "800", "900"),
+        (SPEED, "800 mm/s", "900 mm/s"),
     ]
 
 
@@ -253,7 +253,7 @@ def test_a_node_that_did_not_store_is_told(make: Callable[..., Dictionary], eds:
         with pytest.raises(ConfigurationError) as told:
             configure(master.node(2), make(NEW, eds), NOW)
     assert str(told.value) == (
-        "node 2: 0x2101:1 Motion.Maximum speed reads 800 after 900 was written; "
+        "node 2: 0x2101:1 Motion.Maximum speed reads 800 mm/s after 900 mm/s was written; "
         "node 2 was written completely, stored and reset before that"
     )
 
@@ -262,7 +262,9 @@ def test_a_value_that_was_right_before_and_is_lost_at_the_reset_is_told(make: Ca
     with stock_lift() as (channel, node), master_on(channel) as master:
         node.set_data(*SPEED, (NEW[SPEED]).to_bytes(2, "little"))  # type: ignore[union-attr]
         boots(node, SPEED)
-        with pytest.raises(ConfigurationError, match=r"0x2101:1 Motion\.Maximum speed reads 800 after 900 was written"):
+        with pytest.raises(
+            ConfigurationError, match=r"Motion\.Maximum speed reads 800 mm/s after 900 mm/s was written"
+        ):
             configure(master.node(2), make(NEW), NOW)
 
 
@@ -417,7 +419,7 @@ def test_a_value_that_does_not_read_back_is_taken_back(make: Callable[..., Dicti
         node.add_read_callback(  # type: ignore[no-untyped-call]
             lambda index, subindex, **_: 801 if (index, subindex) == SPEED else None
         )
-        with pytest.raises(ConfigurationError, match="reads 801 after 900 was written; node 2 has its former values"):
+        with pytest.raises(ConfigurationError, match="reads 801 mm/s after 900 mm/s was written; node 2 has its"):
             configure(master.node(2), make(NEW), NOW)
         assert node.get_data(*HEARTBEAT) == b"\xe8\x03"
 

@@ -366,7 +366,7 @@ def test_wrong_usage_is_told_in_the_last_line(
         (
             ["--seeds", "2", "--set", "navigation.0x2101:1=x"],
             2,
-            "0x2101:1: Noise.Position deviation = 'x' is not allowed; allowed: an integer",
+            "0x2101:1: Noise.Position deviation = 'x' is not allowed; allowed: an integer in mm",
         ),
         (
             ["--speed", "real", "-i", "remot"],

@@ -30,7 +30,7 @@ BOTH_WAYS: list[tuple[Kind, Limits, int, Any, str]] = [
     (HEADING, ANY, 0x3FF, None, "unknown"),
     (MILLIMETRES, X, 0xFF, 255, "255 mm"),  # a real place: unknown only together with y and the angle
     (MILLIMETRES, X, 3000, 3000, "3000 mm"),
-    (TIME, ANY, 0, 0, "arrived"),
+    (TIME, ANY, 0, 0, "0 ms"),
     (TIME, ANY, 0x0FFFFE, 0x0FFFFE, "1048574 ms"),
     (TIME, ANY, 0x0FFFFF, None, "unknown"),
     (TIME, ANY, 0xFFFFFE, GotoFault.BLOCKED, "blocked"),
