@@ -203,7 +203,7 @@ class ChangePlan(NamedTuple):
 
     @property
     def cannot_be_marked(self) -> bool:
-        """Whether the file describes verify configuration, 0x1020, and does not let it be written."""
+        """Whether 0x1020, verify configuration, is read only in the file."""
         found = [self.dictionary.variable(address) for address in VERIFY_CONFIGURATION]
         return all(found) and not all(each and each.writable for each in found)
 

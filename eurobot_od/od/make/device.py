@@ -116,8 +116,8 @@ def _head(table: DeviceTable, file_name: str) -> str:
         **dict.fromkeys(("SimpleBootUpMaster", "DynamicChannelsSupported", "GroupMessaging", "LSS_Supported"), 0),
         "SimpleBootUpSlave": 1,
         "Granularity": 8,
-        "NrOfRXPDO": _count(table, "RPDO"),
-        "NrOfTXPDO": _count(table, "TPDO"),
+        "NrOfRXPDO": 0,
+        "NrOfTXPDO": 0,  # an edit counts the PDOs that it adds
     }
     sections: dict[str, Mapping[str, object]] = {
         "FileInfo": info,
@@ -127,8 +127,3 @@ def _head(table: DeviceTable, file_name: str) -> str:
     }
     written = ("".join(f"{key}={value}\n" for key, value in entries.items()) for entries in sections.values())
     return "\n".join(f"[{name}]\n{text}" for name, text in zip(sections, written))
-
-
-def _count(table: DeviceTable, direction: str) -> int:
-    """Return the number of PDOs in a direction: the first is the profile's."""
-    return len({f"{direction}1", *(each.upper() for each in table.pdos if each.upper().startswith(direction))})
