@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from itertools import permutations
 
+import pytest
+
 from eurobot_od.errors import (
     BusError,
     Cause,
@@ -36,7 +38,6 @@ from eurobot_od.errors import (
     YamlError,
 )
 from tests.kit.lift import Doors
-from tests.rows import rows
 
 ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     # the caller's: nothing was sent
@@ -127,7 +128,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
 ]
 
 
-@rows("error, kind, text", ERRORS)
+@pytest.mark.parametrize(("error", "kind", "text"), ERRORS)
 def test_error_has_its_place_in_the_tree_and_one_line(error: EurobotError, kind: type[EurobotError], text: str) -> None:
     assert isinstance(error, kind)
     assert str(error) == text

@@ -6,7 +6,6 @@ import pytest
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from tests.rows import rows
 
 TEXTS = [
     (Frame(0x008, bytes.fromhex("D27423592C01C3A5")), "008#D27423592C01C3A5"),
@@ -38,7 +37,7 @@ NO_FRAMES = [
 ]
 
 
-@rows("text", NO_FRAMES)
+@pytest.mark.parametrize("text", NO_FRAMES)
 def test_what_is_no_classic_frame_is_refused(text: str) -> None:
     with pytest.raises(LocalError, match="is not a frame"):
         Frame.parse(text)

@@ -22,7 +22,6 @@ from eurobot_od import cli
 from eurobot_od.support import files, progress
 from tests.cli.console import Terminal
 from tests.like_windows import MODULES, NAMES, Lacking
-from tests.rows import rows
 
 ROOT = Path(__file__).parents[1]
 MOTOR = ("--eds", "5=motor.eds")
@@ -60,7 +59,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-@rows("words, status, says", COMMANDS)
+@pytest.mark.parametrize(("words", "status", "says"), COMMANDS)
 def test_a_command_runs_without_what_only_posix_has(
     words: tuple[str, ...], status: int | None, says: str, folder: Path
 ) -> None:

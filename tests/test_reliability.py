@@ -15,7 +15,7 @@ PROMISES = [line for line in TEXT.split("## Promises")[1].split("\n## ")[0].spli
 NAMED = re.findall(r"`(tests/[\w/]+\.py)::(test_\w+)`", TEXT)
 
 
-@rows("promise", PROMISES)
+@pytest.mark.parametrize("promise", PROMISES)
 def test_every_promise_names_a_test(promise: str) -> None:
     assert re.search(r"`tests/[\w/]+\.py::test_\w+`", promise)
 

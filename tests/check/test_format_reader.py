@@ -153,7 +153,7 @@ def test_tells_place_and_reason_in_a_step(step: str, what: str) -> None:
     assert problem.startswith(f"{place}: {what}")
 
 
-@rows("text, what", WRONG_DOCUMENTS.values())
+@pytest.mark.parametrize(("text", "what"), WRONG_DOCUMENTS.values())
 def test_tells_place_and_reason_in_a_document(text: str, what: str) -> None:
     text, place = marked(text)
     (problem,) = read(text)[1]
@@ -180,8 +180,8 @@ def action(step: str, head: str = HEAD) -> object:
     return suite(document(step, head)).steps[0].action
 
 
-@rows(
-    "step, frame",
+@pytest.mark.parametrize(
+    ("step", "frame"),
     [
         ("- send: Halt Lift", Frame(0x381)),
         ("- send: {Halt Lift: }", Frame(0x381)),
@@ -214,8 +214,8 @@ def test_reads_keyed_values_by_name() -> None:
     assert by_name.sent.frame({}) == by_number.sent.frame({})
 
 
-@rows(
-    "step, order, kinds",
+@pytest.mark.parametrize(
+    ("step", "order", "kinds"),
     [
         ("- expect: Move Confirm", Order.IN_ORDER, [MessagePattern]),
         ("- expect: {raw: '701#??'}", Order.IN_ORDER, [FramePattern]),
@@ -242,8 +242,8 @@ def test_services_are_those_of_the_nodes_eds() -> None:
     assert heartbeat.expected.patterns == (ServicePattern(HEARTBEAT, "panel", 0x701, NmtState.PRE_OPERATIONAL),)
 
 
-@rows(
-    "step, address, content",
+@pytest.mark.parametrize(
+    ("step", "address", "content"),
     [
         ("{write: 0x1017, value: 500}", (0x1017, 0), b"\xf4\x01"),
         ("{write: Producer heartbeat time, value: 500}", (0x1017, 0), b"\xf4\x01"),
@@ -286,7 +286,7 @@ def test_a_suite_is_read_by_its_own_dialect() -> None:
     assert read(text.replace("node:", "dialect: packed\nnode:"))[1] == []
 
 
-@rows("text", ["a" + " " * 80_000 + "b", "{" + " " * 80_000, "x" * 80_000, "1" + ".." * 40_000])
+@pytest.mark.parametrize("text", ["a" + " " * 80_000 + "b", "{" + " " * 80_000, "x" * 80_000, "1" + ".." * 40_000])
 def test_a_long_text_is_refused_in_a_time_that_does_not_grow_with_its_square(text: str) -> None:
     """It took 83 s; a whole suite of tests would notice."""
     for step in (f"- expect: {{Move To: {{x: '{text}'}}}}", f"- sdo: {{read: '{text}'}}", f"- expect: '{text}'"):

@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+import pytest
+
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, as_data, remarks
@@ -16,7 +18,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from tests.check.suites import document, results, suite
 from tests.kit import plant
-from tests.rows import rows
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 FILES = ("clean", "crlf_io_module", "editor_with_comments", "generated", "old")
@@ -34,7 +35,7 @@ def plain_nodes(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: obje
     return [NodeUnderTest(Node(each)) for each in dictionaries.values()]
 
 
-@rows("name", FILES)
+@pytest.mark.parametrize("name", FILES)
 def test_a_device_that_is_nothing_but_its_eds(tmp_path: Path, name: str) -> None:
     eds = (SAMPLES / f"{name}.eds").read_text() + "[DeviceComissioning]\nNodeID=5\n"
     (tmp_path / "device.eds").write_text(eds)

@@ -13,7 +13,6 @@ from eurobot_od.check.report import Line, Status, StepReason, StepResult, SuiteP
 from eurobot_od.check.suite import Mismatch
 from eurobot_od.frame import Frame
 from eurobot_od.support.yaml_places import Place
-from tests.rows import rows
 
 REASON = StepReason(
     "Move State Response is not as expected",
@@ -77,8 +76,8 @@ def test_a_reason_tells_everything() -> None:
     ]
 
 
-@rows(
-    "results, line",
+@pytest.mark.parametrize(
+    ("results", "line"),
     [
         ([], "0 suites: no steps in 0.0 s of bus time"),
         ([RED], "1 suite: 1 ok, 1 FAILED, 1 skipped, 1 interrupted in 1.5 s of bus time"),

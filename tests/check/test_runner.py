@@ -192,8 +192,8 @@ def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
     ]
 
 
-@rows(
-    "steps, what, came",
+@pytest.mark.parametrize(
+    ("steps", "what", "came"),
     [
         ("- expect: Move Confirm", "no Move Confirm within 1 s", "nothing"),
         ("- expect: Move Confirm\n  within: 50 ms", "no Move Confirm within 50 ms", "nothing"),
@@ -309,7 +309,7 @@ def test_names_the_steps_of_a_group() -> None:
     ]
 
 
-@rows("names, done", [("b", ["a", "b"]), ("ac", ["a", "b", "c"]), ("", [])])
+@pytest.mark.parametrize(("names", "done"), [("b", ["a", "b"]), ("ac", ["a", "b", "c"]), ("", [])])
 def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(names: str, done: list[str]) -> None:
     steps = "\n".join(f"- {{name: {name}, wait: 1 ms}}" for name in "abc")
     options = RunOptions(chosen=lambda name: name in names)
@@ -340,7 +340,7 @@ def test_a_red_step_tells_what_the_node_has_reported() -> None:
     assert reason.cause.startswith("EMCY  lift, 0x8210 pdo too short")
 
 
-@rows("before", ["", f"{TOO_SHORT}- nmt: reset\n- heartbeat: boot-up\n"])
+@pytest.mark.parametrize("before", ["", f"{TOO_SHORT}- nmt: reset\n- heartbeat: boot-up\n"])
 def test_an_error_that_a_reset_has_ended_is_told_no_more(before: str) -> None:
     reason = run(f"{before}- expect: Move Confirm")[-1].reason
     assert reason is not None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+import pytest
+
 from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.report import Status, StepReason
 from eurobot_od.check.runner import RunOptions
@@ -12,7 +14,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.plugin import Plugins
 from tests.check.suites import document, results, run, suite
 from tests.kit import plant
-from tests.rows import rows
 
 
 def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[StepReason, list[str]]:
@@ -66,7 +67,7 @@ FORMS = {
 }
 
 
-@rows("steps, verdicts", FORMS.values())
+@pytest.mark.parametrize(("steps", "verdicts"), FORMS.values())
 def test_what_a_step_may_ask_for(steps: str, verdicts: str) -> None:
     signs = {Status.PASSED: "+", Status.SKIPPED: "s"}
     assert "".join(signs.get(step.status, "-") for step in run(steps)) == verdicts
@@ -87,8 +88,8 @@ def test_a_skipped_step_says_why_and_does_not_end_the_suite() -> None:
 NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
 
 
-@rows(
-    "step, change, what, sent",
+@pytest.mark.parametrize(
+    ("step", "change", "what", "sent"),
     [
         (PERIOD, lambda data: data[:5], "the answer 4B171000E8 is not of 8 bytes", "602#4017100000000000"),
         (

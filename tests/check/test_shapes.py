@@ -16,7 +16,6 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import YamlError
 from eurobot_od.od.dictionary import Dictionary
 from tests.eds_text import DEVICE_TYPE, record, variable
-from tests.rows import rows
 
 LIMITED = "LowLimit=10\nHighLimit=100\n"
 TEXT = (
@@ -96,7 +95,7 @@ FITTING = [
 ]
 
 
-@rows("step", [row[0] for row in FITTING])
+@pytest.mark.parametrize("step", [row[0] for row in FITTING])
 def test_a_value_of_any_type_is_as_expected(step: str) -> None:
     (result,) = run(step)
     assert result.status is Status.PASSED, result.reason
@@ -113,7 +112,7 @@ UNFIT = [
 ]
 
 
-@rows("step, wanted, came", UNFIT)
+@pytest.mark.parametrize(("step", "wanted", "came"), UNFIT)
 def test_another_value_is_told_with_the_object(step: str, wanted: str, came: str) -> None:
     (result,) = run(step)
     assert result.reason
@@ -136,7 +135,7 @@ WRITTEN = [
 ]
 
 
-@rows("name, value", WRITTEN)
+@pytest.mark.parametrize(("name", "value"), WRITTEN)
 def test_what_is_written_is_read_back(name: str, value: str) -> None:
     steps = (
         f"write: {name}, value: '{value}'",
@@ -165,7 +164,7 @@ REFUSED = [
 ]
 
 
-@rows("step, what", REFUSED)
+@pytest.mark.parametrize(("step", "what"), REFUSED)
 def test_what_an_object_does_not_allow_is_told_with_its_place(step: str, what: str) -> None:
     with pytest.raises(YamlError) as told:
         suite(step)
@@ -190,8 +189,8 @@ def server(request: str, answer: str) -> str:
     return record(0x1200, "SDO", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", request), (2, "UNSIGNED32", answer))
 
 
-@rows(
-    "more, request_id, answer_id",
+@pytest.mark.parametrize(
+    ("more", "request_id", "answer_id"),
     [
         ("", 0x605, 0x585),
         (server("0x640", "0x5C1"), 0x640, 0x5C1),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
+import pytest
+
 from eurobot_od.check.bench import SeenFrame, Trace
 from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
@@ -13,7 +15,6 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from tests.kit.devices import MODULE, NODE_ID, read
-from tests.rows import rows
 
 HEAD = "spec: 1\nname: a suite\nnode: clean\nsteps:\n"
 
@@ -101,6 +102,6 @@ RESTORED = {
 SIGNS = {Status.PASSED: "+", Status.FAILED: "-", Status.SKIPPED: "."}
 
 
-@rows("steps, ends", RESTORED.values())
+@pytest.mark.parametrize(("steps", "ends"), RESTORED.values())
 def test_steps_that_put_back(steps: str, ends: str) -> None:
     assert "".join(SIGNS[each] for each in run(steps)) == ends

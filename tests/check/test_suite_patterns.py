@@ -25,7 +25,6 @@ from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
 from tests.eds_text import DEVICE_TYPE, pdo, variable
-from tests.rows import rows
 
 TEXT = (
     DEVICE_TYPE
@@ -60,8 +59,8 @@ def emergency(code: int | None) -> ServicePattern:
 EMERGENCY = Frame(0x85, bytes.fromhex("1082110000000000"))
 
 
-@rows(
-    "pattern, data, differs",
+@pytest.mark.parametrize(
+    ("pattern", "data", "differs"),
     [
         # digits, and ? for any of them
         (FramePattern(0x123, "0A1F"), "0A1F", []),
@@ -113,8 +112,8 @@ def test_a_field_may_be_compared_with_what_came_before() -> None:
         pattern.mismatches(frame, {})
 
 
-@rows(
-    "pattern, name, text, final",
+@pytest.mark.parametrize(
+    ("pattern", "name", "text", "final"),
     [
         (state(), "State", "State", True),
         (state(speed="{seen}", level="< 5"), "State", "State: speed {seen} = 7, level < 5", True),

@@ -11,7 +11,6 @@ from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity
 from tests.kit.plant import messages as m
-from tests.rows import rows
 
 
 def scale(kind: Kind, high: int = 3000) -> Scale:
@@ -105,17 +104,17 @@ NO_VALUES = [
 ]
 
 
-@rows("kind, text, value", FITTING)
+@pytest.mark.parametrize(("kind", "text", "value"), FITTING)
 def test_fits(kind: Kind, text: str, value: Any) -> None:
     assert expectation(text, scale(kind)).fits(value, {"t": 1000})
 
 
-@rows("kind, text, value", UNFIT)
+@pytest.mark.parametrize(("kind", "text", "value"), UNFIT)
 def test_does_not_fit(kind: Kind, text: str, value: Any) -> None:
     assert not expectation(text, scale(kind)).fits(value, {"t": 1000})
 
 
-@rows("kind, text", [row[:2] for row in NO_VALUES])
+@pytest.mark.parametrize(("kind", "text"), [row[:2] for row in NO_VALUES])
 def test_refuses(kind: Kind, text: str) -> None:
     with pytest.raises(ValueProblem, match="is not allowed; allowed: "):
         expectation(text, scale(kind))
@@ -154,6 +153,6 @@ SHOWN = [
 ]
 
 
-@rows("text, shown", SHOWN)
+@pytest.mark.parametrize(("text", "shown"), SHOWN)
 def test_shows_itself(text: str, shown: str) -> None:
     assert expectation(text, scale(X)).text({"t": 7}) == shown

@@ -19,7 +19,6 @@ from tests.client.test_boot import Beating, beats
 from tests.client.test_reconnecting import Unplugged
 from tests.client.wired import WiredBus
 from tests.eds_text import DEVICE_TYPE
-from tests.rows import rows
 
 
 @pytest.fixture
@@ -83,8 +82,8 @@ def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) ->
     assert [(frame.cob_id, len(frame.data)) for frame in bus.sent] == [(0x101, 6)]
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["watch", "128"], "node-ID 128 is not in 1..127"),
         (["watch", "--guard", "1 s"], "--guard polls the nodes that are named"),
@@ -118,8 +117,8 @@ def said(
     return run(capsys, "lss", *words, "--timeout", "1 ms")
 
 
-@rows(
-    "words, status, out, err",
+@pytest.mark.parametrize(
+    ("words", "status", "out", "err"),
     [
         (["find"], 0, f"{TEXT}4  no node-ID\n", ""),
         (["find", "--identity", "1:2:3:5"], 0, f"{TEXT}5  node-ID 7\n", ""),
@@ -166,7 +165,7 @@ def test_nobody_without_a_node_id(capsys: pytest.CaptureFixture[str], monkeypatc
     assert said(capsys, monkeypatch, [], ["set", "--store"]).status == 1
 
 
-@rows("identity", ["1:2:3", "1:2:3:4:5", "a:2:3:4", "1:2:3:0x100000000", "-1:2:3:4"])
+@pytest.mark.parametrize("identity", ["1:2:3", "1:2:3:4:5", "a:2:3:4", "1:2:3:0x100000000", "-1:2:3:4"])
 def test_an_identity_is_four_numbers(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, identity: str
 ) -> None:

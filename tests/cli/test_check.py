@@ -18,7 +18,6 @@ from tests.check.suites import HEAD, document
 from tests.cli.console import run
 from tests.client.servo import DOCS
 from tests.device import io_module
-from tests.rows import rows
 
 GREEN = document("- send: Check Lift Request\n- expect: Check Lift Response", HEAD + "tags: [quick, first]\n")
 RED = document("- expect: Move Confirm\n- send: Halt Lift", HEAD.replace("a suite", "red") + "tags: slow\n")
@@ -62,7 +61,7 @@ CALLS = {
 }
 
 
-@rows("words, status, last", CALLS.values())
+@pytest.mark.parametrize(("words", "status", "last"), CALLS.values())
 @pytest.mark.usefixtures("folder")
 def test_runs(words: str, status: int, last: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", *words.split())
@@ -98,7 +97,7 @@ REFUSALS = {
 }
 
 
-@rows("words, status, complaint", REFUSALS.values())
+@pytest.mark.parametrize(("words", "status", "complaint"), REFUSALS.values())
 @pytest.mark.usefixtures("folder")
 def test_refuses(words: str, status: int, complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", *words.split())
@@ -314,7 +313,7 @@ def test_a_module_whose_outputs_are_switched_is_green(capsys: pytest.CaptureFixt
     assert "CiA 401, I/O module" in said.out
 
 
-@rows("profile", ["401", "402"])
+@pytest.mark.parametrize("profile", ["401", "402"])
 def test_without_an_option_a_suite_only_reads(profile: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     suite = tmp_path / "suite.yaml"
     run(capsys, "check", "--profile", profile, "--eds", {"401": IO, "402": SERVO}[profile], "-o", str(suite))
@@ -330,7 +329,7 @@ REFUSED = [
 ]
 
 
-@rows("words, complaint", REFUSED)
+@pytest.mark.parametrize(("words", "complaint"), REFUSED)
 def test_what_does_not_fit_is_one_line(
     words: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -21,7 +21,6 @@ from tests.client.wired import WiredBus
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.kit import plant
 from tests.kit.plant import messages as m
-from tests.rows import rows
 
 PROTOCOL = plant.protocol()
 MOVE = PROTOCOL.encode(m.MoveTo(1200, 900, 90, 80, 2 << 2))
@@ -99,7 +98,7 @@ def test_text(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == (TEXT, "")
 
 
-@rows("words", [[cli.WORKBENCH], [cli.PROGRAM, "--robot", "none"]])
+@pytest.mark.parametrize("words", [[cli.WORKBENCH], [cli.PROGRAM, "--robot", "none"]])
 def test_a_bus_of_which_there_is_no_file(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -146,8 +145,8 @@ def test_csv(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (beat["protocol"], beat["text"]) == ("CANopen", "lift, operational")
 
 
-@rows("form", [[], ["--json"], ["--csv"]])
-@rows("filters", [[], ["--message", "SET-UP"], ["--since", "99"]])
+@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
+@pytest.mark.parametrize("filters", [[], ["--message", "SET-UP"], ["--since", "99"]])
 def test_all_damage_is_reported_in_any_case(
     damaged: Path, capsys: pytest.CaptureFixture[str], form: list[str], filters: list[str]
 ) -> None:
@@ -177,14 +176,14 @@ def test_a_log_of_which_nothing_can_be_read_is_wrong_input(tmp_path: Path, capsy
         assert "nothing in it can be read as a frame" in capsys.readouterr().err
 
 
-@rows("form", [[], ["--json"], ["--csv"]])
+@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
 def test_strict(good: Path, damaged: Path, form: list[str]) -> None:
     assert cli.main(["decode", "--strict", *form, str(good)]) == 0
     assert cli.main(["decode", "--strict", *form, str(damaged)]) == 1
 
 
-@rows(
-    "options, lines",
+@pytest.mark.parametrize(
+    ("options", "lines"),
     [
         (["--message", "Move To"], [0]),
         (["--message", "move-to", "--message", "heartbeat"], [0, 3]),
@@ -219,7 +218,7 @@ WRONG = [
 ]
 
 
-@rows("arguments, status, text", WRONG)
+@pytest.mark.parametrize(("arguments", "status", "text"), WRONG)
 def test_one_line_says_what_is_wrong(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -315,7 +314,7 @@ def test_statistics_call_the_master_by_the_name_that_the_network_file_gives_it(
         assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["000", "NMT", master]
 
 
-@rows("options, said", [([], 1), (["--message", "SDO"], 1), (["--message", "NMT"], 0)])
+@pytest.mark.parametrize(("options", "said"), [([], 1), (["--message", "SDO"], 1), (["--message", "NMT"], 0)])
 def test_a_transfer_that_the_end_of_the_log_cuts_off_is_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: int
 ) -> None:
@@ -407,8 +406,8 @@ def test_differences_as_json(logs: tuple[str, str], capsys: pytest.CaptureFixtur
     }
 
 
-@rows(
-    "words, status",
+@pytest.mark.parametrize(
+    ("words", "status"),
     [
         (["--time", "10 ms", "--tolerance", "time=1"], 0),
         (["--time", "10 ms", "--tolerance", "Move State Response.time=1"], 0),
@@ -423,8 +422,8 @@ def test_tolerances_and_filters(
     assert run(capsys, "compare", *logs, *words).status == status
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["--tolerance", "x"], "argument --tolerance: x: write [MESSAGE.]FIELD=NUMBER"),
         (["--tolerance", "x=-1"], "--tolerance x=-1: not a number, 0 or more"),
@@ -459,8 +458,8 @@ def test_replay_sends_the_frames_and_says_how_many(
     assert bus.now == pytest.approx(0.5)
 
 
-@rows(
-    "words, sent",
+@pytest.mark.parametrize(
+    ("words", "sent"),
     [(["--only", "lift"], LINES[1:]), (["--except", "lift"], LINES[:1]), (["--only", "panel"], LINES[:1])],
 )
 def test_replay_of_some_nodes(
@@ -471,8 +470,8 @@ def test_replay_of_some_nodes(
     assert bus.sent == [Frame.parse(line.split()[2]) for line in sent]
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["--speed", "0"], "0 is not a positive number"),
         (["--speed", "inf"], "inf is not a positive number"),

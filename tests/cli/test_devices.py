@@ -13,7 +13,6 @@ from eurobot_od.frame import Frame
 from tests.cli.console import run
 from tests.client.peers import stock_lift
 from tests.eds_text import DEVICE_TYPE, pdo, variable
-from tests.rows import rows
 
 SERVO = Path(__file__).parents[2] / "docs" / "servo.eds"
 MOTOR = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010") + pdo(0x1804, "0x20000010")
@@ -59,7 +58,7 @@ COMMANDS = [
 ]
 
 
-@rows("words, expected", COMMANDS)
+@pytest.mark.parametrize(("words", "expected"), COMMANDS)
 def test_commands_know_the_devices_that_are_named(
     capsys: pytest.CaptureFixture[str], words: list[str], expected: str
 ) -> None:
@@ -68,7 +67,7 @@ def test_commands_know_the_devices_that_are_named(
     assert said.err.count("PDO left out: motor.eds: 0x1804: sub 1 is missing or has no number as its value\n") == 1
 
 
-@rows("words", WAYS[1:])
+@pytest.mark.parametrize("words", WAYS[1:])
 def test_a_network_file_names_them_as_well(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     assert "motor" in run(capsys, "show", *words).out
 
@@ -104,7 +103,7 @@ WRONG = [
 ]
 
 
-@rows("words, line", WRONG)
+@pytest.mark.parametrize(("words", "line"), WRONG)
 def test_what_is_wrong_is_said_in_one_line(capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
     assert run(capsys, "show", *words) == (ExitStatus.WRONG_INPUT, "", f"eurobot-od: {line}\n")
 
@@ -122,7 +121,7 @@ PATCHED = [
 ]
 
 
-@rows("words, speed", PATCHED)
+@pytest.mark.parametrize(("words", "speed"), PATCHED)
 def test_a_patch_lies_over_a_devices_file(
     capsys: pytest.CaptureFixture[str], folder: Path, words: list[str], speed: str
 ) -> None:
@@ -170,7 +169,7 @@ MODULES = [
 ]
 
 
-@rows("words", MODULES)
+@pytest.mark.parametrize("words", MODULES)
 def test_modules_are_plugged_in_by_the_command_line_or_the_network_file(
     capsys: pytest.CaptureFixture[str], folder: Path, words: list[str]
 ) -> None:

@@ -15,7 +15,6 @@ import pytest
 
 from eurobot_od.cli.diagnose import WORDS
 from tests.cli.console import run
-from tests.rows import rows
 from tests.traffic.diagnosis.defects import beats, log
 from tests.web.scene import channel
 
@@ -47,7 +46,7 @@ VERDICTS = [
 ]
 
 
-@rows("name, status, verdict", VERDICTS)
+@pytest.mark.parametrize(("name", "status", "verdict"), VERDICTS)
 def test_the_first_line_is_the_verdict(
     files: dict[str, str], capsys: pytest.CaptureFixture[str], name: str, status: int, verdict: str
 ) -> None:
@@ -56,7 +55,7 @@ def test_the_first_line_is_the_verdict(
     assert said.status == status
 
 
-@rows("level, status", [("error", 0), ("warning", 0), ("note", 1), ("never", 0)])
+@pytest.mark.parametrize(("level", "status"), [("error", 0), ("warning", 0), ("note", 1), ("never", 0)])
 def test_the_lowest_level_that_fails(
     files: dict[str, str], capsys: pytest.CaptureFixture[str], level: str, status: int
 ) -> None:
@@ -107,7 +106,7 @@ WRONG = [
 ]
 
 
-@rows("words, complaint", WRONG)
+@pytest.mark.parametrize(("words", "complaint"), WRONG)
 def test_wrong_input_is_a_line(
     files: dict[str, str], capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
 ) -> None:

@@ -15,7 +15,6 @@ from eurobot_od.od.network import load, read_network
 from tests.cli.console import run
 from tests.kit import plant
 from tests.od.make.tables import TABLE
-from tests.rows import rows
 
 LIFT = str(plant.FILES.folder() / "lift.eds")
 
@@ -34,7 +33,7 @@ CALLS = [
 ]
 
 
-@rows("words, begin", CALLS)
+@pytest.mark.parametrize(("words", "begin"), CALLS)
 def test_a_form_goes_to_standard_output_or_into_a_file(
     words: list[str], begin: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -59,7 +58,7 @@ NAMED = [
 ]
 
 
-@rows("words, part", NAMED)
+@pytest.mark.parametrize(("words", "part"), NAMED)
 def test_identifiers_begin_with_the_output_s_name(
     words: list[str], part: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -78,7 +77,7 @@ def silent(tmp_path: Path) -> Path:
     return folder
 
 
-@rows("form", ["c", "dbc", "wireshark"])
+@pytest.mark.parametrize("form", ["c", "dbc", "wireshark"])
 def test_a_network_without_messages_is_told(form: str, silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "export", form, "--dialect", str(silent))
     assert (said.status, said.out) == (2, "")
@@ -96,7 +95,7 @@ MISTAKES = [
 ]
 
 
-@rows("words, status, part", MISTAKES)
+@pytest.mark.parametrize(("words", "status", "part"), MISTAKES)
 def test_a_mistake_costs_one_line(words: list[str], status: int, part: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "export", *words)
     assert (said.status, said.out) == (status, "")
@@ -105,7 +104,7 @@ def test_a_mistake_costs_one_line(words: list[str], status: int, part: str, caps
 
 
 @pytest.mark.posix
-@rows("words", [["export", "c"], ["export", "docs"], ["export", "dbc"], ["check", "--conformance"]])
+@pytest.mark.parametrize("words", [["export", "c"], ["export", "docs"], ["export", "dbc"], ["check", "--conformance"]])
 def test_the_name_of_a_device_is_written_although_its_file_has_a_name_that_is_not_text(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -122,7 +121,7 @@ def test_a_device_is_written_into_and_not_replaced(capsys: pytest.CaptureFixture
     assert Path(os.devnull).stat().st_ino == before
 
 
-@rows("form", export.functions)
+@pytest.mark.parametrize("form", export.functions)
 def test_every_form_explains_itself(form: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "export", form, "--help")
     assert said.status == 0
@@ -144,7 +143,7 @@ def test_an_xdd_says_what_was_repaired_for_it(capsys: pytest.CaptureFixture[str]
     assert ["repaired to be read" in said.err, "left out: line 820: 0x1A01" in said.err] == [True, True]
 
 
-@rows("form", ["xdd", "cdcf"])
+@pytest.mark.parametrize("form", ["xdd", "cdcf"])
 def test_of_a_network_each_node_has_a_file(form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("net.yaml").write_text(f"nodes: {{left: {{file: {LIFT}, node_id: 5}}, right: {{file: {LIFT}, node_id: 6}}}}")

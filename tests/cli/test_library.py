@@ -19,7 +19,6 @@ from tests.client.peers import new_channel, open_bus
 from tests.client.wired import WiredBus
 from tests.kit.devices import DOCS
 from tests.kit.library import LISTS, OTHER_PRODUCT, device_text, library_of
-from tests.rows import rows
 
 ALONE = "--robot", "none"
 
@@ -118,7 +117,7 @@ WRONG = [
 ]
 
 
-@rows("words, complaint", WRONG)
+@pytest.mark.parametrize(("words", "complaint"), WRONG)
 def test_what_cannot_be_added_is_one_line_and_nothing_is_added(
     capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
 ) -> None:
@@ -182,7 +181,7 @@ BY_NAME = [
 ]
 
 
-@rows("words, printed", BY_NAME)
+@pytest.mark.parametrize(("words", "printed"), BY_NAME)
 def test_a_node_is_spoken_to_by_the_names_of_its_file(
     capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], words: list[str], printed: str
 ) -> None:
@@ -190,7 +189,7 @@ def test_a_node_is_spoken_to_by_the_names_of_its_file(
     assert printed in said.out
 
 
-@rows("configured", ["typed", "variable", "network file"])
+@pytest.mark.parametrize("configured", ["typed", "variable", "network file"])
 def test_a_library_is_named_once(
     capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, configured: str
 ) -> None:
@@ -260,7 +259,7 @@ OF_LOGS = [
 ]
 
 
-@rows("words, printed", OF_LOGS)
+@pytest.mark.parametrize(("words", "printed"), OF_LOGS)
 def test_a_log_that_begins_with_a_scan_is_decoded_by_the_library(
     capsys: pytest.CaptureFixture[str], words: list[str], printed: str
 ) -> None:
@@ -343,7 +342,7 @@ def test_a_clone_of_another_product_is_refused(capsys: pytest.CaptureFixture[str
 CONCISE = [([], "", 2), (["--keep-cob-ids"], "0x00000391", 0), (["--move-cob-ids"], "0x00000392", 0)]
 
 
-@rows("words, cob_id, status", CONCISE)
+@pytest.mark.parametrize(("words", "cob_id", "status"), CONCISE)
 def test_a_concise_dcf_is_made_for_another_node(
     capsys: pytest.CaptureFixture[str], words: list[str], cob_id: str, status: int
 ) -> None:

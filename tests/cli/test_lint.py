@@ -11,7 +11,6 @@ import pytest
 
 from eurobot_od.cli import main
 from tests.kit import plant
-from tests.rows import rows
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "tests/lint/samples"
@@ -57,7 +56,7 @@ CALLS = [
 ]
 
 
-@rows("arguments, status, part", CALLS)
+@pytest.mark.parametrize(("arguments", "status", "part"), CALLS)
 def test_a_call(arguments: list[str], status: int, part: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments) == status
     assert part in capsys.readouterr().out
@@ -75,7 +74,7 @@ def test_a_finding_that_repeats_is_one_line_with_a_count(capsys: pytest.CaptureF
 FIXED = [(["--fix"], "own.eds"), (["--fix", "-o", "new.eds"], "new.eds")]
 
 
-@rows("options, written", FIXED)
+@pytest.mark.parametrize(("options", "written"), FIXED)
 def test_a_file_is_written_as_it_is_meant(
     options: list[str],
     written: str,
@@ -98,7 +97,7 @@ def test_a_file_is_written_as_it_is_meant(
 WRONG_FIXES = [(["none.eds"], 2), ([CLEAN, OLD, "-o", "x.eds"], 2), ([str(SAMPLES)], 2)]
 
 
-@rows("words, status", WRONG_FIXES)
+@pytest.mark.parametrize(("words", "status"), WRONG_FIXES)
 def test_what_cannot_be_repaired_is_told(words: list[str], status: int, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["lint", "--fix", *words]) == status
     assert capsys.readouterr().err.count("\n") == 1

@@ -9,12 +9,11 @@ import pytest
 
 from tests.cli.console import run
 from tests.kit import plant
-from tests.rows import rows
 
 RATES = [("500000", 0, "all deadlines are met"), ("250000", 0, "all deadlines are met"), ("125000", 1, "can be missed")]
 
 
-@rows("rate, status, verdict", RATES)
+@pytest.mark.parametrize(("rate", "status", "verdict"), RATES)
 def test_a_plug_in_s_own_traffic(capsys: pytest.CaptureFixture[str], rate: str, status: int, verdict: str) -> None:
     said = run(capsys, "load", "-b", rate)
     assert (said.status, said.err) == (status, "")
@@ -55,7 +54,7 @@ WRONG = [
 ]
 
 
-@rows("words", WRONG)
+@pytest.mark.parametrize("words", WRONG)
 def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     said = run(capsys, "load", *words)
     assert said.status == 2

@@ -21,10 +21,9 @@ from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, U
 from eurobot_od.loading import ROBOTS
 from tests.cli.console import run
 from tests.kit import plant
-from tests.rows import rows
 
 
-@rows("words", [[], ["--help"], ["-h"]])
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
 def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     said = run(capsys, *words)
     assert said.status == 0
@@ -33,8 +32,8 @@ def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str], wo
         assert text in said.out
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["nonsense"], "unknown command 'nonsense'; known: show, node, "),
         (["decod", "a.log"], "unknown command 'decod'; did you mean decode?"),
@@ -57,7 +56,7 @@ def test_the_version_names_python_too(capsys: pytest.CaptureFixture[str]) -> Non
     assert re.fullmatch(r"eurobot-od [0-9.]+(rc[0-9]+)?, Python 3\.[0-9.]+\S*\n", said.out)
 
 
-@rows("command", cli.COMMANDS)
+@pytest.mark.parametrize("command", cli.COMMANDS)
 def test_every_command_explains_itself(capsys: pytest.CaptureFixture[str], command: str) -> None:
     said = run(capsys, command, "--help")
     assert said.status == 0
@@ -84,7 +83,7 @@ NAMED = [
 ]
 
 
-@rows("words, named", NAMED)
+@pytest.mark.parametrize(("words", "named"), NAMED)
 def test_what_is_printed_names_the_program_that_was_started(
     words: list[str], named: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -95,8 +94,8 @@ def test_what_is_printed_names_the_program_that_was_started(
     assert "eurobot-od" not in (said.out + said.err).replace("eurobot-od.yaml", "")
 
 
-@rows(
-    "error, status, complaint",
+@pytest.mark.parametrize(
+    ("error", "status", "complaint"),
     [
         (NoAnswer("m.CheckLiftRequest", "m.CheckLiftResponse", 2, 0.5), 1, "no m.CheckLiftResponse after"),
         (UnknownName("message", "Gotto"), 2, "unknown message 'Gotto'"),
@@ -231,7 +230,7 @@ STREAMS = [
 
 @pytest.mark.long
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a shell, and a device that is always full")
-@rows("words, status, said", STREAMS)
+@pytest.mark.parametrize(("words", "status", "said"), STREAMS)
 def test_a_closed_or_full_stream_is_one_line_and_no_traceback(words: str, status: int, said: str) -> None:
     done = subprocess.run(f"{sys.executable} -m eurobot_od {words}", shell=True, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
@@ -253,7 +252,7 @@ HUGE = [
 ]
 
 
-@rows("words, what", HUGE)
+@pytest.mark.parametrize(("words", "what"), HUGE)
 def test_numbers_of_thousands_of_digits_are_refused_in_one_line(
     words: list[str], what: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

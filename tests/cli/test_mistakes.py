@@ -10,7 +10,6 @@ from eurobot_od import cli
 from tests.check.suites import HEAD
 from tests.cli.console import Said, run
 from tests.kit import plant
-from tests.rows import rows
 
 EDS = plant.FILES.folder() / "lift.eds"
 
@@ -135,14 +134,14 @@ USAGES = {
 }
 
 
-@rows("words, status, printed", MISTAKES.values())
+@pytest.mark.parametrize(("words", "status", "printed"), MISTAKES.values())
 def test_a_mistake_on_the_command_line(
     words: str, status: int, printed: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(capsys, *words.split("|")) == Said(status, "", f"eurobot-od: {printed}\n")
 
 
-@rows("words, printed", USAGES.values())
+@pytest.mark.parametrize(("words", "printed"), USAGES.values())
 def test_a_wrong_usage(words: str, printed: str, capsys: pytest.CaptureFixture[str]) -> None:
     command, *others = words.split("|")
     line = f"eurobot-od {command}: error: {printed}; see eurobot-od {command} --help\n"
@@ -166,7 +165,7 @@ WITH_A_BUS = [
 ]
 
 
-@rows("words", WITH_A_BUS)
+@pytest.mark.parametrize("words", WITH_A_BUS)
 def test_a_command_for_a_bus_asks_which_and_does_nothing(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, *words)
     assert said.status == 2
@@ -282,7 +281,7 @@ STEPS = {
 ALL = TEXTS | {f"step: {name}": (f"{HEAD}steps:\n{text}", [line]) for name, (text, line) in STEPS.items()}
 
 
-@rows("text, printed", ALL.values())
+@pytest.mark.parametrize(("text", "printed"), ALL.values())
 def test_a_mistake_in_yaml(text: str, printed: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine.yaml").write_text(text)
     lines = "".join(f"mine.yaml:{line}\n" for line in printed)

@@ -8,7 +8,6 @@ import pytest
 
 from tests.cli.console import run
 from tests.kit.library import device_text, library_of
-from tests.rows import rows
 
 ALONE = "--robot", "none"
 DBC = 'BO_ 291 Lights: 2 Body\n SG_ Brightness : 0|8@1+ (0.5,0) [0|100] "%" Vector__XXX\n'
@@ -39,7 +38,7 @@ EMCY = [
 ]
 
 
-@rows("network, words, of_five, of_six", EMCY)
+@pytest.mark.parametrize(("network", "words", "of_five", "of_six"), EMCY)
 def test_words_of_error_codes_are_named_once(
     capsys: pytest.CaptureFixture[str], network: str, words: list[str], of_five: str, of_six: str
 ) -> None:
@@ -60,7 +59,7 @@ OF_DBC = [
 ]
 
 
-@rows("words, printed", OF_DBC)
+@pytest.mark.parametrize(("words", "printed"), OF_DBC)
 @pytest.mark.parametrize("way", ["typed", "network file", "file of the folder"])
 def test_frames_of_other_protocols_are_named_once(
     capsys: pytest.CaptureFixture[str], way: str, words: list[str], printed: str
@@ -94,7 +93,7 @@ nodes:
 """
 
 
-@rows("data, said", [("C800", "speed=100 mm/s"), ("0000", "at rest")])
+@pytest.mark.parametrize(("data", "said"), [("C800", "speed=100 mm/s"), ("0000", "at rest")])
 def test_units_and_words_of_a_node_stand_in_the_network_file(
     capsys: pytest.CaptureFixture[str], data: str, said: str
 ) -> None:

@@ -19,7 +19,6 @@ from tests.device import io_module
 from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.kit import plant
 from tests.processes import free_port
-from tests.rows import rows
 
 
 @pytest.fixture
@@ -88,8 +87,8 @@ def test_no_line_of_a_drivers_log_stands_before_the_error() -> None:
     assert len(error.splitlines()) == 1
 
 
-@rows(
-    "words, status, complaint",
+@pytest.mark.parametrize(
+    ("words", "status", "complaint"),
     [
         (["lift", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: packed, plain"),
         (["lift", "--store", "README.md"], 2, "README.md: "),
@@ -137,7 +136,7 @@ WRONG_USAGE = [
 ]
 
 
-@rows("words, complaint", WRONG_USAGE)
+@pytest.mark.parametrize(("words", "complaint"), WRONG_USAGE)
 def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
     said = run(capsys, "node", *words)
     assert said.status == 2
@@ -231,7 +230,7 @@ WITH_BOTH = [
 ]
 
 
-@rows("words, complaint", WITH_BOTH)
+@pytest.mark.parametrize(("words", "complaint"), WITH_BOTH)
 def test_what_is_for_one_device_needs_its_name(
     capsys: pytest.CaptureFixture[str], eds: str, tmp_path: Path, words: list[str], complaint: str
 ) -> None:
@@ -274,7 +273,7 @@ WRONG_DEVICES = [
 ]
 
 
-@rows("words, complaint", WRONG_DEVICES)
+@pytest.mark.parametrize(("words", "complaint"), WRONG_DEVICES)
 def test_a_device_that_cannot_run_says_why_in_one_line(
     capsys: pytest.CaptureFixture[str], eds: str, words: list[str], complaint: str
 ) -> None:
@@ -323,8 +322,8 @@ def test_the_faults_of_one_node_are_its_own_and_those_of_any_node(capsys: pytest
     assert [line for line in out.splitlines() if line.endswith(":")] == ["scale:", "any node:"]
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["node", "lift", "--fault", "move-confirm-not-snt"], "unknown fault 'move-confirm-not-snt'; did you mean"),
         (["node", "lift", "--fault", "move-to-not-sent"], "the fault move-to-not-sent is one of the panel, not of the"),

@@ -23,7 +23,6 @@ from eurobot_od.od.standard import ErrorCode
 from tests.cli.console import Terminal
 from tests.client.peers import LIFT, line, new_channel, open_bus, stock_lift
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
-from tests.rows import rows
 
 HEARTBEAT = "0x1017:0  Producer heartbeat time"
 NAMED = "0x1017:0: Producer heartbeat time"
@@ -59,7 +58,9 @@ def lift(run: Run) -> Iterator[str]:
         yield channel
 
 
-@rows("words", [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/lift.dcf"), ("diff", str(LIFT), "--node", "2")])
+@pytest.mark.parametrize(
+    "words", [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/lift.dcf"), ("diff", str(LIFT), "--node", "2")]
+)
 def test_a_terminal_sees_how_far_it_is_with_the_objects(
     lift: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -140,8 +141,8 @@ def test_scan_of_an_empty_bus(run: Run) -> None:
 # read, write, dump
 
 
-@rows(
-    "words, out",
+@pytest.mark.parametrize(
+    ("words", "out"),
     [
         (["2", "0x1018:2"], "0x1018:2  Identity object.Product code  0x00000002\n"),
         (["lift", "Motion.Maximum speed"], "0x2101:1  Motion.Maximum speed  800 mm/s\n"),  # names of node and object
@@ -166,7 +167,7 @@ DEVICES = [
 ]
 
 
-@rows("node, options", DEVICES)
+@pytest.mark.parametrize(("node", "options"), DEVICES)
 def test_any_device_is_read_by_the_names_of_its_file(
     run: Run, node: str, options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -224,8 +225,8 @@ def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: 
         )
 
 
-@rows(
-    "words, status, err",
+@pytest.mark.parametrize(
+    ("words", "status", "err"),
     [
         (["read", "9", "0x1017"], 1, "no answer from node 9 within 300 ms after the question which device it is"),
         (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),
@@ -282,8 +283,8 @@ def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
     assert back.read_bytes() == there.read_bytes()
 
 
-@rows(
-    "words, said",
+@pytest.mark.parametrize(
+    ("words", "said"),
     [
         (["write", "2", "0x1017"], "what to write: give a value or --file FILE, one of them"),
         (["write", "2", "0x1017", "5", "--file", "x"], "what to write: give a value or --file FILE, one of them"),
@@ -431,8 +432,8 @@ def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, lift
 # nmt, emcy
 
 
-@rows(
-    "command, out",
+@pytest.mark.parametrize(
+    ("command", "out"),
     [
         ("pre-operational", "node 2 is pre-operational\n"),
         ("stop", "node 2 is stopped\n"),
@@ -443,7 +444,7 @@ def test_nmt_tells_what_the_heartbeat_says(run: Run, lift: str, command: str, ou
     assert run(lift, "nmt", "2", command) == (0, out, "")
 
 
-@rows("command", ["reset", "reset-communication"])
+@pytest.mark.parametrize("command", ["reset", "reset-communication"])
 def test_a_reset_is_a_boot_up(run: Run, lift: str, command: str) -> None:
     run(lift, "store", "2")
     assert run(lift, "nmt", "2", command) == (0, "node 2 has booted and is operational\n", "")
@@ -520,7 +521,7 @@ def configured(tmp_path: Path) -> Path:
 FOR_WHOM = [(["{}"], 0x207), (["5={}"], 0x205)]
 
 
-@rows("words, identifier", FOR_WHOM)
+@pytest.mark.parametrize(("words", "identifier"), FOR_WHOM)
 def test_a_concise_dcf_is_made_for_the_node_that_is_said(
     capsys: pytest.CaptureFixture[str], configured: Path, words: list[str], identifier: int
 ) -> None:

@@ -17,7 +17,6 @@ from tests.cli.processes import PATIENCE, line, node, serve_bus
 from tests.cli.processes import command as process
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import EDS, SERVO
-from tests.rows import rows
 
 
 @pytest.fixture
@@ -70,7 +69,7 @@ WRONG = [
 ]
 
 
-@rows("words, complaint", WRONG)
+@pytest.mark.parametrize(("words", "complaint"), WRONG)
 def test_what_does_not_go_together_is_refused(
     capsys: pytest.CaptureFixture[str], channel: str, words: list[str], complaint: str
 ) -> None:
@@ -112,7 +111,7 @@ NODE_WRONG = [
 ]
 
 
-@rows("words, complaint", NODE_WRONG)
+@pytest.mark.parametrize(("words", "complaint"), NODE_WRONG)
 def test_what_a_device_cannot_have_is_refused(
     capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
 ) -> None:

@@ -10,7 +10,6 @@ from tests.cli.console import Said, run
 from tests.client.flash import FlashDevice, Trouble
 from tests.client.wired import WiredBus
 from tests.kit import plant
-from tests.rows import rows
 
 
 def program(capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, device: FlashDevice, *words: str) -> Said:
@@ -26,8 +25,8 @@ def file(tmp_path: Path) -> Path:
     return found
 
 
-@rows(
-    "trouble, words, said",
+@pytest.mark.parametrize(
+    ("trouble", "words", "said"),
     [
         (Trouble(busy_for=0.0), [], (0, "node 9: program 1: 300 bytes written, verified by CRC-32, started\n", "")),
         (

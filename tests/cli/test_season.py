@@ -10,7 +10,6 @@ import pytest
 from eurobot_od.cli import main
 from eurobot_od.support import extras
 from tests.cli.console import Terminal, run
-from tests.rows import rows
 
 for needed in ("polars", "duckdb", "pyarrow"):
     pytest.importorskip(needed, reason="the extra `season` is not installed")
@@ -97,8 +96,8 @@ HOSTILE = """
 """
 
 
-@rows(
-    "form, shown",
+@pytest.mark.parametrize(
+    ("form", "shown"),
     [
         ([], [r"a\x1b[2J\nb", "=cmd|1", "[1, 2]", "{'x': 'y'}", "00:01:30"]),
         (["--csv"], [r"a\x1b[2J\nb,'=cmd|1,", '"[1, 2]"', "00:01:30"]),
@@ -114,8 +113,10 @@ def test_whatever_a_log_says_stays_in_its_place(
     assert [each for each in shown if each not in out] == []
 
 
-@rows("sql", ["SELECT union_value(a := 1) AS u", "SELECT INTERVAL 1 MONTH AS m", "SELECT 1::BIT AS b"])
-@rows("form", ["--csv", "--json", "--plot=x.svg"])
+@pytest.mark.parametrize(
+    "sql", ["SELECT union_value(a := 1) AS u", "SELECT INTERVAL 1 MONTH AS m", "SELECT 1::BIT AS b"]
+)
+@pytest.mark.parametrize("form", ["--csv", "--json", "--plot=x.svg"])
 def test_any_type_has_an_answer_or_one_line(
     season: str,
     sql: str,
@@ -168,8 +169,8 @@ def test_a_folder_without_files_is_no_table(season: str, capsys: pytest.CaptureF
     assert run(capsys, "query", season).status == 0
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["SELECT 1", "--report", "load"], "a query is SQL or --report, not both"),
         (["--report", "answrs"], "unknown report 'answrs'; did you mean answers?"),
@@ -218,8 +219,8 @@ def test_what_answers_what_is_kept_also_where_two_nodes_answer(
     assert [line.split(",")[:5] for line in said[1:]] == [["Order Set", "Order Confirm", "1", "1", "1.0"]]
 
 
-@rows(
-    "words, status, complaint",
+@pytest.mark.parametrize(
+    ("words", "status", "complaint"),
     [
         (["none.log"], 2, "eurobot-od: none.log: No such file or directory"),
         ([__file__], 2, "not a known log; --format names its format"),

@@ -14,7 +14,6 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from tests.cli.console import Said, run
 from tests.kit import plant
-from tests.rows import rows
 
 CHANNEL = "test-send"
 MOVE = ["Move To", "x=1234", "y=567", "angle=89", "speed=75"]
@@ -51,8 +50,8 @@ def heard(wire: can.BusABC) -> str | None:
 # What goes out
 
 
-@rows(
-    "words, frame, said",
+@pytest.mark.parametrize(
+    ("words", "frame", "said"),
     [
         (["Halt Lift"], "381#", "Halt Lift"),
         (["halt-lift"], "381#", "Halt Lift"),
@@ -168,8 +167,8 @@ def test_a_bus_that_fails_while_the_answer_is_awaited_is_an_error(monkeypatch: p
 # Frames in candump's notation
 
 
-@rows(
-    "text, frame, words",
+@pytest.mark.parametrize(
+    ("text", "frame", "words"),
     [
         ("185#0102", "185#0102", ""),
         ("185#", "185#", ""),
@@ -188,8 +187,8 @@ def test_a_frame_is_sent_as_it_is(
     assert heard(wire) == frame
 
 
-@rows(
-    "expect, status",
+@pytest.mark.parametrize(
+    ("expect", "status"),
     [
         ("185#", 0),  # any data
         ("185#01", 0),  # data that begin so
@@ -235,7 +234,7 @@ WRONG = [
 ]
 
 
-@rows("words, complaint", WRONG)
+@pytest.mark.parametrize(("words", "complaint"), WRONG)
 def test_a_wrong_command_line_is_one_line_and_sends_nothing(
     capsys: pytest.CaptureFixture[str], wire: can.BusABC, words: list[str], complaint: str
 ) -> None:
@@ -246,8 +245,8 @@ def test_a_wrong_command_line_is_one_line_and_sends_nothing(
     assert heard(wire) is None
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["-i", "nosuch"], "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
         (["-i", "nosuch", "-c", "can7"], "cannot open the nosuch bus can7: unknown interface 'nosuch'; "),

@@ -13,7 +13,6 @@ from eurobot_od.cli.serve import bus_name, told_apart
 from eurobot_od.support import extras
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, in_background, line
-from tests.rows import rows
 
 
 @pytest.fixture
@@ -23,8 +22,8 @@ def log(tmp_path: Path) -> Path:
     return file
 
 
-@rows(
-    "logs, names",
+@pytest.mark.parametrize(
+    ("logs", "names"),
     [
         (["/a/one.log", "/b/two.log"], ["one.log", "two.log"]),
         (["/runs/monday/bus.log", "/runs/friday/bus.log"], ["monday/bus.log", "friday/bus.log"]),
@@ -36,8 +35,8 @@ def test_logs_are_called_by_what_tells_them_apart(logs: list[str], names: list[s
     assert told_apart(logs) == names
 
 
-@rows(
-    "words, status, complaint",
+@pytest.mark.parametrize(
+    ("words", "status", "complaint"),
     [
         (["a.log", "b.log", "c.log"], 2, "a page shows one log, or two side by side, not 3"),
         (["a.log", "--control"], 2, "--control is for a bus: a log cannot be changed"),
@@ -66,7 +65,7 @@ def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
 
 @pytest.mark.long
 @pytest.mark.posix
-@rows("end", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals) -> None:
     with command("serve", str(log), "--listen", "127.0.0.1:0") as process:
         address = line(process, "http://127.0.0.1:").split()[0]
@@ -114,8 +113,8 @@ def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
     assert token not in out + err
 
 
-@rows(
-    "interface, channel, name",
+@pytest.mark.parametrize(
+    ("interface", "channel", "name"),
     [
         ("socketcan", "can0", "Bus can0 (socketcan)"),
         ("remote", "ws://192.168.1.7:54701/", "Bus at 192.168.1.7:54701"),

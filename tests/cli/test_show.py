@@ -13,12 +13,11 @@ from eurobot_od.pdo.protocol import Protocol
 from tests.cli.console import run
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.kit import plant
-from tests.rows import rows
 
 PROTOCOLS = {name: plant.protocol(name) for name in plant.DIALECTS}
 
 
-@rows("dialect", PROTOCOLS)
+@pytest.mark.parametrize("dialect", PROTOCOLS)
 def test_the_table_has_every_message_in_the_order_of_its_identifier(
     capsys: pytest.CaptureFixture[str], dialect: str
 ) -> None:
@@ -55,8 +54,8 @@ def test_a_picture_shows_each_bit_where_it_is(capsys: pytest.CaptureFixture[str]
     ]
 
 
-@rows("name", PROTOCOLS["plain"].names())
-@rows("protocol", PROTOCOLS.values())
+@pytest.mark.parametrize("name", PROTOCOLS["plain"].names())
+@pytest.mark.parametrize("protocol", PROTOCOLS.values())
 def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol: Protocol, name: str) -> None:
     lines, layout = list(picture(protocol.binding(name))), protocol.binding(name).layout
     cells = [cell.strip() for line in lines if line.startswith("byte ") for cell in line.split("|")[1:-1]]
@@ -66,8 +65,8 @@ def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol:
     assert all(line == line.rstrip() for line in lines)
 
 
-@rows(
-    "name, first",
+@pytest.mark.parametrize(
+    ("name", "first"),
     [
         ("move to", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
         ("MoveTo", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
@@ -82,7 +81,7 @@ def test_a_message_is_found_however_its_name_is_written(
     assert run(capsys, "show", name).out.splitlines()[0] == first
 
 
-@rows("words, count", [(["show"], len(PROTOCOLS["plain"].bindings)), (["show", "Move To"], 1)])
+@pytest.mark.parametrize(("words", "count"), [(["show"], len(PROTOCOLS["plain"].bindings)), (["show", "Move To"], 1)])
 def test_json_says_the_same(capsys: pytest.CaptureFixture[str], words: list[str], count: int) -> None:
     data = json.loads(run(capsys, *words, "--json").out)
     assert len(data) == count
@@ -99,8 +98,8 @@ def test_the_dialect_may_come_from_the_environment(
     assert "direction" not in run(capsys, "show", "--dialect", "plain").out
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["show", "Move Tx"], "unknown message 'Move Tx'; did you mean Move To?"),
         (["show", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: packed, plain"),
@@ -127,7 +126,7 @@ SHOWN_OBJECTS = [
 ]
 
 
-@rows("words, part", SHOWN_OBJECTS)
+@pytest.mark.parametrize(("words", "part"), SHOWN_OBJECTS)
 def test_the_objects_of_a_device_are_listed(words: list[str], part: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "show", *words, "--eds", MOTOR)
     assert part in said.out

@@ -14,7 +14,6 @@ import pytest
 from eurobot_od.cli.options import assigned, positive, whole
 from eurobot_od.cli.signature import NOTHING, Chosen, Forms, HelpGroup, Hint, Option, Parser, describe, summary
 from eurobot_od.support import texts
-from tests.rows import rows
 
 
 class Colour(Enum):
@@ -100,7 +99,7 @@ GIVEN = [
 ]
 
 
-@rows("words, changed", GIVEN)
+@pytest.mark.parametrize(("words", "changed"), GIVEN)
 def test_a_function_gets_what_the_words_say(words: str, changed: dict[str, Any]) -> None:
     assert called("5", *words.split()) == {**PLAIN, **changed}
 
@@ -121,7 +120,7 @@ WRONG = [
 ]
 
 
-@rows("words, complaint", WRONG)
+@pytest.mark.parametrize(("words", "complaint"), WRONG)
 def test_a_wrong_word_is_one_line_with_the_options_name(
     words: str, complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

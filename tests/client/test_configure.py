@@ -41,7 +41,6 @@ from tests.client.peers import LIFT, line, master_on, new_channel, stock_lift
 from tests.client.servo import EDS
 from tests.client.wired import agree_on_parameters, started, wired
 from tests.eds_text import DEVICE_TYPE, pdo, variable
-from tests.rows import rows
 
 TEXT = (
     DEVICE_TYPE
@@ -184,8 +183,8 @@ LEVEL: Address = (0x2000, 0)
 BEYOND = DEVICE_TYPE + variable("2000", "Level", "INTEGER16", "0", "LowLimit=1\nHighLimit=9\n")
 
 
-@rows(
-    "has, says, told",
+@pytest.mark.parametrize(
+    ("has", "says", "told"),
     [
         (0, 0, ""),  # the default, which is beyond the limits: it needs no write
         (12, 12, ""),
@@ -283,8 +282,8 @@ TPDO_OF_2000 = pdo(0x1800, "0x20000008", cob_id="0x185")
 OFF = pdo(0x1400, "0x20000008", cob_id="0x80000205")
 
 
-@rows(
-    "head, index, access, is_one",
+@pytest.mark.parametrize(
+    ("head", "index", "access", "is_one"),
     [
         (DRIVE_402, "6081", "rw", True),  # a profile velocity, which many drives let map
         (DRIVE_402, "6081", "rww", True),

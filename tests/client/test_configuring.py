@@ -27,7 +27,6 @@ from tests.client.peers import EDS, LIFT, line, master_on, open_bus, stock_lift
 from tests.eds_text import DEVICE_TYPE, variable, with_entry
 from tests.kit import plant
 from tests.kit.plant import messages as m
-from tests.rows import rows
 
 NOW = datetime(2014, 5, 28, 12, 0, 1)
 NOW_BYTES = [(11105).to_bytes(4, "little"), (43_201_000).to_bytes(4, "little")]
@@ -271,8 +270,8 @@ def test_a_value_that_was_right_before_and_is_lost_at_the_reset_is_told(make: Ca
 # Which objects
 
 
-@rows(
-    "index, is_one",
+@pytest.mark.parametrize(
+    ("index", "is_one"),
     [
         (0x1001, False),  # a state, though some files let it be written
         (0x1002, True),
@@ -309,8 +308,8 @@ def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
 # The file is wrong
 
 
-@rows(
-    "make_arguments, told",
+@pytest.mark.parametrize(
+    ("make_arguments", "told"),
     [
         (
             {"node_id": 5},
@@ -375,7 +374,7 @@ CUTS = {str(share): part(share) for share in (0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0
 }
 
 
-@rows("cut", CUTS.values())
+@pytest.mark.parametrize("cut", CUTS.values())
 def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Dictionary], cut: Callable[[str], str]) -> None:
     with stock_lift() as (channel, _), master_on(channel) as master, pytest.raises(DictionaryError):
         configure(master.node(2), make(NEW, change=cut), NOW)
@@ -384,7 +383,7 @@ def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Dictionary], cut
 # The node is wrong
 
 
-@rows("place", range(len(ORDER)))
+@pytest.mark.parametrize("place", range(len(ORDER)))
 def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Dictionary], place: int) -> None:
     with stock_lift() as (channel, node), master_on(channel) as master:
         Writes(node).refused.add(place)
@@ -396,7 +395,7 @@ def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Dictio
     assert str(told.value).endswith("; node 2 has its former values again and is pre-operational")
 
 
-@rows("place", range(1, len(ORDER)))
+@pytest.mark.parametrize("place", range(1, len(ORDER)))
 def test_silence_anywhere_names_what_is_written_and_what_is_not(
     make: Callable[..., Dictionary], monkeypatch: pytest.MonkeyPatch, place: int
 ) -> None:

@@ -19,7 +19,6 @@ from eurobot_od.od.cia402 import State
 from eurobot_od.od.values import SDO_RESPONSE_BASE
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import SERVO
-from tests.rows import rows
 
 
 @contextmanager
@@ -126,8 +125,8 @@ class Hindered(Leaving, SimulatedDrive):
         ]
 
 
-@rows(
-    "index, value, words",
+@pytest.mark.parametrize(
+    ("index", "value", "words"),
     [
         (0x1000, 401, "its 0x1000 says profile 401, not 402"),
         (0x6041, 0x0240, r"its power stage has no voltage \(bit 4\)"),

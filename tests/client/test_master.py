@@ -22,7 +22,6 @@ from eurobot_od.sdo.wire import AbortCode, ClientCommand, aborted
 from tests.client.peers import line, master_on, new_channel, open_bus, peer, stock_lift
 from tests.client.wired import Answerer, WiredBus, wired
 from tests.device.shelf import Shelf
-from tests.rows import rows
 
 HEARTBEAT_TIME = (0x1017, 0)
 EXPEDITED_TWO_BYTES = bytes.fromhex("4b171000e8030000")
@@ -149,7 +148,7 @@ def test_answers_to_another_client_alone_are_said_with_the_silence(answer: bytes
 FOREIGN, MINE = bytes.fromhex("4b18100001000000"), bytes.fromhex("4b171000e8030000")
 
 
-@rows(
+@pytest.mark.parametrize(
     "answers",
     [
         [[FOREIGN, MINE]],  # beside ours

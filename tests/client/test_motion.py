@@ -23,7 +23,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import State
 from eurobot_od.od.dictionary import SdoChannel
 from tests.client.servo import SERVO
-from tests.rows import rows
 
 REQUESTS, ANSWERS = 0x605, 0x585
 AXIS = AxisObjects(AxisAddress(5, 1), SdoChannel.default(5), SERVO)
@@ -121,7 +120,7 @@ def foreign_reads(network: SimulatedNetwork, period: float) -> Callable[[], None
     return read
 
 
-@rows("period", [0.02, 0.1])
+@pytest.mark.parametrize("period", [0.02, 0.1])
 def test_beside_another_master_it_stands_as_quickly(period: float) -> None:
     with turning() as network:
         stop = AxisStop(AXIS, network.master.clock(), controlword=ENABLED)
@@ -129,7 +128,7 @@ def test_beside_another_master_it_stands_as_quickly(period: float) -> None:
         assert stop.done
 
 
-@rows("seed", range(20))
+@pytest.mark.parametrize("seed", range(20))
 def test_with_one_frame_in_three_lost_it_stands(seed: int) -> None:
     chance = random.Random(seed)
 
@@ -163,7 +162,7 @@ class Deaf(DeafToHalt):
     deaf = True
 
 
-@rows("kind, least, most", [(DeafToHalt, 0.5, 0.9), (Deaf, 1.0, 1.9)])
+@pytest.mark.parametrize(("kind", "least", "most"), [(DeafToHalt, 0.5, 0.9), (Deaf, 1.0, 1.9)])
 def test_a_drive_that_does_not_obey_meets_the_next_step_of_the_ladder(
     kind: type[SimulatedDrive], least: float, most: float
 ) -> None:
@@ -221,7 +220,7 @@ LEFT_BEHIND: list[tuple[int, dict[int, Any]]] = [
 ]
 
 
-@rows("mode, objects", LEFT_BEHIND)
+@pytest.mark.parametrize(("mode", "objects"), LEFT_BEHIND)
 def test_enabling_moves_nothing_whatever_was_left_in_the_targets(mode: int, objects: dict[int, Any]) -> None:
     with simulated(SimulatedDrive(SERVO)) as network:
         drive = network[5]
@@ -300,7 +299,7 @@ def test_an_entry_that_a_killed_program_has_left_is_taken_again() -> None:
         assert network[5][0x1016, 1].value == 0
 
 
-@rows("code", [0, 1, 2, 3])
+@pytest.mark.parametrize("code", [0, 1, 2, 3])
 def test_what_a_killed_program_has_changed_is_put_back_by_the_next_one(code: int) -> None:
     with simulated(SimulatedDrive(SERVO, given={(0x6007, 0): code})) as network:
         node = network.master.node(5)

@@ -46,7 +46,6 @@ from tests.client.peers import new_channel, open_bus
 from tests.client.servo import DCF, DOCS, EDS, SERVO, live_servos, servo
 from tests.client.wired import wired
 from tests.eds_text import DEVICE_TYPE, record, variable
-from tests.rows import rows
 
 VELOCITY = "Velocity actual value"
 
@@ -83,7 +82,7 @@ SERVERS = [
 ]
 
 
-@rows("requests, answers, server", SERVERS)
+@pytest.mark.parametrize(("requests", "answers", "server"), SERVERS)
 def test_a_file_s_sdo_server_is_where_the_device_serves_and_the_master_asks(
     requests: tuple[str, str], answers: tuple[str, str], server: tuple[int, int]
 ) -> None:
@@ -186,7 +185,7 @@ WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = 
 ]
 
 
-@rows("call, kind, text", WRONG)
+@pytest.mark.parametrize(("call", "kind", "text"), WRONG)
 def test_what_goes_wrong_names_node_object_and_cause(
     call: Callable[[RemoteDevice], object], kind: type[EurobotError], text: str
 ) -> None:

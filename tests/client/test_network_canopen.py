@@ -29,7 +29,6 @@ from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.protocol import Protocol
 from tests.client.peers import LIFT, new_channel, open_bus
 from tests.client.servo import DOCS, EDS, SERVO, live_servos, servo
-from tests.rows import rows
 
 GROUP = """
 [2F00]
@@ -222,8 +221,8 @@ def booted(network: SimulatedNetwork) -> object:
     return network[5].nmt.state
 
 
-@rows(
-    "ask, answer",
+@pytest.mark.parametrize(
+    ("ask", "answer"),
     [
         (lambda n: n[5].sdo is n[5], True),
         (lambda n: n.nodes[5].id, 5),
@@ -257,8 +256,8 @@ def test_a_name_of_canopens_is_a_face_of_ours(ask: Callable[[SimulatedNetwork], 
         assert ask(network) == answer
 
 
-@rows(
-    "ask, kind, text",
+@pytest.mark.parametrize(
+    ("ask", "kind", "text"),
     [
         (lambda n: setattr(n[5].nmt, "state", "SLEEPY"), UnknownName, "unknown NMT state 'SLEEPY'; known: OPERATIONAL"),
         (lambda n: n[5].tpdo[9], UnknownName, "unknown TPDO 9; known: 1, 2, 3, 4"),

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from eurobot_od.client.configure import in_order, procedure_objects
 from eurobot_od.od.dcf import Write
 from eurobot_od.od.values import Address, pdo_of
-from tests.rows import rows
 
 COB_ID = {(0x1403, 1): bytes.fromhex("08000000")}
 COUNT = {(0x1603, 0): b"\x02"}
@@ -15,8 +16,8 @@ def written(writes: list[Write]) -> list[tuple[str, str]]:
     return [(f"{index:X}:{subindex}", data.hex()) for (index, subindex), data in writes]
 
 
-@rows(
-    "address, pdo",
+@pytest.mark.parametrize(
+    ("address", "pdo"),
     [
         ((0x1400, 1), 0x1400),  # first RPDO
         ((0x15FF, 1), 0x15FF),  # last RPDO

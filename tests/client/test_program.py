@@ -14,7 +14,6 @@ from eurobot_od.errors import BusError, ProgramError
 from eurobot_od.od.dictionary import Dictionary
 from tests.client.flash import IDENTITY, NODE_ID, FlashDevice, KeyedFlashDevice, Trouble, eds
 from tests.client.wired import wired
-from tests.rows import rows
 
 PROGRAM = bytes(range(256)) * 20
 
@@ -79,7 +78,7 @@ BAD = [
 ]  # fmt: skip
 
 
-@rows("trouble, why, state", BAD)
+@pytest.mark.parametrize(("trouble", "why", "state"), BAD)
 def test_a_failure_says_why_and_in_which_state_the_node_is(trouble: Trouble, why: str, state: str) -> None:
     with wired(FlashDevice(trouble)) as master, pytest.raises(ProgramError) as failed:
         load(master.node(NODE_ID), PROGRAM)
@@ -160,8 +159,8 @@ def test_a_program_is_downloaded_by_the_procedure_of_its_maker() -> None:
     assert (device.program, device.running, device.commands) == (PROGRAM[:2500], True, [0, 3, 1])
 
 
-@rows(
-    "procedure, said",
+@pytest.mark.parametrize(
+    ("procedure", "said"),
     [
         (KEYED._replace(unlock=[]), "refused to write 0x1F51:1 Program control"),
         (KEYED._replace(part=2048), "it is stopped without a whole program"),

@@ -12,7 +12,6 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.identity import Identity
 from eurobot_od.sdo.wire import ABORT, ClientCommand
 from tests.client.peers import line, master_on, new_channel, open_bus, peer, stock_lift
-from tests.rows import rows
 
 quick_scan = partial(scan, pace=0.0005, listen=0.1)
 """Enough for nodes of this process."""
@@ -69,7 +68,7 @@ def test_only_the_wanted_node_ids_are_listed() -> None:
         assert [each.node_id for each in quick_scan(master, [2, 5])] == [2]
 
 
-@rows("address, most", [((0x1008, 0), 1024), ((0x1018, 1), 4)])
+@pytest.mark.parametrize(("address", "most"), [((0x1008, 0), 1024), ((0x1018, 1), 4)])
 def test_a_node_that_never_ends_an_upload_does_not_hold_the_scan(address: tuple[int, int], most: int) -> None:
     asked = [0]
 

@@ -12,7 +12,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 from eurobot_od.sdo.wire import AbortCode
-from tests.rows import rows
 
 NODE_ID = 5
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
@@ -33,7 +32,7 @@ def read(device: Device, address: Address) -> Frame:
     return answer
 
 
-@rows("file", FILES)
+@pytest.mark.parametrize("file", FILES)
 def test_boots_and_answers_for_every_object(file: Path) -> None:
     device = started(file)
     for address in device.dictionary.addresses():

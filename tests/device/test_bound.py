@@ -22,7 +22,6 @@ from tests.device.master import Wire, wired
 from tests.eds_text import record
 from tests.kit import lift
 from tests.kit.lift import Brake, Building, Configure, MoveTo, PlaceResponse, Ride, Sensor, Trouble
-from tests.rows import rows
 
 PLACE_OBJECT, PLACE_TPDO, MOVE, RESERVED = 0x2011, 0x1802, 0x2000, 5
 PLACE = PlaceResponse(1234, 567, 89, Sensor.MAGNET)
@@ -59,9 +58,9 @@ def restarted(wire: Wire) -> None:
     wire.command(NmtCommand.RESET_NODE)
 
 
-@rows("dialect", DIALECTS)
-@rows("place", RAW)
-@rows("change", [as_it_is, not_valid, widened, restarted])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("place", RAW)
+@pytest.mark.parametrize("change", [as_it_is, not_valid, widened, restarted])
 def test_an_object_reads_what_is_measured_whatever_its_pdo_is(
     change: Callable[[Wire], object], place: PlaceResponse, dialect: str
 ) -> None:

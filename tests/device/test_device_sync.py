@@ -18,7 +18,6 @@ from tests.device.io_module import module
 from tests.device.master import NodeWire, Wire, wired, with_sync
 from tests.kit import lift
 from tests.kit.lift import CATALOGUE, Brake, MoveTo, Ride, StateResponse, Trouble
-from tests.rows import rows
 
 STATE_TPDO, MOVE_RPDO, STOP_RPDO = 0x1801, 0x1403, 0x1401
 """Communication records of the cabin's State Response, Move To and Brake."""
@@ -128,8 +127,8 @@ REFUSED_TYPES = [
 ]
 
 
-@rows("index", [STATE_TPDO, MOVE_RPDO])
-@rows("why, made, transmission_type", REFUSED_TYPES)
+@pytest.mark.parametrize("index", [STATE_TPDO, MOVE_RPDO])
+@pytest.mark.parametrize(("why", "made", "transmission_type"), REFUSED_TYPES)
 def test_other_transmission_types_are_refused(
     why: str, made: Callable[[], Wire], transmission_type: int, index: int
 ) -> None:
@@ -150,7 +149,7 @@ REFUSED_SYNCS = [
 ]
 
 
-@rows("entry, why", REFUSED_SYNCS)
+@pytest.mark.parametrize(("entry", "why"), REFUSED_SYNCS)
 def test_a_sync_that_the_device_cannot_have_is_refused(entry: int, why: str) -> None:
     assert synchronous().refused((0x1005, 0), entry, size=4) == AbortCode.VALUE, why
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import pytest
+
 from eurobot_od.device.faults import FAULTS
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from tests.device.io_module import NODE_ID, module
 from tests.device.master import NodeWire
-from tests.rows import rows
 
 HEARTBEATS, EMERGENCIES, ANSWERS, CHANGED, CYCLIC = (base + NODE_ID for base in (0x700, 0x080, 0x580, 0x180, 0x280))
 PRODUCT = Frame(0x600 + NODE_ID, bytes.fromhex("4018100200000000"))
@@ -110,7 +111,7 @@ def sent(case: Case, kind: type[SimulatedDevice]) -> str:
     return " ".join(frame.data.hex() for frame in wire.heard if frame.cob_id == case.cob_id)
 
 
-@rows("name", FAULTS)
+@pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_does_what_it_says(name: str) -> None:
     case = CASES[name]
     assert sent(case, SimulatedDevice) == case.healthy

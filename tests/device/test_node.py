@@ -32,7 +32,6 @@ from tests.kit.lift import (
     StateResponse,
     Trouble,
 )
-from tests.rows import rows
 
 PROTOCOL = lift.protocol()
 CHECK = PROTOCOL.encode(CheckCabinRequest())
@@ -126,8 +125,8 @@ def in_state(peer: str, command: NmtCommand) -> Lift:
     return bench
 
 
-@rows("command", STATES)
-@rows("stop", [EmergencyOff(), Brake(Trouble.OBSTACLE), Halt()])
+@pytest.mark.parametrize("command", STATES)
+@pytest.mark.parametrize("stop", [EmergencyOff(), Brake(Trouble.OBSTACLE), Halt()])
 def test_stops_act_in_every_nmt_state(command: NmtCommand, stop: Message) -> None:
     bench = in_state("panel", command)
     bench.say("panel", stop)
@@ -137,8 +136,8 @@ def test_stops_act_in_every_nmt_state(command: NmtCommand, stop: Message) -> Non
     assert (bench.cabin.is_off, bench.door.is_off) == (off, off)
 
 
-@rows("command", STATES)
-@rows("stop", [EmergencyOff(), Brake(Trouble.OVERLOAD), Halt()])
+@pytest.mark.parametrize("command", STATES)
+@pytest.mark.parametrize("stop", [EmergencyOff(), Brake(Trouble.OVERLOAD), Halt()])
 def test_stops_are_sent_in_every_nmt_state(command: NmtCommand, stop: Message) -> None:
     bench = in_state("cabin", command)
     bench.panel.send(stop)
@@ -159,8 +158,8 @@ OTHERS = [
 ]
 
 
-@rows("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
-@rows("message", OTHERS)
+@pytest.mark.parametrize("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
+@pytest.mark.parametrize("message", OTHERS)
 def test_other_messages_act_in_operational_only(command: NmtCommand, message: Message) -> None:
     bench = in_state("panel", command)
     bench.say("panel", message, within=0.2)

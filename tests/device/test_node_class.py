@@ -13,7 +13,6 @@ from eurobot_od.device.node import Node
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
 from tests.kit import lift
-from tests.rows import rows
 
 HEAD = """\
 from typing import NamedTuple
@@ -126,19 +125,19 @@ def cabin(module: ModuleType) -> Node:
     return node
 
 
-@rows("text, line, what", WHEN_MADE)
+@pytest.mark.parametrize(("text", "line", "what"), WHEN_MADE)
 def test_a_class_with_a_mistake_is_told_when_it_is_made(text: str, line: int, what: str, tmp_path: Path) -> None:
     assert what in told(tmp_path, text, lambda _: None, line)
 
 
-@rows("text, line, what", WITH_ITS_FILE)
+@pytest.mark.parametrize(("text", "line", "what"), WITH_ITS_FILE)
 def test_a_class_that_does_not_fit_its_file_is_told_with_the_file(
     text: str, line: int, what: str, tmp_path: Path
 ) -> None:
     assert what in told(tmp_path, text, cabin, line)
 
 
-@rows("text, line, what", WHEN_STARTED)
+@pytest.mark.parametrize(("text", "line", "what"), WHEN_STARTED)
 def test_a_node_that_hides_a_method_is_told_when_it_starts(text: str, line: int, what: str, tmp_path: Path) -> None:
     assert what in told(tmp_path, text, lambda module: cabin(module).start(0.0), line)
 
@@ -157,6 +156,6 @@ FINE = [
 ]
 
 
-@rows("text, why", FINE)
+@pytest.mark.parametrize(("text", "why"), FINE)
 def test_a_class_without_a_mistake_runs(text: str, why: str, tmp_path: Path) -> None:
     assert cabin(extras.load(write(tmp_path, text))).start(0.0), why

@@ -23,7 +23,6 @@ from tests.device import io_module
 from tests.device.master import wired
 from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.kit import lift
-from tests.rows import rows
 
 UNREADABLE: list[tuple[Address, AbortCode, str]] = [
     ((0x2999, 0), AbortCode.NO_OBJECT, "no such object"),
@@ -60,7 +59,7 @@ UNWRITABLE: list[tuple[Address, int, int, AbortCode, str]] = [
 ]
 
 
-@rows("address, value, size, code, why", UNWRITABLE)
+@pytest.mark.parametrize(("address", "value", "size", "code", "why"), UNWRITABLE)
 def test_a_refused_write_names_the_cause_and_changes_nothing(
     address: Address, value: int, size: int, code: AbortCode, why: str
 ) -> None:
@@ -270,8 +269,8 @@ def test_a_dcf_of_another_program_has_no_checksum_and_is_loaded(store: FileStore
     assert store.load() == SETTINGS
 
 
-@rows("place", [0.01, 0.3, 0.6, 0.999])
-@rows("bit", [0, 2, 6])
+@pytest.mark.parametrize("place", [0.01, 0.3, 0.6, 0.999])
+@pytest.mark.parametrize("bit", [0, 2, 6])
 def test_a_stored_file_with_a_flipped_bit_is_refused_by_name_and_the_defaults_are_taken(
     store: FileStore, place: float, bit: int
 ) -> None:
@@ -377,8 +376,8 @@ STORED = [
 ]
 
 
-@rows("encoding", ["utf-8", "latin-1", "utf-8-sig"])
-@rows("address, data, why", STORED)
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-8-sig"])
+@pytest.mark.parametrize(("address", "data", "why"), STORED)
 def test_what_is_stored_comes_back_to_the_byte_whatever_the_encoding_of_the_eds(
     tmp_path: Path, encoding: str, address: Address, data: bytes, why: str
 ) -> None:
@@ -411,7 +410,7 @@ def test_in_memory_settings_last_as_long_as_the_store() -> None:
     assert store.load() == {(0x2100, 2): 6}
 
 
-@rows("type_, found", [("UNSIGNED16", 7), ("UNSIGNED32", 0x0502F014)])
+@pytest.mark.parametrize(("type_", "found"), [("UNSIGNED16", 7), ("UNSIGNED32", 0x0502F014)])
 def test_an_identity_too_wide_for_its_object_stays_what_the_object_says(type_: str, found: int) -> None:
     info = "[DeviceInfo]\nProductNumber=0x0502F014\n"
     default = "7" if type_ == "UNSIGNED16" else "0"

@@ -32,7 +32,6 @@ from tests.kit.lift import (
     StateResponse,
     Trouble,
 )
-from tests.rows import rows
 
 NOT_VALID = 1 << 31
 MOVE_RPDO = 0x1403
@@ -148,7 +147,7 @@ REFUSED: list[tuple[str, Address, int, int, AbortCode, str]] = [
 ]
 
 
-@rows("node, address, value, size, code, why", REFUSED)
+@pytest.mark.parametrize(("node", "address", "value", "size", "code", "why"), REFUSED)
 def test_a_valid_pdo_cannot_be_changed(
     node: str, address: Address, value: int, size: int, code: AbortCode, why: str
 ) -> None:
@@ -171,7 +170,7 @@ UNMAPPABLE: list[tuple[str, int, int, AbortCode, str]] = [
 ]
 
 
-@rows("node, index, entry, code, why", UNMAPPABLE)
+@pytest.mark.parametrize(("node", "index", "entry", "code", "why"), UNMAPPABLE)
 def test_what_cannot_be_mapped_is_refused(node: str, index: int, entry: int, code: AbortCode, why: str) -> None:
     wire = wired(node)
     wire.write(index, 1, NOT_VALID | 0x108)
@@ -219,7 +218,7 @@ NOT_TO_VALIDATE: list[tuple[tuple[int, ...], int, AbortCode, str]] = [
 ]
 
 
-@rows("entries, cob_id, code, why", NOT_TO_VALIDATE)
+@pytest.mark.parametrize(("entries", "cob_id", "code", "why"), NOT_TO_VALIDATE)
 def test_what_does_not_hold_together_does_not_become_valid(
     entries: tuple[int, ...], cob_id: int, code: AbortCode, why: str
 ) -> None:

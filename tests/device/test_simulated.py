@@ -28,7 +28,6 @@ from eurobot_od.sdo.wire import AbortCode
 from tests.device.io_module import BIG, CYCLIC, NODE_ID, ON_CHANGE, ON_REQUEST, TEXT, module
 from tests.device.master import NodeWire
 from tests.eds_text import DEVICE_TYPE, pdo, variable
-from tests.rows import rows
 
 SYNC, COMMAND = Frame(0x080), 0x200 + NODE_ID
 CHANGED, CYCLICAL, REQUESTED = 0x180 + NODE_ID, 0x280 + NODE_ID, 0x380 + NODE_ID
@@ -399,7 +398,7 @@ WRONG = [
 ]
 
 
-@rows("text, complaint", WRONG)
+@pytest.mark.parametrize(("text", "complaint"), WRONG)
 def test_a_file_that_says_no_waveforms_is_refused_with_its_line(text: str, complaint: str) -> None:
     with pytest.raises(YamlError) as refusal:
         read_waveforms(text, "values.yaml")

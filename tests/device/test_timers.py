@@ -15,7 +15,6 @@ from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
 from tests.kit.lift import CheckCabinRequest, CheckCabinResponse, CheckDoorResponse, StateRequest, StateResponse
-from tests.rows import rows
 
 
 def due(timers: Timers, now: float) -> list[float]:
@@ -288,7 +287,7 @@ def test_a_call_cancelled_before_the_start_sends_nothing_and_ends_once(failed: b
     assert (sent, ended) == ([], [flow])
 
 
-@rows("ask", [Call.done, Call.cancel, lambda call: call.result(0)])
+@pytest.mark.parametrize("ask", [Call.done, Call.cancel, lambda call: call.result(0)])
 def test_who_asks_a_call_for_anything_wants_it(ask: Callable[[Call[int]], object]) -> None:
     call = Call[int]()
     assert not call.is_wanted

@@ -15,7 +15,6 @@ from eurobot_od.export import c
 from eurobot_od.export.description import DescribedMessage, described
 from tests.export import made_up
 from tests.kit import plant
-from tests.rows import rows
 
 FRAMES = 500
 """Random frames for each message; `tools/interop.py` takes more."""
@@ -48,8 +47,8 @@ def test_the_judge_sees_a_wrong_bit(tmp_path: Path) -> None:
 
 
 @needs_compiler
-@rows(
-    "messages, name",
+@pytest.mark.parametrize(
+    ("messages", "name"),
     [(made_up.many(), ""), *((made_up.badly_named(), name) for name in ("int", "", "x" * 1000, "*/ #error"))],
 )
 def test_any_names_compile(messages: list[DescribedMessage], name: str, tmp_path: Path) -> None:

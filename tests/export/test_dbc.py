@@ -28,7 +28,6 @@ from eurobot_od.pdo.kinds import Real
 from eurobot_od.pdo.protocol import Protocol
 from tests.export import made_up
 from tests.kit import plant
-from tests.rows import rows
 
 FRAMES = 2000
 """Random frames for each message."""
@@ -63,7 +62,7 @@ def random_data(binding: Binding, number: int = FRAMES) -> list[bytes]:
 # cantools
 
 
-@rows("dialect, name", cases())
+@pytest.mark.parametrize(("dialect", "name"), cases())
 def test_cantools_reads_what_the_files_say_and_frames_as_the_codec_does(dialect: str, name: str) -> None:
     binding = protocol(dialect).binding(name)
     message = database(dialect).get_message_by_frame_id(binding.cob_id)
@@ -97,8 +96,8 @@ CHOICES = [
 ]
 
 
-@rows("dialect", plant.DIALECTS)
-@rows("message, field, choices", CHOICES)
+@pytest.mark.parametrize("dialect", plant.DIALECTS)
+@pytest.mark.parametrize(("message", "field", "choices"), CHOICES)
 def test_value_tables(dialect: str, message: str, field: str, choices: Mapping[int, str]) -> None:
     signal = database(dialect).get_message_by_name(message.replace(" ", "_")).get_signal_by_name(field)
     assert {raw: str(name) for raw, name in (signal.choices or {}).items()} == choices
@@ -237,7 +236,7 @@ def message_of(binding: Binding) -> DescribedMessage:
     return next(each for each in ANY_MESSAGES if each.cob_id == binding.cob_id)
 
 
-@rows("binding", ANY_PROTOCOL.bindings)
+@pytest.mark.parametrize("binding", ANY_PROTOCOL.bindings)
 def test_cantools_reads_numbers_of_any_type_and_place_as_we_do(binding: Binding) -> None:
     signals = typed_database(ANY_MESSAGES).get_message_by_frame_id(binding.cob_id)
     fields = message_of(binding).fields
@@ -247,7 +246,7 @@ def test_cantools_reads_numbers_of_any_type_and_place_as_we_do(binding: Binding)
         assert signals.encode(values, strict=False) == binding.pack(binding.unpack(data))
 
 
-@rows("binding", ANY_PROTOCOL.bindings)
+@pytest.mark.parametrize("binding", ANY_PROTOCOL.bindings)
 def test_canmatrix_reads_numbers_of_any_type_and_place_as_we_do(binding: Binding) -> None:
     loaded: Any = canmatrix.formats.loads(text_of(ANY_MESSAGES), "dbc")
     (found,) = loaded.values()

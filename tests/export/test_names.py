@@ -8,7 +8,6 @@ import pytest
 
 from eurobot_od.export.description import LONGEST_IDENTIFIER, Identifiers, printable
 from tests.export.made_up import BAD_NAMES
-from tests.rows import rows
 
 IDENTIFIERS = [
     ("Move To", "Move_To"),
@@ -23,7 +22,7 @@ IDENTIFIERS = [
 ]
 
 
-@rows("name, identifier", IDENTIFIERS)
+@pytest.mark.parametrize(("name", "identifier"), IDENTIFIERS)
 def test_an_identifier_of_a_name(name: str, identifier: str) -> None:
     assert Identifiers("for while").new(name) == identifier
 

@@ -14,7 +14,6 @@ from eurobot_od.export import wireshark
 from eurobot_od.export.description import DescribedMessage, described
 from tests.export import made_up
 from tests.kit import plant
-from tests.rows import rows
 
 FRAMES = 50
 """Random frames for each message; `tools/interop.py` takes more."""
@@ -67,8 +66,8 @@ def test_the_columns_say_what_a_frame_means(tmp_path: Path) -> None:
 
 
 @needs_tshark
-@rows(
-    "messages, name",
+@pytest.mark.parametrize(
+    ("messages", "name"),
     [(made_up.many(), ""), *((made_up.badly_named(), name) for name in ("can", "", "x" * 1000, '"'))],
 )
 def test_tshark_takes_any_names(messages: list[DescribedMessage], name: str, tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import NODE_ID, Value, parse_number
 from tests.export import made_up
 from tests.kit import plant
-from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 OWN = sorted(plant.FILES.folder().parent.rglob("*.eds"))
@@ -82,7 +81,7 @@ def compare(dictionary: Dictionary) -> None:
                 assert read_back(each.get(attribute), dictionary, type(ours)) == ours, (index, sub, name)
 
 
-@rows("file", [*OWN, *FOREIGN])
+@pytest.mark.parametrize("file", [*OWN, *FOREIGN])
 def test_it_says_of_every_object_what_the_file_says(file: Path) -> None:
     compare(Dictionary.load(file, NODE))
 

@@ -10,7 +10,6 @@ import pytest
 from eurobot_od.library import index
 from eurobot_od.library.index import CACHE, DATA, FolderKind, LibraryEntry, described, entries, user_folder
 from tests.kit.library import PRODUCT, REVISION, VENDOR, device_text, library_of
-from tests.rows import rows
 
 XDD = Path(__file__).parents[1] / "export" / "samples"
 
@@ -57,7 +56,7 @@ SAID_ELSEWHERE = [
 ]
 
 
-@rows("text, identity, problem", SAID_ELSEWHERE)
+@pytest.mark.parametrize(("text", "identity", "problem"), SAID_ELSEWHERE)
 def test_what_a_file_says_is_read_as_a_dictionary_reads_it(
     tmp_path: Path, text: str, identity: tuple[int, ...], problem: str
 ) -> None:
@@ -86,7 +85,9 @@ def test_a_file_is_read_again_only_when_it_has_changed(tmp_path: Path, reads: li
     assert ([each.product for each in entries(folder)], reads[3:]) == ([33], [])
 
 
-@rows("content", [b"", b"{", b"[]", b'{"version": 1, "files": {"one.eds": [1]}}', b'{"version": 0, "files": {}}'])
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"[]", b'{"version": 1, "files": {"one.eds": [1]}}', b'{"version": 0, "files": {}}']
+)
 def test_a_damaged_index_is_made_anew(tmp_path: Path, reads: list[str], content: bytes) -> None:
     folder = library_of(tmp_path / "lib", one=device_text())
     expected = entries(folder)
@@ -109,7 +110,7 @@ def test_a_folder_that_is_not_there_has_no_files_and_no_index(tmp_path: Path, ca
     assert not cache.exists()
 
 
-@rows("kind, folder", [(DATA, "user_data_path"), (CACHE, "user_cache_path")])
+@pytest.mark.parametrize(("kind", "folder"), [(DATA, "user_data_path"), (CACHE, "user_cache_path")])
 def test_the_users_folders_are_those_of_platformdirs(
     kind: FolderKind, folder: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,7 +21,6 @@ from eurobot_od.od.identity import Identity
 from eurobot_od.od.maker import device_yaml_of
 from eurobot_od.od.values import Address
 from tests.kit.library import OTHER_PRODUCT, PRODUCT, VENDOR, device_text, library_of
-from tests.rows import rows
 
 
 def at(revision: int, **others: int | None) -> str:
@@ -44,7 +43,7 @@ FITS = [
 ]
 
 
-@rows("texts, revision, device_type, fitting", FITS)
+@pytest.mark.parametrize(("texts", "revision", "device_type", "fitting"), FITS)
 def test_the_best_fit_comes_first_and_the_rest_is_named(
     tmp_path: Path, texts: dict[str, str], revision: int, device_type: int | None, fitting: str
 ) -> None:
@@ -71,7 +70,7 @@ NO_PRODUCT = [
 ]
 
 
-@rows("vendor, device_type, fitting", NO_PRODUCT)
+@pytest.mark.parametrize(("vendor", "device_type", "fitting"), NO_PRODUCT)
 def test_without_a_product_code_the_device_type_decides(
     tmp_path: Path, vendor: int, device_type: int | None, fitting: str
 ) -> None:
@@ -89,7 +88,7 @@ DIFFERENCES = [
 ]
 
 
-@rows("said, device, difference", DIFFERENCES)
+@pytest.mark.parametrize(("said", "device", "difference"), DIFFERENCES)
 def test_what_is_not_said_is_no_difference(said: Identity, device: Identity, difference: str | None) -> None:
     assert contradiction(said, device) == difference
 

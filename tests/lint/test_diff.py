@@ -15,7 +15,6 @@ from eurobot_od.lint.model import LintedDevice, load
 from eurobot_od.sdo.wire import AbortCode
 from tests.client.peers import LIFT, line, master_on, new_channel, stock_lift
 from tests.lint.mutations import BASES, CLEAN
-from tests.rows import rows
 
 
 def device(text: str, name: str = "a.eds") -> LintedDevice:
@@ -40,7 +39,7 @@ SAME = [
 ]
 
 
-@rows("what, pattern, replacement", SAME)
+@pytest.mark.parametrize(("what", "pattern", "replacement"), SAME)
 def test_how_it_is_written_does_not_count(what: str, pattern: str, replacement: str) -> None:
     count = 1 if what.startswith("limits") else 0
     changed = re.sub(pattern, lambda _: replacement, CLEAN, count=count)
@@ -69,7 +68,7 @@ DIFFERENT = [
 ]  # fmt: skip
 
 
-@rows("section, old, new, expected", DIFFERENT)
+@pytest.mark.parametrize(("section", "old", "new", "expected"), DIFFERENT)
 def test_what_it_means_counts(section: str, old: str, new: str, expected: list[str]) -> None:
     start = CLEAN.index(f"[{section}]")
     changed = CLEAN[:start] + CLEAN[start:].replace(old, new, 1)
@@ -146,7 +145,7 @@ LIVE: list[tuple[dict[tuple[int, int], bytes | int], list[str]]] = [
 ]
 
 
-@rows("readings, expected", LIVE)
+@pytest.mark.parametrize(("readings", "expected"), LIVE)
 def test_a_nodes_answers_are_compared(readings: dict[tuple[int, int], bytes | int], expected: list[str]) -> None:
     assert [str(each) for each in compare_live(device(CLEAN), readings, 5)] == expected
 

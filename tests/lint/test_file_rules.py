@@ -8,11 +8,10 @@ from eurobot_od.lint.file_rules import is_date, is_time, is_version, looks_like_
 from eurobot_od.lint.rules import lint
 from tests.eds_text import with_entry
 from tests.lint.mutations import CLEAN
-from tests.rows import rows
 
 
-@rows(
-    "text, is_one",
+@pytest.mark.parametrize(
+    ("text", "is_one"),
     [
         ("09:30AM", True),
         ("12:59pm", True),
@@ -30,8 +29,8 @@ def test_a_time(text: str, is_one: bool) -> None:
     assert is_time(text) is is_one
 
 
-@rows(
-    "text, is_one",
+@pytest.mark.parametrize(
+    ("text", "is_one"),
     [
         ("05-28-2014", True),
         ("01-01-2014", True),
@@ -50,8 +49,8 @@ def test_a_date(text: str, is_one: bool) -> None:
     assert is_date(text) is is_one
 
 
-@rows(
-    "text, is_one",
+@pytest.mark.parametrize(
+    ("text", "is_one"),
     [
         ("0x1000", True),
         ("01000", True),

@@ -15,7 +15,6 @@ from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.model import load
 from eurobot_od.lint.network import RULES, LintedNetwork, NetworkNode, lint_network, nodes_of, overview
 from tests.kit import lift
-from tests.rows import rows
 
 
 def network_of(texts: dict[str, str]) -> LintedNetwork:
@@ -112,7 +111,7 @@ ALSO = {
 """What has to be changed in a second place to make the conflict."""
 
 
-@rows("code, node, change, at", CONFLICTS)
+@pytest.mark.parametrize(("code", "node", "change", "at"), CONFLICTS)
 def test_a_conflict_is_flagged_where_it_is(code: str, node: str, change: Callable[[str], str], at: str) -> None:
     texts = our_texts()
     texts[node] = change(texts[node])
@@ -224,7 +223,7 @@ MALFORMED = [
 ]
 
 
-@rows("text, message", MALFORMED)
+@pytest.mark.parametrize(("text", "message"), MALFORMED)
 def test_a_malformed_network_file_is_told_by_line(write: Callable[[str], str], text: str, message: str) -> None:
     with pytest.raises(FileError, match=re.escape(message)):
         read_network([write(text)])

@@ -7,7 +7,6 @@ import pytest
 from eurobot_od.lint.rules import lint
 from tests.eds_text import with_entry
 from tests.lint.mutations import BASES, CLEAN, WHOLE, Defect, mutated
-from tests.rows import rows
 
 WITHOUT_SYNC = mutated(Defect("W624", "no SYNC", "1005", WHOLE, ""))
 
@@ -20,8 +19,8 @@ def found(*values: tuple[str, str], text: str = CLEAN) -> set[str]:
     return {code for code in codes if code[1] == "6"}
 
 
-@rows(
-    "cob_id, codes",
+@pytest.mark.parametrize(
+    ("cob_id", "codes"),
     [
         ("0x000", {"E606"}),  # NMT
         ("0x001", {"I607"}),
@@ -68,8 +67,8 @@ def test_an_identifier_is_judged_by_the_range_it_is_in(cob_id: str, codes: set[s
 NO_RTR, RTR = ("1800sub1", "$NODEID+0x40000180"), ("1800sub1", "$NODEID+0x180")
 
 
-@rows(
-    "number, rpdo, tpdo, without_rtr",
+@pytest.mark.parametrize(
+    ("number", "rpdo", "tpdo", "without_rtr"),
     [
         (0, set(), set(), set()),
         (240, set(), set(), set()),
@@ -122,8 +121,8 @@ def test_an_event_timer_is_compared_with_the_inhibit_time(milliseconds: int, inh
     assert found(("1400sub5", str(milliseconds)), ("1400sub3", str(inhibit))) == ({"W626"} if inhibit else set())
 
 
-@rows(
-    "count, codes",
+@pytest.mark.parametrize(
+    ("count", "codes"),
     [
         (0, {"I633", "W634"}),
         (1, {"W634"}),
@@ -176,8 +175,8 @@ def test_a_mapped_length_is_judged_by_type_and_limits(bits: int, codes: set[str]
     assert found(("1600sub1", f"0x200101{bits:02X}")) == codes  # UNSIGNED16, 0 to 1000
 
 
-@rows(
-    "low, high, bits, is_cut",
+@pytest.mark.parametrize(
+    ("low", "high", "bits", "is_cut"),
     [
         ("-128", "127", 8, False),
         ("-129", "127", 8, True),

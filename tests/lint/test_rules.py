@@ -14,7 +14,7 @@ MADE = {name: text.encode() for name, text in lift.texts().items() if name.endsw
 """Files that a table makes."""
 
 
-@rows("base", BASES)
+@pytest.mark.parametrize("base", BASES)
 def test_nothing_is_found_in_a_clean_file(base: str) -> None:
     name, text = BASES[base]
     assert lint(text.encode(), name) == []
@@ -40,7 +40,7 @@ def test_a_code_is_a_rule_of_its_own() -> None:
     assert len({code[1:] for code in codes}) == len(codes)  # a change of severity never makes two rules look alike
 
 
-@rows("file, content", MADE.items())
+@pytest.mark.parametrize(("file", "content"), MADE.items())
 def test_made_files_have_nothing_above_info(file: str, content: bytes) -> None:
     assert [each for each in lint(content, file) if each.severity is not Severity.INFO] == []
 

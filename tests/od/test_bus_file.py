@@ -11,7 +11,6 @@ from eurobot_od.od.bus_file import load_bus
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import load, not_understood, read_network
 from eurobot_od.od.values import Address, Value
-from tests.rows import rows
 
 EDS = Path(__file__).parents[2] / "docs" / "servo.eds"
 
@@ -98,8 +97,8 @@ def test_what_nobody_knows_is_named(folder: Path) -> None:
     assert not_understood(EDS) == ()
 
 
-@rows(
-    "old, new, told",
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
     [
         ("index: 0x607C", "index: 0x5FFF", "bus.yml:7: the file has no 0x5FFF:0"),
         (

@@ -20,7 +20,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import COMMISSIONING, parse
 from eurobot_od.od.values import Address, Value
 from tests.kit import lift
-from tests.rows import rows
 
 FILES = sorted(lift.files().glob("*/*.eds"))
 CABIN = lift.texts()["plain/cabin.eds"]
@@ -79,7 +78,7 @@ def test_an_object_that_the_eds_lacks_is_refused(address: Address) -> None:
         cabin_dcf({address: 1})
 
 
-@rows("file", FILES)
+@pytest.mark.parametrize("file", FILES)
 def test_other_readers_find_values_and_commissioning(file: Path, tmp_path: Path) -> None:
     assert dcf.missing(parse(file.read_text())) == []
     written = tmp_path / "node.dcf"
@@ -137,7 +136,7 @@ KEPT = [
 ]
 
 
-@rows("code, data, line", KEPT)
+@pytest.mark.parametrize(("code", "data", "line"), KEPT)
 def test_every_byte_is_kept_in_a_line_or_in_a_file_beside(
     tmp_path: Path, code: int, data: bytes, line: bytes | None
 ) -> None:
@@ -250,7 +249,7 @@ def test_a_number_of_members_that_is_none_counts_as_none() -> None:
     assert dcf.missing(parse(CABIN.replace("SubNumber=6", "SubNumber=six"))) == []
 
 
-@rows("line", range(0, cabin_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
+@pytest.mark.parametrize("line", range(0, cabin_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
 def test_a_dcf_cut_off_anywhere_misses_something(line: int) -> None:
     cut = "\n".join(cabin_dcf(VALUES).split("\n")[:line])
     assert dcf.missing(parse(cut)) or f"[{COMMISSIONING}]" not in cut

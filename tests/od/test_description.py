@@ -6,7 +6,6 @@ import pytest
 
 from eurobot_od.od.description import DescribedDevice, SectionName, parse_section_name
 from eurobot_od.od.document import parse
-from tests.rows import rows
 
 NAMES = [
     ("1018", SectionName(0x1018)),
@@ -24,7 +23,7 @@ def test_a_section_name_is_read(text: str, name: SectionName) -> None:
     assert parse_section_name(text) == name
 
 
-@rows("text", NO_NAMES)
+@pytest.mark.parametrize("text", NO_NAMES)
 def test_other_names_are_none(text: str) -> None:
     assert parse_section_name(text) is None
 

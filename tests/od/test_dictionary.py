@@ -24,7 +24,6 @@ from eurobot_od.pdo.protocol import Protocol
 from tests.eds_text import DEVICE_TYPE, variable
 from tests.kit import lift
 from tests.kit.devices import DOCS
-from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 EDS = lift.files() / lift.DIALECT
@@ -59,7 +58,7 @@ def test_another_node_id_moves_what_depends_on_it(node_id: int) -> None:
     assert dictionary.default((0x1403, 1)) == CABIN.default((0x1403, 1))
 
 
-@rows("said, node_id", [("0xFF", None), ("127", 127), ("$NODEID", None)])
+@pytest.mark.parametrize(("said", "node_id"), [("0xFF", None), ("127", 127), ("$NODEID", None)])
 def test_a_setting_of_no_node_id_is_not_one(said: str, node_id: int | None) -> None:
     text = (DEVICE_TYPE + variable("2000", "Node-ID", "UNSIGNED8", said)).encode()
     if node_id is None:
@@ -103,7 +102,7 @@ ASPECTS = (
 )
 
 
-@rows("file", CANOPEN_READS)
+@pytest.mark.parametrize("file", CANOPEN_READS)
 def test_canopens_own_reader_gives_the_same_objects(file: Path) -> None:
     ours, theirs = Dictionary.load(file, 5).objects, canopen.import_od(str(file), 5)
     assert variables(ours) == variables(theirs)
@@ -181,7 +180,7 @@ UNMAPPED = [
 ]
 
 
-@rows("section, value, index, what", UNMAPPED)
+@pytest.mark.parametrize(("section", "value", "index", "what"), UNMAPPED)
 def test_mapping_that_does_not_hold_is_told_with_file_and_index(
     section: str, value: str | None, index: int, what: str, tmp_path: Path
 ) -> None:
@@ -219,7 +218,7 @@ BROKEN = [
 ]
 
 
-@rows("content, what", [row[1:] for row in BROKEN])
+@pytest.mark.parametrize(("content", "what"), [row[1:] for row in BROKEN])
 def test_file_that_is_no_eds_is_refused_in_one_line(content: bytes, what: str, tmp_path: Path) -> None:
     file = tmp_path / "cabin.eds"
     file.write_bytes(content)
@@ -293,7 +292,7 @@ VALUES: list[tuple[bytes, Value]] = [
 ]
 
 
-@rows("data, value", VALUES)
+@pytest.mark.parametrize(("data", "value"), VALUES)
 def test_a_value_is_read_as_it_was_meant(data: bytes, value: Value) -> None:
     assert Dictionary.read(data, Path("a.eds"), 5).default((0x2000, 0)) == value
 
@@ -362,7 +361,7 @@ DROPPED = [
 ]
 
 
-@rows("data, attribute, value", [row[1:] for row in DROPPED])
+@pytest.mark.parametrize(("data", "attribute", "value"), [row[1:] for row in DROPPED])
 def test_what_canopen_drops_is_set(data: bytes, attribute: str, value: object) -> None:
     assert getattr(Dictionary.read(data, Path("a.eds"), 5).variable((0x2000, 0)), attribute) == value
 
@@ -372,7 +371,7 @@ def test_the_node_id_is_that_of_the_device_without_a_commissioning_too() -> None
     assert (dictionary.objects.node_id, dictionary.commissioned_node_id) == (5, None)
 
 
-@rows("made", [["from its file"], ["with its maker's words"]])
+@pytest.mark.parametrize("made", [["from its file"], ["with its maker's words"]])
 def test_a_dictionary_goes_to_another_process_with_its_pdos(made: str) -> None:
     """Workers of an archive get the dictionaries of their parent."""
     dictionary = Dictionary.load(DOCS / "servo.eds", 5)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from eurobot_od.od.document import Entry, Odd, read
 from eurobot_od.od.normal import in_normal_form
 from tests.eds_text import DEVICE_TYPE
-from tests.rows import rows
 
 PLACES = [
     # (text, key, value, line, column): columns count bytes from 1 and point at the value
@@ -27,7 +28,7 @@ PLACES = [
 ]
 
 
-@rows("text, key, value, line, column", PLACES)
+@pytest.mark.parametrize(("text", "key", "value", "line", "column"), PLACES)
 def test_an_entry_knows_its_place(text: bytes, key: str, value: str, line: int, column: int) -> None:
     entry = read(text).sections["a"].entries[key]
     assert entry[1:] == (value, line, column)
@@ -52,7 +53,7 @@ ODDITIES = [
 ]
 
 
-@rows("text, kinds", ODDITIES)
+@pytest.mark.parametrize(("text", "kinds"), ODDITIES)
 def test_what_is_no_eds_is_an_oddity(text: bytes, kinds: list[Odd]) -> None:
     assert [each.kind for each in read(text).oddities] == kinds
 
@@ -75,7 +76,7 @@ NAMES = {
 }
 
 
-@rows("encoding, name", NAMES.items())
+@pytest.mark.parametrize(("encoding", "name"), NAMES.items())
 def test_a_name_in_a_code_page_is_read_and_fixed_as_what_it_is(encoding: str, name: str) -> None:
     data = f"[FileInfo]\nFileName=a.eds\nCreatedBy={name}\n{DEVICE_TYPE}".encode(encoding)
     document = read(data)
@@ -83,7 +84,7 @@ def test_a_name_in_a_code_page_is_read_and_fixed_as_what_it_is(encoding: str, na
     assert f"CreatedBy={name}" in in_normal_form(data)[0].decode()
 
 
-@rows("text", ["СКОРОСТЬ".encode("cp1251"), "目標位置".encode("cp932"), bytes(range(0x80, 0x100))])
+@pytest.mark.parametrize("text", ["СКОРОСТЬ".encode("cp1251"), "目標位置".encode("cp932"), bytes(range(0x80, 0x100))])
 def test_a_text_that_no_code_page_fits_for_certain_keeps_its_bytes(text: bytes) -> None:
     fixed, _ = in_normal_form(b"[FileInfo]\nFileName=a.eds\nCreatedBy=" + text + b"\n" + DEVICE_TYPE.encode())
     assert b"CreatedBy=" + text in fixed

@@ -43,7 +43,7 @@ CLEAN = ROOT / "tests" / "lint" / "samples" / "clean.eds"
 XDD = xdd_text(load_any(CLEAN))
 
 
-@rows("file", FILES)
+@pytest.mark.parametrize("file", FILES)
 def test_an_eds_made_an_xdd_and_an_eds_again_is_the_same_device_with_the_same_values(file: Path) -> None:
     loaded = load_any(file)
     made = xdd_text(loaded).encode()
@@ -137,8 +137,8 @@ OF_TYPE = '<parameter uniqueID="P"><dataTypeIDRef uniqueIDRef="{}"/></parameter>
 LEFT = '<parameter uniqueID="P"><UINT/><denotation><label lang="en">Left</label></denotation></parameter>'
 
 
-@rows(
-    "made, key, text",
+@pytest.mark.parametrize(
+    ("made", "key", "text"),
     [
         (process('<parameter uniqueID="P"><UINT/></parameter>'), "accesstype", "ro"),
         (process('<parameter uniqueID="P" access="readWrite"><UINT/></parameter>'), "accesstype", "rw"),
@@ -284,8 +284,8 @@ def counted(*names: str, highest: int) -> bytes:
 TO_TWELVE = [str(each) for each in range(13)]
 
 
-@rows(
-    "names, highest, subs",
+@pytest.mark.parametrize(
+    ("names", "highest", "subs"),
     [
         (TO_TWELVE, 12, list(range(13))),
         ([*TO_TWELVE[:10], "A", "B", "C"], 12, list(range(13))),
@@ -308,8 +308,8 @@ def test_sub_indices_counted_in_decimal_are_read_as_meant(names: list[str], high
 # Values with one reading
 
 
-@rows(
-    "text, type_, plain",
+@pytest.mark.parametrize(
+    ("text", "type_", "plain"),
     [
         ("0.0", "UNSIGNED32", "0"),
         ("-20.00", "INTEGER16", "-20"),
@@ -427,8 +427,8 @@ def test_any_encoding_of_xml_is_read(encoding: str) -> None:
     assert Dictionary.read(text.encode(encoding), Path("a.xdd"), 5).address("Sollwert ü") == (0x2007, 0)
 
 
-@rows(
-    "address, lost",
+@pytest.mark.parametrize(
+    ("address", "lost"),
     [
         ('index="0x2000"', []),  # as some editors have it
         ('index="20G0"', ["index '20G0' of 'Value' is not a number"]),

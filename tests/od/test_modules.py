@@ -15,7 +15,6 @@ from eurobot_od.od.formats import read
 from eurobot_od.od.modules import with_modules
 from eurobot_od.od.normal import in_normal_form
 from eurobot_od.od.values import Address, Value
-from tests.rows import rows
 
 FILE = Path(__file__).parent / "samples" / "coupler.eds"
 TEXT = FILE.read_text()
@@ -49,7 +48,7 @@ def application(dictionary: Dictionary) -> dict[Address, Value]:
     return {address: dictionary.default(address) for address in dictionary.addresses() if address[0] >= 0x2000}
 
 
-@rows("modules, objects", CONNECTED)
+@pytest.mark.parametrize(("modules", "objects"), CONNECTED)
 def test_connected_modules_bring_their_objects(modules: list[str], objects: dict[Address, Value]) -> None:
     dictionary = Dictionary.load(FILE, 5, modules=modules)
     assert application(dictionary) == objects
@@ -57,7 +56,7 @@ def test_connected_modules_bring_their_objects(modules: list[str], objects: dict
     assert not dictionary.left_out
 
 
-@rows("modules, objects", CONNECTED[2:])
+@pytest.mark.parametrize(("modules", "objects"), CONNECTED[2:])
 def test_a_dcf_says_which_modules_are_connected(modules: list[str], objects: dict[Address, Value]) -> None:
     listed = "".join(f"{number}={each}\n" for number, each in enumerate(modules, start=1))
     text = f"{TEXT}\n[ConnectedModules]\nNrOfEntries={len(modules)}\n{listed}"
@@ -150,7 +149,7 @@ def test_the_time_for_modules_is_proportional_to_their_number(module: int) -> No
     assert time.process_time() - began < 1.0  # 3 to 8 s when each module looked at all before it
 
 
-@rows("digits", ["9" * 5000, "0" * 5000 + "1"])
+@pytest.mark.parametrize("digits", ["9" * 5000, "0" * 5000 + "1"])
 def test_a_number_of_thousands_of_digits_is_not_an_error(digits: str) -> None:
     text = TEXT.replace("Count=1\n", f"Count=0;1{digits}\n") + f"\n[ConnectedModules]\nNrOfEntries=1\n{digits}=1\n"
     with_modules(read(text.encode()))

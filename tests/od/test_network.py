@@ -11,7 +11,6 @@ from eurobot_od.od.maker import read_error_words
 from eurobot_od.od.network import NodeFile, load, node_file, read_network
 from tests.eds_text import DEVICE_TYPE
 from tests.kit import lift
-from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 COMMISSIONED = "[DeviceComissioning]\nNodeID={}\n"
@@ -91,7 +90,7 @@ def test_files_of_a_network_are_beside_it(folder: Path) -> None:
     assert list(node.patch) == [str(folder / "own" / "a.yaml"), str(Path("/b.yaml"))]
 
 
-@rows("bit_rate", [1, 1000])
+@pytest.mark.parametrize("bit_rate", [1, 1000])
 def test_a_network_file_gives_names_node_ids_and_the_bit_rate(folder: Path, bit_rate: int) -> None:
     (folder / "plain.eds").write_text(DEVICE_TYPE)
     (folder / "network.yaml").write_text(
@@ -168,8 +167,8 @@ def test_the_narrowest_entry_counts_in_any_order(tmp_path: Path) -> None:
     assert [words[code] for code in (0x7310, 0x7311, 0x7320)] == ["one", "ten", "all"]
 
 
-@rows(
-    "text, what",
+@pytest.mark.parametrize(
+    ("text", "what"),
     [
         ("0x7310: speed\nspeed: fast\n", "2:1: 'speed' is not an error code: write 0x7310, 0x73xx or 0x7380..0x738F"),
         ("0x12345: long\n", "1:1: '0x12345' is not an error code"),

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from eurobot_od.od.description import ObjectCode
 from eurobot_od.od.normal import Change, Dropped, in_normal_form, normal
-from tests.rows import rows
 
 LISTS = Change(1, "lists of objects added")
 VARIABLE = "ParameterName=x\nDataType=7\nAccessType=ro\n"
 SUBS = f"[2000sub0]\n{VARIABLE}[2000sub1]\n{VARIABLE}"
 
 
-@rows(
-    "text, line, what, standard, guessed",
+@pytest.mark.parametrize(
+    ("text", "line", "what", "standard", "guessed"),
     [
         ("[2000]\nParameterName=x\nAccessType=ro\n", 1, "[2000]: no DataType, read as DOMAIN", False, True),
         ("[2000]\nObjectType=2\nAccessType=ro\n", 1, "[2000]: DataType=0x000F added", True, False),
@@ -31,8 +32,8 @@ def test_a_change_says_where_it_is_and_whether_the_file_was_right(
     assert Change(line, what, standard, guessed) in normal(text.encode()).changes
 
 
-@rows(
-    "text, dropped",
+@pytest.mark.parametrize(
+    ("text", "dropped"),
     [
         (f"[2000]\nObjectType=6\nSubNumber=2\n{SUBS}", [Dropped(0x2000, None, "object_code", ObjectCode.DEFSTRUCT)]),
         ("[2000]\nObjectType=2\nAccessType=ro\n", [Dropped(0x2000, None, "object_code", ObjectCode.DOMAIN)]),

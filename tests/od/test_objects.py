@@ -9,7 +9,6 @@ from eurobot_od.errors import FieldError, LocalError
 from eurobot_od.od.objects import address_of, decode, encode, find, find_one, limits, parse, undescribed, written
 from eurobot_od.od.values import Value
 from tests.kit import lift
-from tests.rows import rows
 
 CABIN = lift.dictionary("cabin").objects
 
@@ -23,8 +22,8 @@ def typed(data_type: int, low: int | None = None, high: int | None = None) -> OD
 # Names
 
 
-@rows(
-    "text, address",
+@pytest.mark.parametrize(
+    ("text", "address"),
     [
         ("0x1017", (0x1017, 0)),  # hexadecimal
         ("1017", (0x1017, 0)),  # an index is always hexadecimal
@@ -76,8 +75,8 @@ def test_without_an_eds_there_are_numbers_and_no_names() -> None:
 # Values
 
 
-@rows(
-    "data_type, text, data, shown",
+@pytest.mark.parametrize(
+    ("data_type", "text", "data", "shown"),
     [
         (datatypes.UNSIGNED8, "0x10", "10", "16"),
         (datatypes.UNSIGNED16, "500", "f401", "500"),
@@ -100,8 +99,8 @@ def test_a_value_of_each_type_there_and_back(data_type: int, text: str, data: st
     assert written(thing, decode(thing, bytes.fromhex(data))) == shown
 
 
-@rows(
-    "thing, text, allowed",
+@pytest.mark.parametrize(
+    ("thing", "text", "allowed"),
     [
         (typed(datatypes.UNSIGNED8), "256", "0..255"),  # more than the type has
         (typed(datatypes.UNSIGNED8), "-1", "0..255"),

@@ -337,7 +337,7 @@ KEPT = [
 ]
 
 
-@rows("old, new, kept", [row[1:] for row in KEPT])
+@pytest.mark.parametrize(("old", "new", "kept"), [row[1:] for row in KEPT])
 def test_nothing_is_lost(old: str, new: str, kept: str) -> None:
     data, _ = in_normal_form(BASE.replace(old, new, 1).encode())
     assert kept in data.decode()
@@ -360,7 +360,7 @@ BYTES = [
 ]
 
 
-@rows("data, what", [row[1:] for row in BYTES])
+@pytest.mark.parametrize(("data", "what"), [row[1:] for row in BYTES])
 def test_bytes_of_any_editor_are_read(data: bytes, what: str) -> None:
     assert defaults(data) == DEFAULTS
     fixed, changes = in_normal_form(data, "a.eds")
@@ -482,9 +482,9 @@ def test_compact_pdos_are_those_that_are_not_described() -> None:
 # A type that nobody knows, large files, and numbers without end
 
 
-@rows("type_", ["DataType=0x0099\n", ""])
-@rows(
-    "text, kept",
+@pytest.mark.parametrize("type_", ["DataType=0x0099\n", ""])
+@pytest.mark.parametrize(
+    ("text", "kept"),
     [
         ("5", b"\x05"),
         ("12", b"\x0c"),
@@ -541,7 +541,7 @@ def large_xdd(count: int) -> bytes:
     return xdd_text(Dictionary.read(large_eds(count), Path("a.eds"), NODE_ID)).encode()
 
 
-@rows("made", [large_eds, large_modules, large_xdd])
+@pytest.mark.parametrize("made", [large_eds, large_modules, large_xdd])
 def test_time_grows_with_size(made: Callable[[int], bytes]) -> None:
     calls_to_read(made(1))
     few, many = (calls_to_read(made(count)) for count in (8, 32))
@@ -552,8 +552,8 @@ DIGITS = "9" * 5000
 NUMBER = re.compile(r"(\w+)=\"?((?:0x)?[0-9A-Fa-f]+)\b")
 
 
-@rows("digits", [DIGITS, f"0x{DIGITS}", f"$NODEID+{DIGITS}"])
-@rows("file", [large_modules(1).decode(), large_xdd(1).decode()])
+@pytest.mark.parametrize("digits", [DIGITS, f"0x{DIGITS}", f"$NODEID+{DIGITS}"])
+@pytest.mark.parametrize("file", [large_modules(1).decode(), large_xdd(1).decode()])
 def test_a_number_without_end_is_a_finding(file: str, digits: str) -> None:
     places = {each[1].strip("0123456789"): each for each in NUMBER.finditer(file)}
     assert len(places) > 5

@@ -13,7 +13,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.normal import normal
 from eurobot_od.od.values import Address
 from tests.eds_text import DEVICE_TYPE, record, variable
-from tests.rows import rows
 
 BASE = (
     DEVICE_TYPE
@@ -67,7 +66,7 @@ SAID: list[tuple[str, Address, str, Any]] = [
 ]
 
 
-@rows("patch, address, attribute, value", SAID)
+@pytest.mark.parametrize(("patch", "address", "attribute", "value"), SAID)
 def test_a_patch_counts_more_than_the_file(patch: str, address: Address, attribute: str, value: object) -> None:
     loaded = patched(patch)
     found = loaded.variable(address)
@@ -91,7 +90,7 @@ def test_a_later_patch_counts_more_than_an_earlier_one() -> None:
     assert (found.value, found.min) == (2, 0)
 
 
-@rows("key, other", [("DownloadFile", "ParameterValue"), ("ParameterValue", "DownloadFile")])
+@pytest.mark.parametrize(("key", "other"), [("DownloadFile", "ParameterValue"), ("ParameterValue", "DownloadFile")])
 def test_a_value_and_a_file_take_each_other_away(key: str, other: str) -> None:
     words = patched(f"0x2001: {{{other}: old}}", f"0x2001: {{{key}: new}}").content.decode()
     assert (f"{key}=new" in words, f"{other}=" in words) == (True, False)
@@ -154,7 +153,7 @@ WRONG = [
 ]
 
 
-@rows("patch, words", WRONG)
+@pytest.mark.parametrize(("patch", "words"), WRONG)
 def test_a_patch_that_does_not_fit_is_refused_with_its_line(patch: str, words: str) -> None:
     with pytest.raises(FileError) as error:
         patched(patch)

@@ -12,7 +12,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.renumbering import ChosenCobIds, chosen_cob_ids, renumbered
 from eurobot_od.od.values import Address
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
-from tests.rows import rows
 
 SDO = record(0x1200, "SDO server", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", None), (2, "UNSIGNED32", None))
 EDS = (
@@ -66,7 +65,7 @@ FOLLOWS = [
 ]
 
 
-@rows("address, value, moved", FOLLOWS)
+@pytest.mark.parametrize(("address", "value", "moved"), FOLLOWS)
 def test_what_follows_the_node_id_moves_along(address: Address, value: int, moved: int) -> None:
     found = renumbered(of_node({address: value}), 6)
     assert (found.default(address), found.node_id, found.commissioned_node_id) == (moved, 6, 6)
@@ -77,7 +76,7 @@ def test_what_follows_the_node_id_moves_along(address: Address, value: int, move
 CHOSEN = [(EMCY, 0x123, 0x124), (TPDO1, 0x391, 0x392), (RPDO1, 0x181, 0x182), (REQUESTS, 0x640, 0x641)]
 
 
-@rows("address, value, moved", CHOSEN)
+@pytest.mark.parametrize(("address", "value", "moved"), CHOSEN)
 def test_a_cob_id_that_somebody_chose_needs_a_decision(address: Address, value: int, moved: int) -> None:
     given = of_node({address: value})
     with pytest.raises(DictionaryError, match=f"^five.dcf: is of node 5; .* 0x{address[0]:04X}:{address[1]} .* 0x"):
@@ -98,7 +97,7 @@ def test_a_cob_id_that_would_be_none_is_not_moved() -> None:
         renumbered(of_node({EMCY: 0x7FF}), 6, ChosenCobIds.MOVE)
 
 
-@rows("node_id", [5, None])
+@pytest.mark.parametrize("node_id", [5, None])
 def test_a_nodes_own_dcf_and_an_eds_stay_as_they_are(node_id: int | None) -> None:
     given = of_node({TPDO1: 0x391}) if node_id else Dictionary.read(EDS.encode(), Path("a.eds"), 5)
     assert renumbered(given, node_id or 6) is given

@@ -24,7 +24,6 @@ from eurobot_od.od.values import (
     typed_number,
     typed_real,
 )
-from tests.rows import rows
 
 NUMBERS = [
     ("0", Number(0)),
@@ -53,19 +52,19 @@ NO_NUMBERS = [
 ]
 
 
-@rows("text, number", NUMBERS)
+@pytest.mark.parametrize(("text", "number"), NUMBERS)
 def test_a_number_is_read(text: str, number: Number) -> None:
     assert parse_number(text) == number
 
 
-@rows("text, number", NUMBERS)
+@pytest.mark.parametrize(("text", "number"), NUMBERS)
 def test_the_standard_has_one_way_to_write_a_number(text: str, number: Number) -> None:
     is_standard = text.isalnum() or text[1:].isalnum() or text.startswith("$NODEID")
     is_standard &= text[-1] not in "LuhH"
     assert is_standard_number(text) is is_standard, number
 
 
-@rows("text", NO_NUMBERS)
+@pytest.mark.parametrize("text", NO_NUMBERS)
 def test_what_is_no_number_is_none(text: str) -> None:
     assert parse_number(text) is None
 
@@ -123,20 +122,20 @@ def test_the_types_have_the_codes_of_cia_301() -> None:
             assert each.bits == int(number[1])
 
 
-@rows("type_, data, value", BYTES)
+@pytest.mark.parametrize(("type_", "data", "value"), BYTES)
 def test_bytes_are_read_by_their_type(type_: DataType, data: str, value: Value) -> None:
     assert type_.read(bytes.fromhex(data)) == value
 
 
-@rows("type_, data, value", BYTES)
+@pytest.mark.parametrize(("type_", "data", "value"), BYTES)
 def test_values_are_written_by_their_type(type_: DataType, data: str, value: Value) -> None:
     written = type_.write(value)
     assert written == bytes.fromhex(data)[: len(written)]
     assert type_.read(written) == value
 
 
-@rows(
-    "type_, value",
+@pytest.mark.parametrize(
+    ("type_", "value"),
     [
         (DATA_TYPES[0x05], 256),
         (DATA_TYPES[0x02], -129),
@@ -164,8 +163,8 @@ def test_bytes_of_another_length_are_refused(type_: DataType, data: bytes) -> No
         type_.read(data)
 
 
-@rows(
-    "identifier, whose",
+@pytest.mark.parametrize(
+    ("identifier", "whose"),
     [
         (0x000, "NMT"),
         (0x001, "safety (GFC) and flying NMT masters"),
@@ -202,7 +201,7 @@ def test_an_address_for_a_person() -> None:
     assert label((0x1017, 0)) == "0x1017:0"
 
 
-@rows("text", ["1_000", "\u0663", "0x1_0", "\u00b2", "", "1" * 101])
+@pytest.mark.parametrize("text", ["1_000", "\u0663", "0x1_0", "\u00b2", "", "1" * 101])
 def test_what_only_python_reads_as_a_number_is_none(text: str) -> None:
     for read in (typed_number, typed_real):
         with pytest.raises(ValueError):  # noqa: PT011 (int and float say it in their own words)

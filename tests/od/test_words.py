@@ -11,7 +11,6 @@ from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.words import OF_PROFILES, error_words, profile_words, words, written
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import DOCS, SERVO, servo
-from tests.rows import rows
 
 # From CiA 402-2's figures of the two words; the bits that belong to no word are set here and there.
 STATUSWORDS = {
@@ -44,12 +43,12 @@ CONTROLWORDS = {
 }
 
 
-@rows("value, text", STATUSWORDS.items())
+@pytest.mark.parametrize(("value", "text"), STATUSWORDS.items())
 def test_a_statusword_is_the_state_and_what_else_it_says(value: int, text: str) -> None:
     assert words(od.at((0x6041, 0), SERVO.objects), value) == text
 
 
-@rows("value, text", CONTROLWORDS.items())
+@pytest.mark.parametrize(("value", "text"), CONTROLWORDS.items())
 def test_a_controlword_is_its_command(value: int, text: str) -> None:
     assert words(od.at((0x6040, 0), SERVO.objects), value) == text
 
@@ -67,13 +66,13 @@ OTHERS = {
 }
 
 
-@rows("address, value, text", [(a, *said) for a, said in OTHERS.items()])
+@pytest.mark.parametrize(("address", "value", "text"), [(a, *said) for a, said in OTHERS.items()])
 def test_what_the_profile_lists_has_a_word(address: tuple[int, int], value: int, text: str) -> None:
     assert words(od.at(address, SERVO.objects), value) == text
 
 
-@rows(
-    "modes, value, text",
+@pytest.mark.parametrize(
+    ("modes", "value", "text"),
     [
         (0x01, 0x3F, "Enable operation, new set-point, at once"),
         (0x21, 0x1F, "Enable operation, new set-point or start homing"),
@@ -113,8 +112,8 @@ def test_a_device_of_another_profile_has_no_words_of_a_drive() -> None:
 CONTROLWORD = "[6040]\nParameterName=Controlword\nObjectType=0x7\nDataType=0x0006"
 
 
-@rows(
-    "device_type, change, meaning",
+@pytest.mark.parametrize(
+    ("device_type", "change", "meaning"),
     [
         ("", ("drive", "drive"), "Switch on disabled"),
         ("0", ("drive", "drive"), "Switch on disabled"),
@@ -182,7 +181,7 @@ CODES = [
 ]
 
 
-@rows("profile, code, words", CODES)
+@pytest.mark.parametrize(("profile", "code", "words"), CODES)
 def test_words(profile: int, code: int, words: str | None) -> None:
     assert profile_words(profile, code) == words
 

@@ -18,7 +18,6 @@ from eurobot_od.od.values import DATA_TYPES
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.protocol import Protocol
 from tests.eds_text import DEVICE_TYPE, pdo, variable
-from tests.rows import rows
 
 NODE_ID = 5
 
@@ -81,7 +80,7 @@ def one_field(type_: str, bits: int, offset: int) -> Protocol:
     return of(objects + pdo(0x1800, *before, f"0x200000{bits:02X}"))
 
 
-@rows("type_, bits, offset, data, meaning", MEANINGS)
+@pytest.mark.parametrize(("type_", "bits", "offset", "data", "meaning"), MEANINGS)
 def test_a_value_of_any_type_at_any_offset(type_: str, bits: int, offset: int, data: str, meaning: Any) -> None:
     made = one_field(type_, bits, offset)
     message = made.decode(0x180 + NODE_ID, bytes.fromhex(data))
@@ -106,7 +105,7 @@ REFUSED: list[tuple[str, int, Any, str]] = [
 ]
 
 
-@rows("type_, bits, value, allowed", REFUSED)
+@pytest.mark.parametrize(("type_", "bits", "value", "allowed"), REFUSED)
 def test_what_the_type_does_not_hold_is_not_sent(type_: str, bits: int, value: Any, allowed: str) -> None:
     made = one_field(type_, bits, 0)
     with pytest.raises(FieldError) as error:
@@ -187,8 +186,8 @@ DEFAULTS = [
 ]
 
 
-@rows("index, base", DEFAULTS)
-@rows("said", [None, ""])
+@pytest.mark.parametrize(("index", "base"), DEFAULTS)
+@pytest.mark.parametrize("said", [None, ""])
 def test_the_first_four_pdos_have_an_identifier_by_default(index: int, base: int, said: str | None) -> None:
     made = of(variable("2000", "Value", "UNSIGNED8") + pdo(index, "0x20000008", cob_id=said))
     assert [each.cob_id for each in made.bindings] == [base + NODE_ID]

@@ -10,7 +10,6 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, reader, slot, unpacker, writer
 from eurobot_od.pdo.kinds import field_name
-from tests.rows import rows
 
 
 def whole(**bits: int) -> Layout:
@@ -45,7 +44,7 @@ CIA_301 = [
 ]
 
 
-@rows("layout, values, data", CIA_301)
+@pytest.mark.parametrize(("layout", "values", "data"), CIA_301)
 def test_bits_lie_as_in_cia_301(layout: Layout, values: dict[str, int], data: str) -> None:
     assert pack(layout, **values).hex().upper() == data
     assert unpacker(layout)(bytes.fromhex(data)) == tuple(values.values())
@@ -170,7 +169,7 @@ def test_numbers_are_not_asked_for(value: int, asked: bool) -> None:
     assert calls == [value] * (value not in column.numbers)
 
 
-@rows("value", [-1, -3, -4, -6, 3, 1 << 64, -1 << 64, None, "1", [], 0.5])
+@pytest.mark.parametrize("value", [-1, -3, -4, -6, 3, 1 << 64, -1 << 64, None, "1", [], 0.5])
 def test_what_is_in_no_table_goes_the_careful_way(value: Any) -> None:
     layout = whole(a=2)
     write = writer(layout, [Column("a", lambda raw: raw, {0: 0, 1: 1, 2: 2}.__getitem__)], COB_ID, refuse, None)

@@ -22,7 +22,6 @@ from eurobot_od.pdo.in_force import InForce, made
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
-from tests.rows import rows
 
 SERVO = Dictionary.load(Path("docs/servo.eds"), 1)
 WITHOUT_A_FILE = "velocity_actual_value=1000"
@@ -322,8 +321,8 @@ READ = "622#4018100200000000"
 AS_MOTOR, AS_ANY = "motor_34, read 0x1018:02 Identity, 2", "node 34, read 0x1018:02"
 
 
-@rows(
-    "lines, expected",
+@pytest.mark.parametrize(
+    ("lines", "expected"),
     {
         f"{SELECTED} {SET} {TAKEN} {BOOTED}": AS_MOTOR,
         f"{SCANNED} {SET} {TAKEN} {BOOTED}": AS_MOTOR,

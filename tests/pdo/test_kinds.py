@@ -10,7 +10,6 @@ import pytest
 
 from eurobot_od.od.values import REAL32, Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity, Real
-from tests.rows import rows
 
 
 class Colour(IntEnum):
@@ -153,14 +152,14 @@ ALLOWED = [
 ]
 
 
-@rows("kind, limits, raw, meaning", BOTH_WAYS)
+@pytest.mark.parametrize(("kind", "limits", "raw", "meaning"), BOTH_WAYS)
 def test_reads_what_it_writes(kind: Kind, limits: Limits, raw: int, meaning: Any) -> None:
     assert kind.read(raw, limits) == meaning
     assert type(kind.read(raw, limits)) is type(meaning)
     assert kind.write(meaning, limits) == raw
 
 
-@rows("kind, limits, raw", OUT_OF_RANGE)
+@pytest.mark.parametrize(("kind", "limits", "raw"), OUT_OF_RANGE)
 def test_reads_a_value_outside_its_range_raw_and_flagged(kind: Kind, limits: Limits, raw: int) -> None:
     assert kind.read(raw, limits) == raw
     assert isinstance(kind.read(raw, limits), OutOfRange)
@@ -171,41 +170,41 @@ def test_writes_what_means_the_same(kind: Kind, limits: Limits, raw: int, value:
     assert kind.write(value, limits) == raw
 
 
-@rows("kind, limits, value", NOT_WRITTEN)
+@pytest.mark.parametrize(("kind", "limits", "value"), NOT_WRITTEN)
 def test_does_not_write(kind: Kind, limits: Limits, value: Any) -> None:
     with pytest.raises(ValueError, match=re.escape(str(value))):
         kind.write(value, limits)
 
 
-@rows("kind, text, value", PARSED)
+@pytest.mark.parametrize(("kind", "text", "value"), PARSED)
 def test_parses(kind: Kind, text: str, value: Any) -> None:
     assert kind.parse(text) == value
     assert type(kind.parse(text)) is type(value)
 
 
-@rows("kind, text", NOT_PARSED)
+@pytest.mark.parametrize(("kind", "text"), NOT_PARSED)
 def test_does_not_parse(kind: Kind, text: str) -> None:
     with pytest.raises(ValueError, match=re.escape(text)):
         kind.parse(text)
 
 
-@rows("kind, value, text", SHOWN)
+@pytest.mark.parametrize(("kind", "value", "text"), SHOWN)
 def test_writes_for_a_person(kind: Kind, value: Any, text: str) -> None:
     assert kind.text(value) == text
 
 
-@rows("kind, limits, text", ALLOWED)
+@pytest.mark.parametrize(("kind", "limits", "text"), ALLOWED)
 def test_says_what_is_allowed(kind: Kind, limits: Limits, text: str) -> None:
     assert kind.allowed(limits) == text
 
 
-@rows("kind, meaning", [(kind, value) for kind, *_, value in BOTH_WAYS])
+@pytest.mark.parametrize(("kind", "meaning"), [(kind, value) for kind, *_, value in BOTH_WAYS])
 def test_parses_what_it_writes_for_a_person(kind: Kind, meaning: Any) -> None:
     assert kind.parse(kind.text(meaning).removesuffix(f" {kind.unit}")) == meaning
 
 
-@rows(
-    "within, step, codes",
+@pytest.mark.parametrize(
+    ("within", "step", "codes"),
     [
         (None, 1, Reading),  # which of the values are plain?
         ((-1, 1500), 1, Reading),  # -1 would be both

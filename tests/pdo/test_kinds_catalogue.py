@@ -13,7 +13,6 @@ from eurobot_od.od.values import UNSIGNED8, PdoDirection
 from eurobot_od.pdo.kinds import Catalogue, Kind, field_name, first_free, made_type
 from eurobot_od.pdo.protocol import Protocol
 from tests.kit import lift
-from tests.rows import rows
 
 LAMP = Catalogue()
 
@@ -112,7 +111,7 @@ FIELDS = [
 ]
 
 
-@rows("parameter, field", FIELDS)
+@pytest.mark.parametrize(("parameter", "field"), FIELDS)
 def test_every_parameter_name_makes_a_field_name(parameter: str, field: str) -> None:
     assert field_name(parameter) == field
     assert made_type("x", {field: Kind()})._fields == (field,)

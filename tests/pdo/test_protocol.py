@@ -35,7 +35,6 @@ from tests.kit.lift import (
     StateResponse,
     Trouble,
 )
-from tests.rows import rows
 
 PROTOCOL, REVERSED = lift.protocol(), lift.protocol(lift.REVERSED)
 MOVE = MoveTo(1234, Ride.SERVICE, 75)
@@ -110,7 +109,7 @@ def frame(text: str) -> Frame:
 # What there is
 
 
-@rows("cob_id, name", [(each.cob_id, each.name) for each in PROTOCOL.bindings])
+@pytest.mark.parametrize(("cob_id", "name"), [(each.cob_id, each.name) for each in PROTOCOL.bindings])
 def test_a_message_is_found_by_identifier_name_and_type(cob_id: int, name: str) -> None:
     binding = PROTOCOL.binding_of(cob_id)
     assert PROTOCOL.binding(name) is PROTOCOL.binding(name.lower()) is PROTOCOL.binding(binding.type) is binding
@@ -150,12 +149,12 @@ def test_an_unknown_identifier_is_told(cob_id: int) -> None:
 # Encoding and decoding
 
 
-@rows("message, text", FRAMES)
+@pytest.mark.parametrize(("message", "text"), FRAMES)
 def test_encodes(message: Message, text: str) -> None:
     assert str(PROTOCOL.encode(message)) == text
 
 
-@rows("message, text", FRAMES)
+@pytest.mark.parametrize(("message", "text"), FRAMES)
 def test_decodes(message: Message, text: str) -> None:
     cob_id, data = frame(text)
     for kind in (bytes, bytearray, memoryview, list):
@@ -171,7 +170,7 @@ def test_messages_are_encoded_and_decoded_alike_the_first_and_any_other_time() -
         assert [protocol.decode(*frame(text)) for _ in range(3)] == [message] * 3
 
 
-@rows("message, field, allowed", FORBIDDEN)
+@pytest.mark.parametrize(("message", "field", "allowed"), FORBIDDEN)
 def test_refuses_to_send_a_value_out_of_range(message: Message, field: str, allowed: str) -> None:
     with pytest.raises(FieldError) as error:
         PROTOCOL.encode(message)
@@ -196,7 +195,7 @@ def test_refuses_to_send_what_is_no_message() -> None:
         PROTOCOL.encode(nothing)
 
 
-@rows("text, fields", OUT_OF_RANGE)
+@pytest.mark.parametrize(("text", "fields"), OUT_OF_RANGE)
 def test_flags_received_values_out_of_range_and_keeps_them(text: str, fields: dict[str, int]) -> None:
     message = PROTOCOL.decode(*frame(text))
     assert flagged_fields(message) == list(fields)
@@ -226,8 +225,8 @@ def test_a_field_that_one_dialect_has_goes_over_its_bits() -> None:
 # Lengths
 
 
-@rows("protocol", [PROTOCOL, REVERSED])
-@rows("name", PROTOCOL.names())
+@pytest.mark.parametrize("protocol", [PROTOCOL, REVERSED])
+@pytest.mark.parametrize("name", PROTOCOL.names())
 def test_a_frame_is_as_long_as_its_mapping_or_ends_before_its_optional_fields(protocol: Protocol, name: str) -> None:
     binding = protocol.binding(name)
     assert binding.lengths == ((3, 5) if name == "Move To" else (binding.layout.length,))
@@ -247,7 +246,7 @@ def test_a_frame_may_leave_out_its_optional_fields(protocol: Protocol) -> None:
     assert protocol.unpack(full.cob_id, full.data[:3])[1]["pause"] == 0
 
 
-@rows("reserved", range(1, 1 << 3))
+@pytest.mark.parametrize("reserved", range(1, 1 << 3))
 def test_reserved_bits_are_not_looked_at_and_sent_as_0(reserved: int) -> None:
     move = MOVE._replace(pause=600)
     sent = PROTOCOL.encode(move)
@@ -408,7 +407,7 @@ def changed(changes: Iterable[Change], dialect: str = lift.DIALECT) -> LiftProto
     return LiftProtocol.of_devices(read, lift.CATALOGUE)
 
 
-@rows("changes, node, index, what", MISFITS)
+@pytest.mark.parametrize(("changes", "node", "index", "what"), MISFITS)
 def test_what_does_not_fit_stops_the_load_with_file_and_index(
     changes: list[Change], node: str, index: int, what: str
 ) -> None:
@@ -457,7 +456,7 @@ def test_a_value_that_its_bits_cannot_hold_is_not_sent(
         protocol.encode(message._replace(**{field: NoTime(value) if value in set(NoTime) else value}))
 
 
-@rows("time", [0, 1, 60000, *NoTime, None, True, 60001, 0x0FFFFF, -1, 1.0])
+@pytest.mark.parametrize("time", [0, 1, 60000, *NoTime, None, True, 60001, 0x0FFFFF, -1, 1.0])
 def test_a_wide_field_is_written_as_its_kind_says_it(time: Any) -> None:
     """Numbers go past the kind, so there must be no difference."""
     binding, message = PROTOCOL.binding(StateResponse), StateResponse(time)

@@ -19,7 +19,6 @@ from eurobot_od.traffic.decoding import CsvOutput, Decoding, JsonOutput, Output,
 from eurobot_od.traffic.entries import Damage, Foreign, Raw, shortened
 from eurobot_od.traffic.meaning import Decoder
 from tests.kit import lift
-from tests.rows import rows
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 LINES = st.binary(max_size=80).map(lambda line: line.replace(b"\n", b""))
@@ -45,7 +44,7 @@ def read(content: bytes, form: str) -> list[Raw]:
     return [raw for *_, raw in formats.read(io.BytesIO(content), form)]
 
 
-@rows("form", sorted(formats.FORMATS.keys() - formats.BY_NAME))
+@pytest.mark.parametrize("form", sorted(formats.FORMATS.keys() - formats.BY_NAME))
 @given(content=st.binary(max_size=400))
 def test_any_bytes_are_read_without_an_error(form: str, content: bytes) -> None:
     assert all(isinstance(raw, (Frame, Foreign)) for raw in read(content, form))

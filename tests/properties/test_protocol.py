@@ -14,7 +14,6 @@ from eurobot_od.pdo.kinds import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from tests.kit import lift
 from tests.kit.lift import Brake, Building, Configure, Doors, MoveTo, NoTime, Ride, Sensor, StateResponse, Trouble
-from tests.rows import rows
 
 PROTOCOLS = {name: lift.protocol(name) for name in (lift.DIALECT, lift.REVERSED)}
 BINDINGS = [(protocol, binding) for protocol in PROTOCOLS.values() for binding in protocol.bindings]
@@ -47,7 +46,7 @@ def raw_values(binding: Binding) -> st.SearchStrategy[dict[str, int]]:
     return st.fixed_dictionaries({field: st.integers(0, (1 << w) - 1) for field, w in binding.layout.widths.items()})
 
 
-@rows("protocol, binding", BINDINGS)
+@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
 @given(draws=st.data())
 def test_decodes_what_was_encoded(protocol: Protocol, binding: Binding, draws: st.DataObject) -> None:
     message = draws.draw(meanings(binding))
@@ -57,7 +56,7 @@ def test_decodes_what_was_encoded(protocol: Protocol, binding: Binding, draws: s
     assert flagged_fields(message) == []
 
 
-@rows("protocol, binding", BINDINGS)
+@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
 @given(draws=st.data())
 def test_decodes_any_raw_values_and_encodes_those_in_range_again(
     protocol: Protocol, binding: Binding, draws: st.DataObject
@@ -78,7 +77,7 @@ def test_bytes_from_the_wire_are_a_message_or_a_remote_error(protocol: Protocol,
     assert type(message) is protocol.binding_of(cob_id).type
 
 
-@rows("protocol, binding", BINDINGS)
+@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
 @given(data=st.binary(max_size=8))
 def test_frame_is_read_from_its_message_s_length_on(protocol: Protocol, binding: Binding, data: bytes) -> None:
     if len(data) in binding.lengths or len(data) > binding.layout.length:

@@ -29,7 +29,6 @@ from eurobot_od.sdo.client import (
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import LENGTH, SEGMENT_SIZE, segments_of
 from tests.device.shelf import TEXT, Shelf
-from tests.rows import rows
 from tests.sdo.line import WAIT, Line
 
 contents = st.binary(max_size=2000)
@@ -168,7 +167,7 @@ def test_no_request_ends_the_server(requests: list[bytes]) -> None:
     assert server.receive(bytes.fromhex("4000200100000000"), 0.0) is not None
 
 
-@rows("length", [0, 4, 5, 7, 8, 14, 888, 889, 890])
+@pytest.mark.parametrize("length", [0, 4, 5, 7, 8, 14, 888, 889, 890])
 def test_lengths_at_the_edges_of_segments_and_blocks(length: int) -> None:
     content = bytes(range(256)) * 4
     shelf = Shelf()

@@ -36,7 +36,6 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Obstacle, Outcome
 from tests.robot.nodes.harness import PROTOCOL, RED, Bench, as_if_started
-from tests.rows import rows
 
 GOTO = GotoXY(1500, 1000, 90, 100)
 
@@ -119,9 +118,9 @@ def test_2014_emergency_stop_delayed_behind_a_running_drive() -> None:
     assert driving.result(0).outcome is Outcome.STOPPED
 
 
-@rows("response", [KalmanPositionResponse, Enemy1PositionResponse])
-@rows(
-    "x, y, angle",
+@pytest.mark.parametrize("response", [KalmanPositionResponse, Enemy1PositionResponse])
+@pytest.mark.parametrize(
+    ("x", "y", "angle"),
     [(3001, 1000, 0), (1000, 2001, 0), (4095, 4095, 0), (1000, 1000, 360), (1000, 1000, 1022)],
 )
 def test_2014_positions_outside_the_field_stored_unchecked(

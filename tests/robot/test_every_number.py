@@ -193,7 +193,7 @@ CONTRADICTIONS = [
 ]
 
 
-@rows("old, new, text", CONTRADICTIONS)
+@pytest.mark.parametrize(("old", "new", "text"), CONTRADICTIONS)
 def test_a_table_and_a_class_that_cannot_agree_are_told_with_both_places(old: str, new: str, text: str) -> None:
     source = TABLE.replace(old, new, 1).replace("default: yellow", "default: red")
     assert source != TABLE
@@ -210,7 +210,7 @@ SCALES = [
 ]
 
 
-@rows("unit, sent, expected", SCALES)
+@pytest.mark.parametrize(("unit", "sent", "expected"), SCALES)
 def test_a_step_of_the_table_is_the_step_of_the_frame(unit: str, sent: float, expected: int) -> None:
     source = TABLE.replace(
         "X position: {bits: 12, range: [0, 3000], default: 0, unit: mm}",

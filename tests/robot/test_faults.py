@@ -84,7 +84,7 @@ LEAVING = [
 ]
 
 
-@rows("change, left", LEAVING)
+@pytest.mark.parametrize(("change", "left"), LEAVING)
 def test_a_change_is_applied_to_what_leaves_and_to_no_other_message(
     change: hooks.FrameChange, left: list[Frame]
 ) -> None:
@@ -93,8 +93,8 @@ def test_a_change_is_applied_to_what_leaves_and_to_no_other_message(
     assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(PLACE)]
 
 
-@rows(
-    "change, said",
+@pytest.mark.parametrize(
+    ("change", "said"),
     [
         (field("x", lambda x: x + 1), PLACE._replace(x=201)),
         (field("angle", lambda angle: -angle - 90), PLACE._replace(angle=270)),
@@ -150,7 +150,7 @@ def test_an_action_is_done_again_and_again() -> None:
     assert answers(node, until=0.35) == [PROTOCOL.encode(GotoConfirm())] * 3
 
 
-@rows("count, left", [(1, 1), (2, 2), (3, 2)])
+@pytest.mark.parametrize(("count", "left"), [(1, 1), (2, 2), (3, 2)])
 def test_frames_are_changed_by_their_number(count: int, left: int) -> None:
     node = drive(hooks.numbered(CheckDriveResponse, lambda number: hooks.kept if number <= 2 else hooks.lost))
     assert answers(node, *[CheckDriveRequest()] * count) == [CHECKED] * left
@@ -223,8 +223,8 @@ def test_a_fault_has_a_name_for_the_command_line_and_a_sentence() -> None:
     assert [text for text in texts.values() if not re.fullmatch(r"[a-z].*[^.]", text)] == []
 
 
-@rows(
-    "role, name, error",
+@pytest.mark.parametrize(
+    ("role", "name", "error"),
     [
         (Drive, "goto-not-confirmd", UnknownName),  # a typing error
         (Drive, "goto-not-sent", LocalError),  # the core's
@@ -262,7 +262,7 @@ def test_the_healthy_node_stays_healthy() -> None:
     assert answers(drive(), GOTO)[:1] == [PROTOCOL.encode(GotoConfirm())]
 
 
-@rows("role", ROLES.values())
+@pytest.mark.parametrize("role", ROLES.values())
 def test_every_node_can_have_the_faults_of_any_node(role: type[Node]) -> None:
     assert [name for name in PLUGINS.all_faults()[Node] if not issubclass(PLUGINS.faulty(role, name), role)] == []
 

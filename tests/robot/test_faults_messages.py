@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from eurobot_od.device.faults import (
     MOVED,
     NOT_ANSWERED,
@@ -21,7 +23,6 @@ from eurobot_od.robot.model.messages import CheckNaviResponse, GotoConfirm, Goto
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.robot.faults import replaced_by
-from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load()
 DICTIONARY = dialects.load("drive")
@@ -29,8 +30,8 @@ STATE = PROTOCOL.encode(GotoStateResponse(None))
 CHECKED = PROTOCOL.encode(CheckNaviResponse())
 
 
-@rows(
-    "wrong, message, text, left",
+@pytest.mark.parametrize(
+    ("wrong", "message", "text", "left"),
     [
         (NOT_SENT, GotoStateResponse, "sends no Goto State Response", []),
         (NOT_ANSWERED, GotoStateRequest, "answers no Goto State Request", []),

@@ -32,7 +32,6 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load()
 GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
@@ -89,7 +88,7 @@ REGISTRATIONS: dict[str, Callable[[Gatekeeper], object]] = {
 }
 
 
-@rows("name, register", REGISTRATIONS.items())
+@pytest.mark.parametrize(("name", "register"), REGISTRATIONS.items())
 def test_registration_after_the_start_names_the_listener(name: str, register: Callable[[Gatekeeper], object]) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     gatekeeper.start()
@@ -98,7 +97,7 @@ def test_registration_after_the_start_names_the_listener(name: str, register: Ca
     assert str(error.value).startswith(name)
 
 
-@rows("name, register", REGISTRATIONS.items())
+@pytest.mark.parametrize(("name", "register"), REGISTRATIONS.items())
 def test_registration_in_a_full_table_names_listener_and_size(
     name: str, register: Callable[[Gatekeeper], object]
 ) -> None:

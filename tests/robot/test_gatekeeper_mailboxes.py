@@ -10,7 +10,6 @@ from eurobot_od.controller import Report, Stay, TransmitStatistics
 from eurobot_od.frame import Frame
 from eurobot_od.robot.gatekeeper import Mailboxes
 from tests.bus.live.sender import FRAMES, interrupt_at_any_line
-from tests.rows import rows
 
 WAIT = 0.050
 
@@ -53,8 +52,8 @@ ORDERS = {
 }
 
 
-@rows("submitted, expected", ORDERS.values())
-@rows("count", [1, 2, 3, 32])
+@pytest.mark.parametrize(("submitted", "expected"), ORDERS.values())
+@pytest.mark.parametrize("count", [1, 2, 3, 32])
 def test_order_on_the_wire(count: int, submitted: list[str], expected: list[str]) -> None:
     boxes, _ = mailboxes(count)
     submit(boxes, 0.0, *submitted)

@@ -135,12 +135,12 @@ def test_names_of_the_package_are_loaded_when_asked_for() -> None:
 # Encoding and decoding
 
 
-@rows("message, text", FRAMES)
+@pytest.mark.parametrize(("message", "text"), FRAMES)
 def test_encodes(message: Message, text: str) -> None:
     assert str(PROTOCOL.encode(message)) == text
 
 
-@rows("message, text", FRAMES)
+@pytest.mark.parametrize(("message", "text"), FRAMES)
 def test_decodes(message: Message, text: str) -> None:
     cob_id, data = frame(text)
     for kind in (bytes, bytearray, memoryview, list):

@@ -24,7 +24,6 @@ from eurobot_od.sdo.client import (
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import BLOCK_SEGMENTS, SEGMENT_SIZE, AbortCode, ClientCommand, ServerCommand
 from tests.device.shelf import NUMBER, TEXT, Shelf
-from tests.rows import rows
 from tests.sdo.line import WAIT, Line
 
 SIZES = [0, 1, 4, 5, 7, 8, 13, 14, 15, 888, 889, 890, 4096]
@@ -45,16 +44,16 @@ def talk(transfer: Transfer, answers: Sequence[str]) -> list[list[str]]:
 # With our server
 
 
-@rows("size", SIZES)
-@rows("read", READERS)
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("read", READERS)
 def test_reads_what_is_there(read: Callable[..., Transfer], size: int) -> None:
     shelf = Shelf()
     shelf.objects[TEXT] = content_of(size)
     assert Line(SdoServer(shelf)).run(read(TEXT, WAIT)) == content_of(size)
 
 
-@rows("size", SIZES)
-@rows("write", WRITERS)
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("write", WRITERS)
 def test_writes_what_it_is_given(write: Callable[..., Transfer], size: int) -> None:
     shelf = Shelf()
     assert Line(SdoServer(shelf)).run(write(TEXT, content_of(size), WAIT)) == b""
@@ -68,7 +67,7 @@ def test_reads_in_blocks_of_any_size(segments: int) -> None:
     assert Line(SdoServer(shelf)).run(block_upload(TEXT, WAIT, segments)) == content_of(3000)
 
 
-@rows(
+@pytest.mark.parametrize(
     "lost",
     [
         {2},  # the first segment of the first block; answer 1 is the initiate's
@@ -117,7 +116,7 @@ def test_a_server_refuses_in_the_middle_too(write: Callable[..., Transfer]) -> N
     assert refused.value.code == AbortCode.TOO_SHORT
 
 
-@rows(
+@pytest.mark.parametrize(
     "make",
     [
         lambda: upload(TEXT, WAIT),
@@ -126,7 +125,7 @@ def test_a_server_refuses_in_the_middle_too(write: Callable[..., Transfer]) -> N
         lambda: block_download(TEXT, bytes(9), WAIT),
     ],
 )
-@rows("heard", [0, 1, 2])
+@pytest.mark.parametrize("heard", [0, 1, 2])
 def test_a_server_that_falls_silent_is_told_so_and_forgets_the_transfer(
     make: Callable[[], Transfer], heard: int
 ) -> None:
@@ -201,7 +200,7 @@ EXCHANGES: dict[str, tuple[Transfer, list[str], list[list[str]]]] = {
 }  # fmt: skip
 
 
-@rows("name", EXCHANGES)
+@pytest.mark.parametrize("name", EXCHANGES)
 def test_transfers_to_the_byte(name: str) -> None:
     transfer, answers, requests = EXCHANGES[name]
     assert talk(transfer, answers) == requests
@@ -251,7 +250,7 @@ OTHERS: dict[str, tuple[Callable[[], Transfer], list[str], str, list[str]]] = {
 }
 
 
-@rows("name", OTHERS)
+@pytest.mark.parametrize("name", OTHERS)
 def test_an_answer_to_another_client_is_skipped_and_the_time_out_stays(name: str) -> None:
     make, before, foreign, rest = OTHERS[name]
     transfer = make()
@@ -274,7 +273,7 @@ def test_a_time_out_says_which_answers_were_skipped() -> None:
         transfer.result()
 
 
-@rows("name", ODD)
+@pytest.mark.parametrize("name", ODD)
 def test_an_odd_answer_ends_the_transfer_and_the_server_is_told(name: str) -> None:
     make, answers, code, what = ODD[name]
     transfer = make()

@@ -11,7 +11,6 @@ from eurobot_od.od.values import Address
 from eurobot_od.sdo.server import TIMEOUT, SdoServer
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.shelf import NUMBER, TEXT, Shelf
-from tests.rows import rows
 
 
 def talk(server: SdoServer, *requests: str) -> list[str]:
@@ -84,7 +83,7 @@ EXCHANGES: list[tuple[list[str], list[str], str]] = [
 ]
 
 
-@rows("requests, answers, why", EXCHANGES)
+@pytest.mark.parametrize(("requests", "answers", "why"), EXCHANGES)
 def test_transfers_to_the_byte(requests: list[str], answers: list[str], why: str) -> None:
     assert talk(SdoServer(Shelf()), *requests) == answers, why
 
@@ -118,7 +117,7 @@ WRONG: list[tuple[list[str], Address, AbortCode, str]] = [
 ]
 
 
-@rows("requests, address, code, why", WRONG)
+@pytest.mark.parametrize(("requests", "address", "code", "why"), WRONG)
 def test_wrong_requests_abort_with_the_cause(requests: list[str], address: Address, code: AbortCode, why: str) -> None:
     shelf = Shelf()
     before = dict(shelf.objects)
@@ -126,7 +125,7 @@ def test_wrong_requests_abort_with_the_cause(requests: list[str], address: Addre
     assert shelf.objects == before
 
 
-@rows("requests", [requests for requests, *_ in WRONG])
+@pytest.mark.parametrize("requests", [requests for requests, *_ in WRONG])
 def test_after_an_abort_the_next_transfer_works(requests: list[str]) -> None:
     assert talk(SdoServer(Shelf()), *requests, "40002001")[-1] == "4b002001 34120000"
 

@@ -42,10 +42,9 @@ from tests.device.io_module import LABEL, ON_CHANGE, TEMPERATURE
 from tests.eds_text import record, variable
 from tests.kit import lift
 from tests.kit.lift import CATALOGUE, CheckDoorResponse, MoveTo, PlaceResponse, Sensor
-from tests.rows import rows
 
 
-@rows("code", SdoAbortedError.CODES)
+@pytest.mark.parametrize("code", SdoAbortedError.CODES)
 def test_every_abort_code_has_canopens_words(code: int) -> None:
     assert reason(code) == SdoAbortedError.CODES[code].replace("can not", "cannot")
 
@@ -54,7 +53,7 @@ def test_a_code_of_a_devices_own_has_none() -> None:
     assert reason(0xDEADBEEF) == "unknown code"
 
 
-@rows("ours, prefix", [(ClientCommand, "REQUEST"), (ServerCommand, "RESPONSE")])
+@pytest.mark.parametrize(("ours", "prefix"), [(ClientCommand, "REQUEST"), (ServerCommand, "RESPONSE")])
 def test_command_specifiers_are_canopens(ours: type[IntEnum], prefix: str) -> None:
     words = {name: frozenset(name.split("_")) for name in dir(constants)}
     theirs = {words[name] - {prefix}: getattr(constants, name) >> 5 for name in words if name.startswith(prefix)}

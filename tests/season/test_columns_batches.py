@@ -88,8 +88,8 @@ def test_a_line_is_what_its_reader_says(line: bytes, ending: bytes, tmp_path: Pa
     assert entries(file) == read(file)
 
 
-@rows("size", [1, 7, 64, 1 << 20])
-@rows("packed", [False, True])
+@pytest.mark.parametrize("size", [1, 7, 64, 1 << 20])
+@pytest.mark.parametrize("packed", [False, True])
 def test_pieces_of_any_size_come_to_the_same(
     size: int, packed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -23,7 +23,6 @@ from eurobot_od.season.archive import Archiver, DecodedNetwork, archive
 from eurobot_od.season.season import Season, SqlError
 from tests.kit import plant
 from tests.kit.plant import messages as m
-from tests.rows import rows
 from tests.season.seasons import write_log
 
 MOVE = m.MoveTo(x=1234, y=567, angle=89, speed=75)
@@ -221,8 +220,8 @@ CONFINED = {
 }
 
 
-@rows("query", CONFINED.values())
-@rows("progress", [None, lambda _: None])
+@pytest.mark.parametrize("query", CONFINED.values())
+@pytest.mark.parametrize("progress", [None, lambda _: None])
 def test_a_query_reaches_nothing_outside_the_season(
     season: Season, tmp_path: Path, query: str, progress: Callable[[int], object] | None
 ) -> None:

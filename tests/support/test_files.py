@@ -18,7 +18,6 @@ from eurobot_od.errors import FileError
 from eurobot_od.support import files
 from eurobot_od.support.files import MOST, check_writable, read_whole, write_whole
 from tests.cli.console import run
-from tests.rows import rows
 
 SIZE = 20_000
 WRITE = f"""
@@ -185,7 +184,7 @@ COMMANDS = [
 ]
 
 
-@rows("command", COMMANDS)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_a_file_that_is_too_large_is_one_line(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

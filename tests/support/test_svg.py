@@ -5,11 +5,10 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.support import svg
-from tests.rows import rows
 
 
-@rows(
-    "figure, text",
+@pytest.mark.parametrize(
+    ("figure", "text"),
     [
         (svg.text((1, 2), "a < b", fill="red"), '<text x="1" y="2" fill="red">a &lt; b</text>'),
         (svg.title('"x"\n'), "<title>&quot;x&quot;\\n</title>"),

@@ -33,7 +33,6 @@ from eurobot_od.support.texts import (
 )
 from eurobot_od.support.yaml_places import Place
 from tests.kit.devices import MOTOR
-from tests.rows import rows
 
 EVIL = "a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
 SHOWN = r"a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
@@ -68,7 +67,7 @@ CELLS = [
 ]
 
 
-@rows("value, written", CELLS)
+@pytest.mark.parametrize(("value", "written"), CELLS)
 def test_no_cell_is_a_formula(value: Any, written: Any) -> None:
     assert cell(value) == written
 
@@ -217,7 +216,7 @@ def test_reads(written: str, expected: float) -> None:
     assert is_duration(written)
 
 
-@rows("written", INVALID)
+@pytest.mark.parametrize("written", INVALID)
 def test_refuses(written: str) -> None:
     with pytest.raises(DurationError) as error:
         seconds(written)

@@ -24,7 +24,6 @@ from eurobot_od.support.yaml_places import (
     telling,
 )
 from tests.marks import marked
-from tests.rows import rows
 
 
 def shown(problems: Problems) -> list[str]:
@@ -115,7 +114,7 @@ def parts(node: yaml.Node) -> Iterator[tuple[object, ...]]:
             yield from parts(each)
 
 
-@rows("source", [*(file.read_text() for file in OURS), *LOOK_ALIKE])
+@pytest.mark.parametrize("source", [*(file.read_text() for file in OURS), *LOOK_ALIKE])
 def test_all_parsers_read_the_same(source: str) -> None:
     read = [[list(parts(node)) for node in yaml.compose_all(source, parser)] for parser in PARSERS]
     assert read[0]
@@ -167,7 +166,7 @@ TEXTS = {
 }
 
 
-@rows("text, words", TEXTS.values())
+@pytest.mark.parametrize(("text", "words"), TEXTS.values())
 def test_what_is_no_yaml_is_told_in_words(text: str, words: str) -> None:
     source, place = marked(text)
     problems: Problems = []

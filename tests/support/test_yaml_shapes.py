@@ -21,7 +21,6 @@ from eurobot_od.support.yaml_shapes import (
     read_yaml,
     shape_of,
 )
-from tests.rows import rows
 
 
 class Colour(Enum):
@@ -107,12 +106,12 @@ INVALID: list[tuple[Any, str, str]] = [
 ]
 
 
-@rows("kind, source, value", VALID)
+@pytest.mark.parametrize(("kind", "source", "value"), VALID)
 def test_reads_what_is_declared(kind: Any, source: str, value: object) -> None:
     assert read_yaml(source, shape_of(kind), "a.yaml") == value
 
 
-@rows("kind, source, what", INVALID)
+@pytest.mark.parametrize(("kind", "source", "what"), INVALID)
 def test_tells_place_and_reason(kind: Any, source: str, what: str) -> None:
     with pytest.raises(YamlError) as error:
         read_yaml(source, shape_of(kind), "a.yaml")

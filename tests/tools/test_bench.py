@@ -18,8 +18,6 @@ from bench.process import PYTHON, until_first_line
 from bench.process import run as run_process
 from bench.rows import logs
 
-from tests.rows import rows
-
 ROOT = Path(__file__).parents[2]
 EVERYTHING = [series for group in GROUPS for series in group]
 ROUNDS = 1
@@ -91,7 +89,7 @@ VERDICTS = [
 ]
 
 
-@rows("way, ours, peer, wanted, verdict", [each[:5] for each in VERDICTS])
+@pytest.mark.parametrize(("way", "ours", "peer", "wanted", "verdict"), [each[:5] for each in VERDICTS])
 def test_verdicts(way: Way, ours: float, peer: float, wanted: float | None, verdict: Verdict) -> None:
     called: list[str] = []
     contenders = {"peer": giving([peer], called, "peer"), "ours": giving([ours], called, "ours")}

@@ -11,10 +11,9 @@ from bus_crosscheck import attempt, crosscheck, random_set, summary, worst_frame
 from eurobot_od import bus
 from eurobot_od.bus import frame_bits, longest_frame
 from eurobot_od.traffic.load import Analysis
-from tests.rows import rows
 
 
-@rows("number", [0, 3, 4, 5])
+@pytest.mark.parametrize("number", [0, 3, 4, 5])
 def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int) -> None:
     outcome = attempt(number, 2000)
     assert outcome.frames >= 1990  # as near as whole messages come
@@ -36,8 +35,8 @@ def test_mailboxes_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -
     assert attempt(0, 500).over
 
 
-@rows("identifier", [0x000, 0x0AA, 0x555, 0x7FF])
-@rows("length", [0, 1, 4, 8])
+@pytest.mark.parametrize("identifier", [0x000, 0x0AA, 0x555, 0x7FF])
+@pytest.mark.parametrize("length", [0, 1, 4, 8])
 def test_the_worst_frame_that_is_found_is_nearly_the_longest(identifier: int, length: int) -> None:
     frame = worst_frame(identifier, length)
     assert (frame.cob_id, len(frame.data)) == (identifier, length)

@@ -8,12 +8,11 @@ import file_fuzz
 import pytest
 
 from eurobot_od.errors import LocalError
-from tests.rows import rows
 
 PLACE = "/tmp/input.yaml:3:5: "
 
 
-@rows("number", range(2 * len(file_fuzz.KINDS)))
+@pytest.mark.parametrize("number", range(2 * len(file_fuzz.KINDS)))
 def test_every_command_ends_with_its_result_or_with_a_line(number: int) -> None:
     assert file_fuzz.check(number) == []
 
@@ -23,8 +22,8 @@ def test_an_input_follows_from_its_number() -> None:
     assert [file_fuzz.make_input(n) for n in numbers] == [file_fuzz.make_input(n) for n in numbers]
 
 
-@rows("mutation", file_fuzz.MUTATIONS)
-@rows("data", [b"x", b"1\n", b"[a]\nb=0x10\n" * 20])
+@pytest.mark.parametrize("mutation", file_fuzz.MUTATIONS)
+@pytest.mark.parametrize("data", [b"x", b"1\n", b"[a]\nb=0x10\n" * 20])
 def test_a_mutation_takes_any_file(mutation: file_fuzz.Mutation, data: bytes) -> None:
     made = {mutation(random.Random(seed), data) for seed in range(20)}
     assert made != {data}

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import make_site
-
-from tests.rows import rows
+import pytest
 
 PAGE = '<html><body><h1 id="top">A</h1><a name="old"></a>{}</body></html>'
 
@@ -30,7 +29,7 @@ CASES = [
 ]
 
 
-@rows("text, wrong", CASES)
+@pytest.mark.parametrize(("text", "wrong"), CASES)
 def test_a_link_leads_somewhere(text: str, wrong: list[str], tmp_path: Path) -> None:
     (tmp_path / "page.html").write_text(PAGE.format(text))
     (tmp_path / "other.html").write_text(PAGE.format('<a href="page.html">'))

@@ -10,14 +10,13 @@ import sdo_fuzz
 from eurobot_od.od.dictionary import Dictionary
 from tests.device import io_module
 from tests.kit import plant
-from tests.rows import rows
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 FOREIGN = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
 FOREIGN += plant.FILES.folder().iterdir()
 
 
-@rows("file", FOREIGN)
+@pytest.mark.parametrize("file", FOREIGN)
 def test_anybodys_device_answers_by_the_standard(file: Path) -> None:
     assert sdo_fuzz.run(Dictionary.load(file, 5), requests=1500, seed=7) > 0
 
@@ -43,7 +42,7 @@ WRONG = [
 ]
 
 
-@rows("request_data, answers", [row[:2] for row in WRONG])
+@pytest.mark.parametrize(("request_data", "answers"), [row[:2] for row in WRONG])
 def test_the_judge_finds_a_wrong_answer(request_data: bytes, answers: list[str]) -> None:
     with pytest.raises(sdo_fuzz.Fault):
         sdo_fuzz.Judge(plant.load("lift")).exchange(request_data, [bytes.fromhex(each) for each in answers])

@@ -11,7 +11,6 @@ from eurobot_od.traffic.compare import Difference, DifferenceKind, Tolerances, c
 from eurobot_od.traffic.entries import Damage, Foreign, Raw, Timed
 from tests.kit import plant
 from tests.kit.plant import messages as m
-from tests.rows import rows
 
 DECODER = plant.decoder()
 ENCODE = DECODER.protocol.encode
@@ -125,8 +124,8 @@ CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[Differe
 ]
 
 
-@rows(
-    "change, tolerances, wanted",
+@pytest.mark.parametrize(
+    ("change", "tolerances", "wanted"),
     [case[1:] for case in CASES],
 )
 def test_what_counts_as_a_difference(

@@ -13,7 +13,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.dbc import read_dbc
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.meaning import DBC, Decoder
-from tests.rows import rows
 
 TEXT = """VERSION ""
 BU_: Engine
@@ -54,7 +53,7 @@ WITHOUT_FILE = (
 """Frames, and their names and words where no device has a file."""
 
 
-@rows("raw, name, text", WITHOUT_FILE)
+@pytest.mark.parametrize(("raw", "name", "text"), WITHOUT_FILE)
 def test_what_no_device_is_known_to_send_is_named(dbc: Path, raw: Raw, name: str, text: str) -> None:
     meaning = Decoder((), others=read_dbc([str(dbc)]))(raw)
     assert (meaning.name, meaning.text, meaning.defects) == (name, text, ())

@@ -19,7 +19,6 @@ from eurobot_od.traffic.filters import Window, by_name
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import SERVO as FILE
 from tests.kit import plant
-from tests.rows import rows
 
 FIRST, SECOND, THIRD = LINES = (
     "(1396.001356) can0 382#1B796C2008\n",
@@ -89,8 +88,8 @@ def test_frames_that_are_decoded_together_say_what_each_says_by_itself(dialect: 
         assert decoding.damage.counts[Damage.UNREADABLE].number == 6
 
 
-@rows(
-    "log, reason",
+@pytest.mark.parametrize(
+    ("log", "reason"),
     [
         (REGULAR, "all regular"),
         (f"{FIRST}\n{SECOND}\n{THIRD}\n", "empty lines"),
@@ -111,8 +110,8 @@ def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason:
     assert decoding.damage.total == 0
 
 
-@rows(
-    "log, damage, text",
+@pytest.mark.parametrize(
+    ("log", "damage", "text"),
     [
         # words that are not where they should be
         (SECOND.replace(" 302#", " 010 #"), UNREADABLE, ""),
@@ -239,8 +238,8 @@ def test_csv(raw: Raw, expected: dict[str, Any]) -> None:
     assert found["x"] == ""
 
 
-@rows(
-    "written, confirmed, frame, meaning",
+@pytest.mark.parametrize(
+    ("written", "confirmed", "frame", "meaning"),
     [
         ("23141000A5000000", "6014100000000000", "0A5#0010010000000000", "EMCY node 5, 0x1000 generic error"),
         ("23051000A0000000", "6005100000000000", "0A0#", "SYNC"),
@@ -274,8 +273,8 @@ STRING = {"node": 5, "direction": "read", "index": "0x1008", "subindex": 0}
 ERROR = {"node": 5, "code": "0x2312", "register": "0x05", "info": "0000000001"}
 
 
-@rows(
-    "frames, fields",
+@pytest.mark.parametrize(
+    ("frames", "fields"),
     [
         (["605#2B171000F4010000"], WRITTEN),
         (["605#2B171000F4010000", "585#6017100000000000"], WRITTEN | {"how": "expedited", "seconds": 0.1}),

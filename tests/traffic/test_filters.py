@@ -11,7 +11,6 @@ from eurobot_od.traffic.filters import Wanted, Window, by_name, by_node, by_valu
 from eurobot_od.traffic.meaning import Decoder
 from tests.kit import plant
 from tests.kit.plant import messages as m
-from tests.rows import rows
 
 MESSAGES: dict[str, Message] = {
     "stop": m.HaltCause(m.Cause.CURTAIN),
@@ -42,8 +41,8 @@ def passed(decoder: Decoder, wanted: Wanted) -> set[str]:
     return {name for name, frame in frames.items() if wanted(decoder(frame))}
 
 
-@rows(
-    "names, expected",
+@pytest.mark.parametrize(
+    ("names", "expected"),
     [
         (["Move To"], {"move"}),
         (["move-to", "HALT_CAUSE"], {"move", "stop"}),
@@ -86,8 +85,8 @@ def test_by_node(decoder: Decoder, nodes: list[str], expected: set[str]) -> None
     assert passed(decoder, by_node(nodes, [each.name for each in decoder.dictionaries])) == expected
 
 
-@rows(
-    "text, expected",
+@pytest.mark.parametrize(
+    ("text", "expected"),
     [
         ("x>1000", {"move"}),
         ("x >= 500", {"move", "here"}),

@@ -15,7 +15,6 @@ from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.identities import shown_in
 from eurobot_od.traffic.meaning import Decoder
 from tests.kit.library import OTHER_PRODUCT, PRODUCT, REVISION, VENDOR, device_text, library_of
-from tests.rows import rows
 
 
 def answers(*numbers: int, node_id: int = 5, index: int = 0x1018, first: int = 1) -> str:
@@ -50,7 +49,7 @@ SHOWN: list[tuple[str, dict[int, dict[Address, int]]]] = [
 ]
 
 
-@rows("frames, shown", SHOWN)
+@pytest.mark.parametrize(("frames", "shown"), SHOWN)
 def test_what_nodes_show_is_read_ahead(frames: str, shown: dict[int, dict[Address, int]]) -> None:
     assert shown_in(log(frames), "log") == shown
 

@@ -12,7 +12,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Defect, Meaning
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
-from tests.rows import rows
 
 SPEED, WIDE = 0x20000010, 0x30000020
 OBJECTS = (
@@ -165,8 +164,8 @@ MOVED = (
 )  # fmt: skip
 
 
-@rows(
-    "cob_id, data, name, text",
+@pytest.mark.parametrize(
+    ("cob_id", "data", "name", "text"),
     [
         (0x070, "", "SYNC", ""),
         (0x080, "", "SYNC", ""),  # of other devices it is where it was

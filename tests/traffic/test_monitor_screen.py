@@ -12,7 +12,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.traffic.monitor import COLOURS, SERVICE_COLOUR, SORTS, Controls, Size, Traffic, screen
 from tests.kit import plant
 from tests.kit.plant import messages as m
-from tests.rows import rows
 
 WIDE = Size(120, 24)
 DECODER = plant.decoder()
@@ -136,7 +135,7 @@ KEYS: list[tuple[str, Controls]] = [
 ]
 
 
-@rows("keys, expected", KEYS)
+@pytest.mark.parametrize(("keys", "expected"), KEYS)
 def test_keys(keys: str, expected: Controls) -> None:
     controls = Controls()
     for key in keys:

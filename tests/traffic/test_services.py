@@ -111,7 +111,7 @@ def test_what_a_service_says(decoder: Decoder, cob_id: int, data: str, name: str
     assert text in meaning.text
 
 
-@rows("cob_id, data, name, text", BROADCAST)
+@pytest.mark.parametrize(("cob_id", "data", "name", "text"), BROADCAST)
 def test_what_a_broadcast_service_says(cob_id: int, data: str, name: str, text: str) -> None:
     meaning = Decoder(())(Frame(cob_id, bytes.fromhex(data)))
     assert (meaning.name, meaning.group, meaning.text, meaning.defects) == (name, "CANopen", text, ())
@@ -177,8 +177,8 @@ SENDERS = (
 )
 
 
-@rows(
-    "frame, sender",
+@pytest.mark.parametrize(
+    ("frame", "sender"),
     [
         (Frame(0x000, b"\1\0"), "PC"),
         (Frame(0x7E5, bytes(8)), "PC"),

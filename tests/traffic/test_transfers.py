@@ -17,7 +17,6 @@ from eurobot_od.traffic.meaning import Decoder, Meaning
 from eurobot_od.traffic.transfers import LssConfiguration
 from tests.device.shelf import Shelf
 from tests.kit import plant
-from tests.rows import rows
 from tests.sdo.line import WAIT, Line
 
 READ: list[Callable[..., Transfer]] = [upload, block_upload]
@@ -65,8 +64,8 @@ def decoded(decoder: Decoder, frames: Iterable[Frame]) -> list[Meaning]:
     return [following(number / 1000, "can0", frame) for number, frame in enumerate(frames)]
 
 
-@rows("size", SIZES)
-@rows("read", READ)
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("read", READ)
 def test_the_last_line_of_a_read(decoder: Decoder, read: Callable[..., Transfer], size: int) -> None:
     meanings = decoded(decoder, recorded(lambda: read(OBJECT, WAIT), content_of(size)))
     assert not any(each.defects for each in meanings)
@@ -80,8 +79,8 @@ def test_the_last_line_of_a_read(decoder: Decoder, read: Callable[..., Transfer]
     assert (last.transfer.is_upload, last.transfer.size, last.transfer.lost) == (True, size, 0)
 
 
-@rows("size", SIZES)
-@rows("write", WRITE)
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("write", WRITE)
 def test_the_last_line_of_a_write(decoder: Decoder, write: Callable[..., Transfer], size: int) -> None:
     meanings = decoded(decoder, recorded(lambda: write(OBJECT, content_of(size), WAIT)))
     assert not any(each.defects for each in meanings)
@@ -355,7 +354,7 @@ def test_a_size_that_the_object_cannot_have_is_said(decoder: Decoder) -> None:
     assert said.defects[0].text.endswith("did not end; 21 of 1000 bytes came; the object has 4")
 
 
-@rows("error, taken", [("00", {10: {0: 0x123, 1: 4}}), ("01", {})])
+@pytest.mark.parametrize(("error", "taken"), [("00", {10: {0: 0x123, 1: 4}}), ("01", {})])
 def test_who_confirms_its_node_id_is_known_by_what_it_was_selected_by(error: str, taken: object) -> None:
     configuration = LssConfiguration()
     for asked in ("4023010000", "4104000000", "110A"):

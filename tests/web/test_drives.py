@@ -34,7 +34,6 @@ from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
 from tests.eds_text import record
 from tests.kit import plant
-from tests.rows import rows
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
 from tests.web.test_server import answer, snapshot, talk
@@ -404,7 +403,7 @@ def sent_raw(scene: Jogged, who: object = None) -> None:
     assert scene.velocity > 0, "without being held"
 
 
-@rows(
+@pytest.mark.parametrize(
     "end",
     [
         lambda drives: drives.end_raw([AXIS], "page"),  # it is no longer sent again and again
@@ -477,7 +476,7 @@ async def turned_by(opened: aiohttp.ClientWebSocketResponse, scene: Bench, **sen
         await snapshot(opened)
 
 
-@rows(
+@pytest.mark.parametrize(
     "end",
     [
         None,  # its page is closed
@@ -519,7 +518,7 @@ class Killed(BaseException):
     """The program is gone."""
 
 
-@rows(
+@pytest.mark.parametrize(
     "order",
     [
         lambda drives: drives.jog(AXIS, 1000),
@@ -708,8 +707,8 @@ def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
         window.wait(f"{NOW} === 'Switch on disabled'")
 
 
-@rows(
-    "words, error",
+@pytest.mark.parametrize(
+    ("words", "error"),
     [
         ({"do": "drive", "node": "servo", "axis": 1, "command": "explode"}, "unknown command of a drive 'explode'"),
         ({"do": "drive", "node": "servo", "axis": 2, "command": "enable"}, "node 5 has no axis 2 of CiA 402"),

@@ -11,7 +11,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.web.guard import MotionGuard
 from tests.client.servo import EDS, SERVO
-from tests.rows import rows
 from tests.web.test_drives import bench
 
 MOTOR = Dictionary.load(Path(__file__).parents[2] / "docs" / "motor.eds", 6, "motor")
@@ -19,8 +18,8 @@ IO = Dictionary.load(Path(__file__).parents[2] / "docs" / "io.eds", 7, "io")
 GUARD = MotionGuard([SERVO, MOTOR, IO])
 
 
-@rows(
-    "frame, reason",
+@pytest.mark.parametrize(
+    ("frame", "reason"),
     [
         ("605#2B4060000F000000", "0x6040:0 of servo commands a drive"),
         ("605#23FF6000E8030000", "0x60FF:0 of servo commands a drive"),
@@ -53,7 +52,7 @@ def test_what_may_move_something_is_asked_about(frame: str, reason: str) -> None
     assert GUARD.of_frame(Frame.parse(frame)).startswith(reason)
 
 
-@rows(
+@pytest.mark.parametrize(
     "frame",
     [
         "605#4041600000000000",  # a read
@@ -88,7 +87,7 @@ def test_a_makers_rpdo_counts_unless_a_robot_knows_what_its_messages_move() -> N
     assert not any(MotionGuard([MOTOR], makers=False).of_cob_id(each) for each in cob_ids)
 
 
-@rows(
+@pytest.mark.parametrize(
     "words",
     [
         {"do": "send frame", "frame": "605#2B4060000F000000"},

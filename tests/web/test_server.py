@@ -24,7 +24,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.web import requests, server
 from eurobot_od.web.access import AccessRules, is_local
 from eurobot_od.web.server import HEADERS, MOST_BROWSERS, MOST_OWED
-from tests.rows import rows
 from tests.web.scene import LONG, Served, channel, line, live_page
 
 TOKEN = "a-token-that-nobody-guesses"
@@ -95,7 +94,7 @@ ATTACKS: list[tuple[str, str, str, dict[str, str], int]] = [
 ]
 
 
-@rows("what, method, path, headers, status", ATTACKS)
+@pytest.mark.parametrize(("what", "method", "path", "headers", "status"), ATTACKS)
 def test_attacks(local: Served, what: str, method: str, path: str, headers: dict[str, str], status: int) -> None:
     answer = ask(local, path, method, **headers)
     assert (what, answer.status) == (what, status)
@@ -104,8 +103,8 @@ def test_attacks(local: Served, what: str, method: str, path: str, headers: dict
     assert len(answer.text) < 200
 
 
-@rows(
-    "path, headers, status",
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
     [
         ("/", {}, 401),
         ("/?token=wrong", {}, 401),
@@ -151,8 +150,8 @@ def test_every_answer_says_that_no_other_page_may_have_it(local: Served) -> None
         assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
 
 
-@rows(
-    "asked, status",
+@pytest.mark.parametrize(
+    ("asked", "status"),
     [
         (b"nonsense\r\n\r\n", b"400"),
         (b"GET / HTTP/9.9.9\r\n\r\n", b"400"),
@@ -228,8 +227,8 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
     return dict(said)
 
 
-@rows(
-    "text, error",
+@pytest.mark.parametrize(
+    ("text", "error"),
     [
         ("{", "a request is JSON"),
         ("[" * 60_000, "a request is JSON"),
@@ -502,8 +501,8 @@ def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgr
     assert access.refusal(headers, shown, upgrade) is None
 
 
-@rows(
-    "access, headers, shown, upgrade, status, why",
+@pytest.mark.parametrize(
+    ("access", "headers", "shown", "upgrade", "status", "why"),
     [
         (LOCAL, {}, "", False, 403, "Host ''"),
         (LOCAL, {"Host": "evil.example:8014"}, "", False, 403, "Host 'evil.example:8014'"),  # a name that points here

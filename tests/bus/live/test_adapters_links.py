@@ -22,7 +22,6 @@ from eurobot_od.bus.live.adapters import (
     troubles,
     without_socketcan,
 )
-from tests.rows import rows
 
 
 def said(name: str, flags: list[str], **linkinfo: Any) -> dict[str, Any]:
@@ -145,7 +144,7 @@ REMEDIES = [
 ]
 
 
-@rows("number, name, text", REMEDIES)
+@pytest.mark.parametrize(("number", "name", "text"), REMEDIES)
 def test_what_helps_against_an_error(number: int | None, name: str, text: str) -> None:
     assert remedy(number, name) == text
 

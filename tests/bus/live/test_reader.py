@@ -11,7 +11,6 @@ from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.buses import Connection
 from eurobot_od.bus.live.reader import ENDURED, HEARD_AGAIN, BusSilence, Reader
 from eurobot_od.controller import Report
-from tests.rows import rows
 
 AHEAD = 1_000_000.0
 """The driver's clock is ahead of ours by that."""
@@ -135,8 +134,8 @@ REGULAR_BEATS = [(1.0, 0x701), (2.0, 0x701), (2.5, 0x181)]
 SILENT = "nothing has been heard for 5 s"
 
 
-@rows(
-    "frames, end, told, why",
+@pytest.mark.parametrize(
+    ("frames", "end", "told", "why"),
     [
         (REGULAR_BEATS, 12.0, [(7.6, SILENT)], "no frame, after regular heartbeats"),
         (REGULAR_BEATS, 7.5, [], "not yet"),

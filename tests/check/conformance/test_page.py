@@ -34,7 +34,6 @@ from tests.kit.devices import (
     suites_of,
 )
 from tests.kit.faults import CONFORMANCE
-from tests.rows import rows
 
 # The page
 
@@ -377,7 +376,7 @@ JUDGED = [
 ]
 
 
-@rows("steps, verdict, why", JUDGED)
+@pytest.mark.parametrize(("steps", "verdict", "why"), JUDGED)
 def test_a_red_step_fails_a_test_and_a_green_one_passes_it(
     steps: list[tuple[str, Status, str]], verdict: Status, why: str
 ) -> None:

@@ -45,7 +45,6 @@ from tests.kit.devices import (
     suites,
     suites_of,
 )
-from tests.rows import rows
 
 LONG = ("clean.eds", "compact_drive.eds", "configured.dcf", "editor_with_comments.eds", "generated.eds")
 FILES = [
@@ -132,7 +131,7 @@ LACKING = [
 ]
 
 
-@rows("name, clause, reason", LACKING)
+@pytest.mark.parametrize(("name", "clause", "reason"), LACKING)
 def test_what_a_file_lacks_is_skipped_with_the_reason(name: str, clause: str, reason: str) -> None:
     done = asked_for_everything(SAMPLES / name, Tier.REVERSIBLE).steps
     skipped = [each for each in done if each.status is Status.SKIPPED]
@@ -149,7 +148,7 @@ HEARTBEAT_LIMITS = {
 }
 
 
-@rows("limits", HEARTBEAT_LIMITS)
+@pytest.mark.parametrize("limits", HEARTBEAT_LIMITS)
 def test_states_are_watched_by_heartbeats_that_come_soon_or_not_at_all(limits: str) -> None:
     default, watched = HEARTBEAT_LIMITS[limits]
     text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", default, limits)
@@ -170,7 +169,7 @@ GUARDED = variable("100C", "Guard time", "UNSIGNED16", "0") + variable("100D", "
 NARROW = record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED16", None), (2, "UNSIGNED16", "7"))
 
 
-@rows(
+@pytest.mark.parametrize(
     "text",
     [
         variable("2000", "Name", "VISIBLE_STRING", None),  # no number to ask for, and no 0x1000
@@ -322,8 +321,8 @@ def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
 
 
 @pytest.mark.long
-@rows(
-    "requests, answers",
+@pytest.mark.parametrize(
+    ("requests", "answers"),
     [
         ("0x601", "0x581"),  # copied from node 1: the server is at the device's own identifiers
         ("0x80000605", "0x80000585"),  # not valid: the server is there all the same

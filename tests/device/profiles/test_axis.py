@@ -11,7 +11,6 @@ from eurobot_od.device.profiles.axis import MOST_STEPS
 from eurobot_od.device.profiles.motion import STEP, Plant
 from eurobot_od.od.cia402 import TRANSITIONS, DriveCommand, State
 from tests.device.profiles.bench import Bench
-from tests.rows import rows
 
 # The state machine once more, written from the figure in CiA 402-2 and not from the package's table: what each command
 # makes of each state. `.`: nothing; "Enable operation" in Ready to switch on takes two arrows.
@@ -76,7 +75,7 @@ def says(bench: Bench, state: str) -> bool:
     return bench[0x6041] & mask == bits
 
 
-@rows("before, word, after", _cells())
+@pytest.mark.parametrize(("before", "word", "after"), _cells())
 def test_each_command_in_each_state(before: str, word: str, after: str) -> None:
     bench = Bench(STAYS)
     WAYS[before](bench)
@@ -93,7 +92,7 @@ def test_the_table_of_arrows_is_that_of_canopen() -> None:
     assert sorted({each.number for each in TRANSITIONS}) == [*range(1, 13), 14, 15, 16]
 
 
-@rows("state", State)
+@pytest.mark.parametrize("state", State)
 def test_each_state_has_bits_of_its_own(state: State) -> None:
     assert [other for other in State if state.bits & other.mask == other.bits] == [state]
 
@@ -141,7 +140,7 @@ STOPS = [
 ]
 
 
-@rows("word, option, code, seconds, after", STOPS)
+@pytest.mark.parametrize(("word", "option", "code", "seconds", "after"), STOPS)
 def test_an_option_code_says_how_the_motor_stops(
     word: int, option: int, code: int, seconds: float, after: State
 ) -> None:
@@ -271,8 +270,8 @@ def test_an_axis_shows_only_the_objects_of_its_file() -> None:
     assert 0x6064 not in {index for index, _ in bench.shelf.values}
 
 
-@rows(
-    "modes, asked, taken",
+@pytest.mark.parametrize(
+    ("modes", "asked", "taken"),
     [(0x1, 3, 1), (0x4, 1, 3), (0x4, 3, 3), (0x3FF, 9, 9), (0x2FF, 9, 1), (None, 1, 1), (None, 10, 10)],
 )
 def test_a_mode_that_the_file_does_not_have_is_not_taken(modes: int | None, asked: int, taken: int) -> None:

@@ -9,7 +9,6 @@ import pytest
 from eurobot_od.device.profiles.motion import Plant
 from eurobot_od.od.cia402 import METHODS, State
 from tests.device.profiles.bench import TURN, Bench
-from tests.rows import rows
 
 ACKNOWLEDGED = HOMED = STANDS = 12
 REACHED, LIMITED, ERROR = 10, 11, 13
@@ -24,8 +23,8 @@ def duration(way: float, top: float, acceleration: float) -> float:
     return way / top + top / acceleration
 
 
-@rows("way", [1, 7, 50, 99, 100, 101, 1000, 12_345])
-@rows("sign", [1, -1])
+@pytest.mark.parametrize("way", [1, 7, 50, 99, 100, 101, 1000, 12_345])
+@pytest.mark.parametrize("sign", [1, -1])
 def test_a_move_takes_the_time_of_its_trapezoid(way: int, sign: int) -> None:
     bench = Bench().enable()
     bench.write(0x607A, sign * way)
@@ -38,7 +37,7 @@ def test_a_move_takes_the_time_of_its_trapezoid(way: int, sign: int) -> None:
     assert bench.is_set(REACHED)
 
 
-@rows("sign", [1, -1])
+@pytest.mark.parametrize("sign", [1, -1])
 def test_a_target_is_not_reached_before_the_axis_is_there(sign: int) -> None:
     bench = Bench().enable()
     bench.write(0x607A, sign * 500)
@@ -270,7 +269,7 @@ def homing(method: int, start: float = 0.0, plant: Plant = ENDS) -> Bench:
     return bench
 
 
-@rows("method, place", HOMES.items())
+@pytest.mark.parametrize(("method", "place"), HOMES.items())
 def test_each_method_finds_its_place(method: int, place: float) -> None:
     bench = homing(method)
     assert bench[0x6041] & 0x3400 == 0x1400
@@ -279,8 +278,8 @@ def test_each_method_finds_its_place(method: int, place: float) -> None:
     assert bench.axis.motor.origin == pytest.approx(-place * TURN, abs=2 if method not in (33, 34) else 3)
 
 
-@rows("start", [-4.5, 2.5, 4.5])
-@rows("method", range(19, 31))
+@pytest.mark.parametrize("start", [-4.5, 2.5, 4.5])
+@pytest.mark.parametrize("method", range(19, 31))
 def test_home_is_the_same_place_from_everywhere(method: int, start: float) -> None:
     assert homing(method, start).axis.motor.origin == pytest.approx(-HOMES[method] * TURN, abs=2)
 

@@ -12,7 +12,6 @@ from eurobot_od.device.profiles.motion import STEP, TURN, Demand, Motor, Plant, 
 from eurobot_od.od.cia402 import Switch
 from eurobot_od.od.values import Address
 from tests.device.profiles.bench import Shelf
-from tests.rows import rows
 
 
 def _factors(**pairs: tuple[int, int]) -> Mapping[Address, int]:
@@ -33,7 +32,7 @@ TURNS = [
 ]
 
 
-@rows("objects, turn", TURNS)
+@pytest.mark.parametrize(("objects", "turn"), TURNS)
 def test_position_units_of_a_turn(objects: Mapping[Address, int], turn: float) -> None:
     assert Units.of(Shelf(objects)).turn == turn
 
@@ -54,7 +53,9 @@ def test_position_units_a_second_in_a_unit_of_velocity(objects: Mapping[Address,
     assert Units.of(Shelf(objects)).velocity == pytest.approx(velocity)
 
 
-@rows("index, offset, own", [(0x6040, 0x800, 0x6840), (0x6040, 0x2000, 0x8040), (0x607A, 0x3800, 0x987A)])
+@pytest.mark.parametrize(
+    ("index", "offset", "own"), [(0x6040, 0x800, 0x6840), (0x6040, 0x2000, 0x8040), (0x607A, 0x3800, 0x987A)]
+)
 def test_a_further_axis_has_its_objects_further_on(index: int, offset: int, own: int) -> None:
     values = Shelf({(own, 0): 7, (own, 1): 8}, offset)
     assert (values.has(index), values.find(index, 1), values.get(index)) == (True, 8, 7)
@@ -84,7 +85,7 @@ TOP, RAMP, BRAKE = 1000.0, 10_000.0, 20_000.0
 """Velocity in position units/s; acceleration and deceleration in position units/s²."""
 
 
-@rows("target", [0.4, 1.0, 30.0, 777.7, -5000.0])
+@pytest.mark.parametrize("target", [0.4, 1.0, 30.0, 777.7, -5000.0])
 def test_a_demand_takes_the_trapezoid_to_its_target_and_stands_there(target: float) -> None:
     demand, way = Demand(), list[float]()
     while demand.position != target:
@@ -151,8 +152,9 @@ def test_a_motor_without_torque_is_braked_by_friction_and_stands() -> None:
     assert motor.velocity == 0.0
 
 
-@rows(
-    "torque, fastest, velocity", [(1.0, 1000.0, 300.0), (-1.0, 1000.0, -300.0), (1.0, 50.0, 50.0), (0.1, 1000.0, 0.0)]
+@pytest.mark.parametrize(
+    ("torque", "fastest", "velocity"),
+    [(1.0, 1000.0, 300.0), (-1.0, 1000.0, -300.0), (1.0, 50.0, 50.0), (0.1, 1000.0, 0.0)],
 )
 def test_a_torque_turns_it_no_faster_than_it_may_and_not_at_all_below_friction(
     torque: float, fastest: float, velocity: float
@@ -171,8 +173,8 @@ def test_a_torque_turns_it_no_faster_than_it_may_and_not_at_all_below_friction(
 HOME, NEGATIVE, POSITIVE = Switch.HOME, Switch.NEGATIVE_LIMIT, Switch.POSITIVE_LIMIT
 
 
-@rows(
-    "plant, turns, active",
+@pytest.mark.parametrize(
+    ("plant", "turns", "active"),
     [
         (WEAK, 0.0, 0),
         (WEAK, 1.99, 0),

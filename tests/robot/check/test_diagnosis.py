@@ -25,7 +25,6 @@ from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident, IncidentRule
 from eurobot_od.traffic.diagnosis.rules import BusRule
-from tests.rows import rows
 
 DECODER = Devices().decoder()
 PROMISED = Devices().promised(DECODER)
@@ -64,7 +63,7 @@ FAULTS = [
 ]
 
 
-@rows("fault, rule, who, options", FAULTS)
+@pytest.mark.parametrize(("fault", "rule", "who", "options"), FAULTS)
 def test_a_fault_is_the_first_that_is_named(fault: str, rule: IncidentRule, who: str, options: dict[str, Any]) -> None:
     found = match(faults=(fault,), duration=8.0, **options)
     assert (found[0].rule, found[0].who) == (rule, who)
@@ -94,11 +93,11 @@ def of_ours(messages: list[tuple[float, Any]]) -> list[Incident]:
     return [each for each in found if isinstance(each.rule, EurobotRule)]
 
 
-@rows("rule, messages", MESSAGES)
+@pytest.mark.parametrize(("rule", "messages"), MESSAGES)
 def test_a_rule_finds_its_defect(rule: EurobotRule, messages: list[tuple[float, Any]]) -> None:
     assert [(each.rule, each.who) for each in of_ours(messages)] == [(rule, "drive")]
 
 
-@rows("why, messages", NEARLY)
+@pytest.mark.parametrize(("why", "messages"), NEARLY)
 def test_a_near_miss_is_not_found(why: str, messages: list[tuple[float, Any]]) -> None:
     assert of_ours(messages) == [], why

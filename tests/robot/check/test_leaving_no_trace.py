@@ -18,7 +18,6 @@ from eurobot_od.plugin import Plugins
 from eurobot_od.robot.check import drill
 from eurobot_od.robot.nodes import Core, Drive, Node
 from eurobot_od.robot.plugin import ROBOT
-from tests.rows import rows
 
 
 def suites() -> Iterator[Suite]:
@@ -47,7 +46,7 @@ def left(node: Node) -> Left:
 
 
 @pytest.mark.long
-@rows("suite", suites())
+@pytest.mark.parametrize("suite", suites())
 def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
     nodes: list[Node] = []
     before: dict[str, Left] = {}

@@ -7,12 +7,11 @@ import pytest
 from eurobot_od.robot.commands.match import too_slow
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
-from tests.rows import rows
 
 RATES = [("500000", 0, "all deadlines are met"), ("250000", 0, "all deadlines are met"), ("125000", 1, "can be missed")]
 
 
-@rows("rate, status, verdict", RATES)
+@pytest.mark.parametrize(("rate", "status", "verdict"), RATES)
 def test_the_robot(capsys: pytest.CaptureFixture[str], rate: str, status: int, verdict: str) -> None:
     said = run(capsys, "load", "-b", rate)
     assert (said.status, said.err) == (status, "")

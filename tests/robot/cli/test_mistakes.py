@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import Said, run
-from tests.rows import rows
 
 
 @pytest.fixture(autouse=True)
@@ -37,7 +36,7 @@ MISTAKES = {
 }
 
 
-@rows("words, status, printed", MISTAKES.values())
+@pytest.mark.parametrize(("words", "status", "printed"), MISTAKES.values())
 def test_a_mistake_on_the_command_line(
     words: str, status: int, printed: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

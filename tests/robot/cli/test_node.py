@@ -26,7 +26,6 @@ from tests.cli.console import run
 from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
 from tests.client.peers import new_channel
 from tests.device import io_module
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -112,7 +111,7 @@ def is_on_its_way(drive: Drive) -> bool:
 
 @pytest.mark.long
 @pytest.mark.posix
-@rows("told, status", [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
+@pytest.mark.parametrize(("told", "status"), [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
 def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
     shared_bus: str, told: signal.Signals, status: int
 ) -> None:
@@ -151,7 +150,9 @@ def test_a_drill_ends_with_the_duration(shared_bus: str) -> None:
         assert drive.stopped_by is None  # its first goto would have come after 10 s
 
 
-@rows("words, status, complaint", [(["drive", "--team", "red"], 2, "--team is for the core, not for the drive")])
+@pytest.mark.parametrize(
+    ("words", "status", "complaint"), [(["drive", "--team", "red"], 2, "--team is for the core, not for the drive")]
+)
 def test_a_node_that_cannot_run_says_why_in_one_line(
     capsys: pytest.CaptureFixture[str], words: list[str], status: int, complaint: str
 ) -> None:
@@ -189,7 +190,7 @@ WRONG_DEVICES = [
 ]
 
 
-@rows("words, complaint", WRONG_DEVICES)
+@pytest.mark.parametrize(("words", "complaint"), WRONG_DEVICES)
 def test_a_device_that_cannot_run_says_why_in_one_line(
     capsys: pytest.CaptureFixture[str], eds: str, words: list[str], complaint: str
 ) -> None:

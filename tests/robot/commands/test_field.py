@@ -13,7 +13,6 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
 HERE = PROTOCOL.encode(KalmanPositionResponse(500, 600, 0, Source.INTERNAL))
@@ -27,7 +26,7 @@ def log(tmp_path: Path) -> Path:
     return file
 
 
-@rows("options, title", [([], "friday"), (["--title", "Final & last"], "Final &amp; last")])
+@pytest.mark.parametrize(("options", "title"), [([], "friday"), (["--title", "Final & last"], "Final &amp; last")])
 def test_picture(log: Path, capsys: pytest.CaptureFixture[str], options: list[str], title: str) -> None:
     picture = log.with_suffix(".svg")
     assert cli.main(["field", str(log), "-o", str(picture), *options]) == 0
@@ -37,8 +36,8 @@ def test_picture(log: Path, capsys: pytest.CaptureFixture[str], options: list[st
     assert "1 x unknown identifier" in err
 
 
-@rows(
-    "text, suffix, status, message",
+@pytest.mark.parametrize(
+    ("text", "suffix", "status", "message"),
     [
         ("(1.0) can0 00C#\n", ".svg", 1, "neither a Kalman Position Response nor a Goto XY to draw"),
         (f"(1.0) can0 {HERE}\n", ".gif", 2, "unknown picture format '.gif'"),

@@ -20,7 +20,6 @@ from eurobot_od.robot.model.options import UNITS, Errors
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 from tests.robot.document import NAMES
-from tests.rows import rows
 
 SHORT = ["match", "--duration", "2"]
 SCRIPT = [sys.executable, "-m", "eurobot_od"]
@@ -90,8 +89,8 @@ def test_json_of_an_emergency_has_all_messages_and_nothing_moves_afterwards(
     assert data["timeline"][-1]["moved"] == 0
 
 
-@rows(
-    "words, told",
+@pytest.mark.parametrize(
+    ("words", "told"),
     [
         (["--team", "yellow"], "yellow, 2 enemies, 1 confederate"),
         (["--enemies", "0", "--confederates", "0"], "red, 0 enemies, 0 confederates"),
@@ -157,7 +156,7 @@ def test_a_match_goes_on_without_its_log_on_a_full_disk_and_says_so(
     assert said.err == f"{full}nothing more is logged\n{full}the log is not whole\n"
 
 
-@rows("suffix", [".log", ".db"])
+@pytest.mark.parametrize("suffix", [".log", ".db"])
 def test_a_log_in_a_missing_folder_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str) -> None:
     log = tmp_path / "missing" / f"match{suffix}"
     said = run(capsys, *SHORT, "--log", str(log))
@@ -278,8 +277,8 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
 # What is wrong
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["--emergency-at", "soon"], "argument --emergency-at: 'soon' is not a duration"),
         (["--emergency-at", "0"], "argument --emergency-at: a time of 0 is not above 0"),
@@ -310,8 +309,8 @@ def test_wrong_usage_is_told_in_the_last_line(
     assert said.complaint.startswith(f"eurobot-od match: error: {complaint}")
 
 
-@rows(
-    "words, status, complaint",
+@pytest.mark.parametrize(
+    ("words", "status", "complaint"),
     [
         (["--emergency-at", "2"], 2, "an emergency at 2 s is not within the match of 2 s"),
         (["--emergency-at", "40"], 2, "an emergency at 40 s is not within the match of 2 s"),
@@ -389,7 +388,7 @@ BROKEN: list[tuple[Any, str]] = [
 ]
 
 
-@rows("spoil, what", BROKEN)
+@pytest.mark.parametrize(("spoil", "what"), BROKEN)
 def test_a_broken_eds_is_one_line_that_names_the_file(
     capsys: pytest.CaptureFixture[str], spoil_eds: Callable[..., Path], spoil: Callable[[Path], object], what: str
 ) -> None:
@@ -515,8 +514,8 @@ def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: p
     assert other.complaint.endswith("holds a campaign with other settings: enemies was '2', and is '0'")
 
 
-@rows(
-    "words, complaint",
+@pytest.mark.parametrize(
+    ("words", "complaint"),
     [
         (["--results", "x"], "--results goes with --seeds only"),
         (["--seeds", "2", "--resume"], "--resume needs --results: the folder of the run to continue"),

@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import run
-from tests.rows import rows
 
 PATIENCE = 120
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("EUROBOT_OD_")}
@@ -150,7 +149,7 @@ NAMES = [
 ]
 
 
-@rows("name, complaint", NAMES)
+@pytest.mark.parametrize(("name", "complaint"), NAMES)
 def test_a_package_takes_no_name_that_python_cannot_import(
     name: str, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -199,7 +198,7 @@ FAULTS = [
 
 
 @pytest.mark.long
-@rows("fault, printed", FAULTS)
+@pytest.mark.parametrize(("fault", "printed"), FAULTS)
 def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, made: Path) -> None:
     said = command(made, ["check", "lift", "--simulate", "--fault", fault, "--robot", "."])
     assert (said.returncode, said.stderr) == (1, "")

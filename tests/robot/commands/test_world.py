@@ -26,7 +26,6 @@ from eurobot_od.robot.world.world import SimulatedBeacons
 from eurobot_od.support.connections import Address
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, killed_if_it_hangs, line, node, serve_bus
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -152,7 +151,7 @@ def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path
 
 
 @pytest.mark.posix
-@rows("told", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
 def test_a_world_that_is_told_to_end_says_what_it_came_to(told: signal.Signals) -> None:
     with command("world", "--listen", "127.0.0.1:0") as world:
         line(world, "Ctrl-C ends it")
@@ -171,8 +170,8 @@ def test_as_json_it_is_a_line_for_each_event_and_the_summary(capsys: pytest.Capt
     assert last["summary"] | {"seconds": 0} == {"seconds": 0, **nothing}
 
 
-@rows(
-    "listen, printed",
+@pytest.mark.parametrize(
+    ("listen", "printed"),
     [
         ("0.0.0.0:0", r"world on [0-9a-f]{24}@0\.0\.0\.0:[0-9]+;"),
         ("ours@0.0.0.0:0", r"world on ours@0\.0\.0\.0:[0-9]+;"),
@@ -191,8 +190,8 @@ def test_beyond_this_machine_its_address_has_a_token(
 WORLD = ["--world", "127.0.0.1:9"]
 
 
-@rows(
-    "words, status, complaint",
+@pytest.mark.parametrize(
+    ("words", "status", "complaint"),
     [
         (["world", "--listen", "2014"], 2, "2014 is not HOST:PORT, such as 127.0.0.1:2014"),
         (["world", "--listen", "127.0.0.1:65536"], 2, "127.0.0.1:65536 is not HOST:PORT"),

@@ -32,7 +32,6 @@ from eurobot_od.robot.match.seeds import (
 from eurobot_od.robot.match.stage import EdsFiles
 from eurobot_od.robot.match.summary import RobotTouch, Summary
 from eurobot_od.season.campaign import HERE
-from tests.rows import rows
 
 SHORT = MatchOptions(duration=3.0)
 
@@ -208,7 +207,7 @@ def test_spread(figure: Figure, matches: list[PlayedMatch], expected: Spread | N
     assert spread(figure, matches) == expected
 
 
-@rows("figure", FIGURES)
+@pytest.mark.parametrize("figure", FIGURES)
 def test_a_match_that_failed_has_no_figures(figure: Figure) -> None:
     assert spread(figure, [FAILED]) is None
     assert spread(figure, [FINE]) is not None

@@ -14,7 +14,6 @@ from eurobot_od.robot.match.summary import RobotTouch, Summary
 from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world.bodies import Touch
-from tests.rows import rows
 
 FILES = EdsFiles.read(MatchOptions())
 SHORT = MatchOptions(duration=8.0)
@@ -119,8 +118,8 @@ def ended(end: str) -> PlayedMatch:
     return PlayedMatch(1, [PlayedGoto(700, 1150, 225, end, 1.0)], summary=summary())
 
 
-@rows(
-    "match, wrong",
+@pytest.mark.parametrize(
+    ("match", "wrong"),
     [
         (ended("stopped: enemy ahead"), []),  # that is the game
         (ended("blocked"), []),  # as the touch that did it is counted

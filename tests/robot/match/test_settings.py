@@ -8,7 +8,6 @@ from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.robot.match.stage import EdsFiles, cast_for, stores
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.world import World
-from tests.rows import rows
 
 FILES = EdsFiles.read(MatchOptions())
 
@@ -39,8 +38,8 @@ def test_the_last_of_two_counts() -> None:
     assert value(name, (name, "600"), (name, "500")) == 500
 
 
-@rows(
-    "name, text, error, complaint",
+@pytest.mark.parametrize(
+    ("name", "text", "error", "complaint"),
     [
         ("rive.Motion.Maximum speed", "1", UnknownName, "did you mean drive.Motion.Maximum speed?"),
         ("Motion.maximum speed", "1", LocalError, "did you mean drive.Motion.Maximum speed?"),

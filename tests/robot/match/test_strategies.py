@@ -9,7 +9,6 @@ import pytest
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.match import strategy
 from eurobot_od.robot.match.referee import Players, StrategyFiles, load_strategy
-from tests.rows import rows
 
 GOOD = "async def play(core):\n    pass\n"
 
@@ -73,7 +72,7 @@ WRONG = [
 ]
 
 
-@rows("text, complaint", WRONG)
+@pytest.mark.parametrize(("text", "complaint"), WRONG)
 def test_what_is_wrong_is_one_line_with_its_place(mine: Path, text: str, complaint: str) -> None:
     mine.write_text(text)
     with pytest.raises(LocalError) as error:

@@ -11,7 +11,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot.match.summary import FrameCounter, Summary
 from eurobot_od.robot.model.messages import GotoXY, StopDrive
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load()
 GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
@@ -59,8 +58,8 @@ def test_nothing_touched_is_said_as_well() -> None:
     assert lines[-2:] == ["points: ours 0, enemy 1 3", "touches: none"]
 
 
-@rows(
-    "frame, name",
+@pytest.mark.parametrize(
+    ("frame", "name"),
     [
         (Frame(0x701, b"\x00"), "Boot-up"),
         (Frame(0x77F, b"\x00"), "Boot-up"),

@@ -9,14 +9,13 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.world.bodies import BORDER, Touch, standing
 from eurobot_od.robot.world.world import NAMES
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
 FAST, STANDS = 300.0, 0.0
 
 
-@rows("name", [*(each.name for each in standing(FACTS.barriers)), BORDER, OURS, *NAMES.values()])
+@pytest.mark.parametrize("name", [*(each.name for each in standing(FACTS.barriers)), BORDER, OURS, *NAMES.values()])
 def test_everything_on_the_field_has_a_kind(name: str) -> None:
     assert RobotTouch(0.0, name, False, False).kind is not Touched.OTHER
 
@@ -41,8 +40,8 @@ def test_who_drove_into_whom(touch: Touch, seen: tuple[str, bool, bool]) -> None
     assert mine == RobotTouch(1.0, *seen)
 
 
-@rows(
-    "touch, wrong",
+@pytest.mark.parametrize(
+    ("touch", "wrong"),
     [
         (RobotTouch(1.0, "fire 1", True, False), False),  # they are light, and in the way
         (RobotTouch(1.0, "fire 1", True, False, forced=True), True),

@@ -23,7 +23,6 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.robot.document import NAMES, TABLES_4_AND_5
-from tests.rows import rows
 
 POSITION = ("x", "y", "angle", "source")
 FIELDS = {
@@ -37,7 +36,7 @@ GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
 START = StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)
 
 
-@rows("name, protocol", [(row.name, row.protocol) for row in TABLES_4_AND_5])
+@pytest.mark.parametrize(("name", "protocol"), [(row.name, row.protocol) for row in TABLES_4_AND_5])
 def test_type_has_the_fields_and_the_protocol_of_the_tables(name: str, protocol: str) -> None:
     entry = CATALOGUE.find(name)
     assert entry is not None
@@ -130,7 +129,7 @@ DESCRIBED: list[tuple[Message, str]] = [
 ]
 
 
-@rows("message, text", DESCRIBED)
+@pytest.mark.parametrize(("message", "text"), DESCRIBED)
 def test_is_described_for_a_person(message: Message, text: str) -> None:
     assert describe(message, EurobotProtocol.load("firmware2014").binding(type(message)).kinds) == text
 
@@ -149,8 +148,8 @@ def test_a_start_configuration_says_who_is_in_the_match(enemies: int, confederat
     assert {whom for whom in Source if start.includes(whom)} == included
 
 
-@rows(
-    "enemies, diameters, field",
+@pytest.mark.parametrize(
+    ("enemies", "diameters", "field"),
     [
         (0, (0, 0), None),
         (1, (30, 0), None),

@@ -7,7 +7,6 @@ import math
 import pytest
 
 from eurobot_od.robot.model.places import Point, Pose, normalise, turn
-from tests.rows import rows
 
 ANGLES = [
     (0.0, 0.0),
@@ -52,7 +51,7 @@ def test_normalise(angle: float, expected: float) -> None:
     assert normalise(angle) == expected
 
 
-@rows("start, end, expected", TURNS)
+@pytest.mark.parametrize(("start", "end", "expected"), TURNS)
 def test_turn_is_the_shortest_way(start: float, end: float, expected: float) -> None:
     assert turn(start, end) == pytest.approx(expected)
 
@@ -66,7 +65,7 @@ def test_distance() -> None:
     assert Pose(100.0, 100.0, 33.0).distance(Point(400.0, 500.0)) == 500.0
 
 
-@rows("distance, turned, expected", ARCS)
+@pytest.mark.parametrize(("distance", "turned", "expected"), ARCS)
 def test_pose_moves_along_an_arc(distance: float, turned: float, expected: Pose) -> None:
     assert Pose(0.0, 0.0, 90.0).moved(distance, turned) == pytest.approx(expected)
 

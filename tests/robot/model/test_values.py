@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import Enum
 
+import pytest
+
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.model.values import (
     Barriers,
@@ -16,7 +18,6 @@ from eurobot_od.robot.model.values import (
     TeamColour,
 )
 from eurobot_od.robot.protocol import EurobotProtocol
-from tests.rows import rows
 
 NUMBERS: list[tuple[str, str, dict[Enum, int]]] = [
     ("Start Configuration Set", "team_colour", {TeamColour.YELLOW: 0, TeamColour.RED: 1}),  # Table 3
@@ -30,7 +31,7 @@ NUMBERS: list[tuple[str, str, dict[Enum, int]]] = [
 ]
 
 
-@rows("message, field, numbers", NUMBERS)
+@pytest.mark.parametrize(("message", "field", "numbers"), NUMBERS)
 def test_enums_have_the_numbers_of_the_wire(message: str, field: str, numbers: dict[Enum, int]) -> None:
     binding = EurobotProtocol.load("firmware2014").binding(message)
     assert {each: binding.raw(field, each) for each in numbers} == numbers
@@ -59,14 +60,14 @@ FLAGS = [
 ]
 
 
-@rows("flags, passages", FLAGS)
+@pytest.mark.parametrize(("flags", "passages"), FLAGS)
 def test_barrier_flags_are_read(flags: int, passages: dict[int, Passage]) -> None:
     barriers = Barriers(flags)
     assert dict(barriers.set_barriers()) == passages
     assert {n: barriers.passage(n) for n in range(1, 9)} == {n: passages.get(n, Passage.FREE) for n in range(1, 9)}
 
 
-@rows("passages", [passages for _, passages in FLAGS])
+@pytest.mark.parametrize("passages", [passages for _, passages in FLAGS])
 def test_barrier_flags_are_built(passages: dict[int, Passage]) -> None:
     assert dict(Barriers.of(passages).set_barriers()) == passages
 

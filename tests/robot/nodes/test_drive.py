@@ -319,7 +319,7 @@ class SlippingWheels(Wheels):
         return moved if self._steps % self._every == 0 else Odometry(0.0, 0.0)
 
 
-@rows("every, fault", [(8, None), (1000, GotoFault.BLOCKED)])
+@pytest.mark.parametrize(("every", "fault"), [(8, None), (1000, GotoFault.BLOCKED)])
 def test_wheels_that_slip_for_moments_are_not_blocked_however_often(every: int, fault: GotoFault | None) -> None:
     seat = Seat(wheels=SlippingWheels(every)).say(RED, GOTO).run(1.0)
     assert (seat.drive.fault, seat.drive.moving) == (fault, fault is None)
@@ -513,7 +513,7 @@ def test_the_safe_state_ends_with(release: Message | Frame, why: str) -> None:
     assert seat.say(YELLOW, GOTO).confirms == confirms + 1
 
 
-@rows(
+@pytest.mark.parametrize(
     "other",
     [
         StopDrive(),

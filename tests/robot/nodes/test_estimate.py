@@ -23,7 +23,6 @@ from eurobot_od.robot.nodes.estimate import (
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING
-from tests.rows import rows
 
 START = Pose(1000.0, 500.0, 350.0)
 ELSEWHERE = Fix(2000.0, 500.0, 90.0)
@@ -107,7 +106,7 @@ def test_an_outlier_is_refused() -> None:
     assert estimate.pose == pytest.approx(START)
 
 
-@rows("seed", range(10))
+@pytest.mark.parametrize("seed", range(10))
 def test_outliers_at_random_never_move_it(seed: int) -> None:
     chance, estimate = random.Random(seed), settled()
     for number in range(1000):
@@ -305,7 +304,7 @@ CASES: list[tuple[list[Place], Place | None, float, str]] = [
 ]
 
 
-@rows("places, expected, time, why", CASES)
+@pytest.mark.parametrize(("places", "expected", "time", "why"), CASES)
 def test_where_a_robot_is_believed_to_be(places: list[Place], expected: Place | None, time: float, why: str) -> None:
     track = Track()
     for number, (x, y) in enumerate(places):

@@ -14,7 +14,6 @@ from eurobot_od.robot.nodes.estimate import Belief, Travel, Tuning, Variances, c
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING
-from tests.rows import rows
 
 Vector: TypeAlias = list[float]
 Matrix: TypeAlias = list[Vector]
@@ -117,7 +116,7 @@ class Textbook:
         return product(product([innovation], inverse(spread)), column)[0][0]
 
 
-@rows("seed", range(10))
+@pytest.mark.parametrize("seed", range(10))
 def test_it_agrees_with_a_filter_of_numerical_jacobians(seed: int) -> None:
     chance = random.Random(seed)
     tuning = TUNING._replace(navigation=chance.uniform(0.0, 60.0), navigation_angle=chance.uniform(0.0, 5.0))
@@ -166,8 +165,8 @@ def wandered(seed: int, tuning: Tuning, positions: int) -> float:
     return surprise(belief, truth)
 
 
-@rows("navigation", [0.0, 5.0, 30.0, 60.0])
-@rows("positions", [1, 8])
+@pytest.mark.parametrize("navigation", [0.0, 5.0, 30.0, 60.0])
+@pytest.mark.parametrize("positions", [1, 8])
 def test_its_errors_are_as_large_as_it_says(navigation: float, positions: int) -> None:
     """The mean of 100 runs of a chi-square of 3 degrees of freedom: 95 % of them lie within 0.48 of 3."""
     tuning = TUNING._replace(navigation=navigation)
@@ -190,7 +189,7 @@ QUANTILES = [  # of chi-square, from tables: degrees of freedom, chance, value
 ]
 
 
-@rows("values, chance, distance", QUANTILES)
+@pytest.mark.parametrize(("values", "chance", "distance"), QUANTILES)
 def test_the_chance_of_a_distance(values: int, chance: float, distance: float) -> None:
     assert chance_up_to(distance, values) == pytest.approx(chance, abs=1e-5)
 

@@ -28,7 +28,6 @@ from eurobot_od.robot.nodes.motion import (
 )
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING
-from tests.rows import rows
 
 LIMITS = MotionLimits(
     maximum_speed=800.0,
@@ -95,8 +94,8 @@ GOTOS = [
 ]
 
 
-@rows("backward", [False, True])
-@rows("way_points, angle, speed", GOTOS)
+@pytest.mark.parametrize("backward", [False, True])
+@pytest.mark.parametrize(("way_points", "angle", "speed"), GOTOS)
 def test_arrives_within_the_tolerances_after_the_time_that_it_says(
     way_points: list[Point], angle: float, speed: int, backward: bool
 ) -> None:
@@ -183,7 +182,7 @@ TAKEOVERS = [
 ]
 
 
-@rows("way_points, backward, rolling", TAKEOVERS)
+@pytest.mark.parametrize(("way_points", "backward", "rolling"), TAKEOVERS)
 def test_a_new_goto_takes_over_without_a_jerk(way_points: list[Point], backward: bool, rolling: WheelCommand) -> None:
     motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
     remaining = motion.remaining(START)
@@ -205,7 +204,7 @@ def test_a_goto_repeated_on_the_way_does_not_stop_the_robot() -> None:
 # Corrections of the pose on the way
 
 
-@rows("seed", range(20))
+@pytest.mark.parametrize("seed", range(20))
 def test_arrives_although_the_pose_jumps(seed: int) -> None:
     generator = random.Random(seed)
     goal = Point(generator.uniform(100.0, 2900.0), generator.uniform(100.0, 1900.0))
@@ -215,8 +214,8 @@ def test_arrives_although_the_pose_jumps(seed: int) -> None:
     assert abs(turn(pose.angle, 30.0)) <= LIMITS.angle_tolerance
 
 
-@rows("aside", [-30.0, -12.0, 12.0, 30.0])
-@rows("left", [20.0, 100.0, 400.0])
+@pytest.mark.parametrize("aside", [-30.0, -12.0, 12.0, 30.0])
+@pytest.mark.parametrize("left", [20.0, 100.0, 400.0])
 def test_one_jump_aside_shortly_before_the_goal_is_driven_again(left: float, aside: float) -> None:
     goal = Point(2000.0, 1000.0)
     pending = [Pose(0.0, aside, 0.0)]
@@ -274,7 +273,7 @@ SECONDS = [
 ]
 
 
-@rows("left, rate, expected", SECONDS)
+@pytest.mark.parametrize(("left", "rate", "expected"), SECONDS)
 def test_seconds_of_a_trapezoidal_movement(left: float, rate: float, expected: float) -> None:
     assert PROFILE.seconds(left, rate) == pytest.approx(expected)
 
@@ -357,7 +356,7 @@ IMPOSSIBLE = [
 ]
 
 
-@rows("start, goal, barriers", STRAIGHT)
+@pytest.mark.parametrize(("start", "goal", "barriers"), STRAIGHT)
 def test_a_clear_line_is_driven_straight(start: Point, goal: Point, barriers: Barriers) -> None:
     assert find_route(start, goal, barriers, USUAL) == (goal,)
 
@@ -386,7 +385,7 @@ PLACES = [
 ]
 
 
-@rows("goal, barriers, fits", PLACES)
+@pytest.mark.parametrize(("goal", "barriers", "fits"), PLACES)
 def test_a_goal_is_where_the_robot_fits(goal: Point, barriers: Barriers, fits: bool) -> None:
     assert (find_route(Point(1500.0, 1000.0), goal, barriers, FITTING) is not None) is fits
 

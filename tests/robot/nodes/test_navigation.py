@@ -27,7 +27,6 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.navigation import Beacons, Fix, Navigation
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Seen
-from tests.rows import rows
 
 EVERYONE = Seen(
     internal=Fix(1000.4, 500.6, 45.5), enemy_1=Fix(2000, 1000), enemy_2=Fix(2500, 300), confederate=Fix(300, 300)
@@ -69,7 +68,7 @@ def test_what_is_seen_is_told_with_its_source(expected: PositionResponse) -> Non
     assert ask(navigation(EVERYONE, RED), ASKED[type(expected)]) == expected
 
 
-@rows(
+@pytest.mark.parametrize(
     "expected",
     [
         NaviPositionResponse(None, None, None, Source.INTERNAL),
@@ -78,7 +77,7 @@ def test_what_is_seen_is_told_with_its_source(expected: PositionResponse) -> Non
         ConfederatePositionResponse(None, None, None, Source.CONFEDERATE),
     ],
 )
-@rows("beacons", [None, Seen()])
+@pytest.mark.parametrize("beacons", [None, Seen()])
 def test_what_is_not_seen_is_unknown(beacons: Beacons | None, expected: PositionResponse) -> None:
     assert ask(navigation(beacons, RED), ASKED[type(expected)]) == expected
 
@@ -112,8 +111,8 @@ def test_before_the_start_configuration_anyone_may_be_there() -> None:
     assert ask(navigation(EVERYONE), Enemy2PositionRequest()) == Enemy2PositionResponse(2500, 300, None, Source.ENEMY_2)
 
 
-@rows(
-    "fix, place, why",
+@pytest.mark.parametrize(
+    ("fix", "place", "why"),
     [
         (Fix(0, 0, 0), (0, 0, 0), "the corners are on the field"),
         (Fix(3000, 2000, 359), (3000, 2000, 359), "both of them"),

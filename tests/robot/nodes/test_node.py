@@ -22,7 +22,6 @@ from tests.robot.nodes.driving import (
     ready,
 )
 from tests.robot.nodes.harness import PROTOCOL, Bench
-from tests.rows import rows
 
 # Each position, who may be in it, and who says it.
 OWN: list[tuple[type[PositionResponse], Source, str]] = [
@@ -33,7 +32,9 @@ OWN: list[tuple[type[PositionResponse], Source, str]] = [
 ]
 
 
-@rows("kind, right, name, wrong", [(*each, wrong) for each in OWN for wrong in Source if wrong is not each[1]])
+@pytest.mark.parametrize(
+    ("kind", "right", "name", "wrong"), [(*each, wrong) for each in OWN for wrong in Source if wrong is not each[1]]
+)
 def test_17_a_position_of_another_robot_is_dropped_counted_and_told_once(
     kind: type[PositionResponse], right: Source, name: str, wrong: Source
 ) -> None:

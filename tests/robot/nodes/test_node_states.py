@@ -28,7 +28,6 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Obstacle, Source
 from eurobot_od.robot.nodes import ROLES, Core
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
-from tests.rows import rows
 
 
 @pytest.mark.parametrize(("role", "node_id"), [("core", 1), ("drive", 2), ("navigation", 3)])
@@ -68,8 +67,8 @@ def in_state(peer: str, command: NmtCommand) -> Bench:
     return bench
 
 
-@rows("command", STATES)
-@rows("stop", [EmergencyShutdown(), EmergencyStop(Obstacle.ENEMY), StopDrive()])
+@pytest.mark.parametrize("command", STATES)
+@pytest.mark.parametrize("stop", [EmergencyShutdown(), EmergencyStop(Obstacle.ENEMY), StopDrive()])
 def test_stops_act_in_every_nmt_state(command: NmtCommand, stop: Message) -> None:
     bench = Bench("core")
     bench.say("core", RED, GotoXY(1500, 1000, 0, 100), within=0.5)
@@ -83,9 +82,9 @@ def test_stops_act_in_every_nmt_state(command: NmtCommand, stop: Message) -> Non
     assert (bench.drive.safe, bench.navigation.safe) == (shut_down, shut_down)
 
 
-@rows("command", STATES)
-@rows(
-    "call, stop",
+@pytest.mark.parametrize("command", STATES)
+@pytest.mark.parametrize(
+    ("call", "stop"),
     [
         (Core.emergency_shutdown, EmergencyShutdown()),
         (lambda core: core.emergency_stop(Obstacle.OBJECT), EmergencyStop(Obstacle.OBJECT)),
@@ -115,8 +114,8 @@ OTHERS = [
 ]
 
 
-@rows("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
-@rows("message", OTHERS)
+@pytest.mark.parametrize("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
+@pytest.mark.parametrize("message", OTHERS)
 def test_other_messages_act_in_operational_only(command: NmtCommand, message: Message) -> None:
     bench = in_state("core", command)
     before = bench.pose()

@@ -47,7 +47,6 @@ from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import NodeWire, with_sync
 from tests.robot.nodes.harness import DICTIONARIES, RED, Peer, as_if_started
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -131,8 +130,8 @@ def test_how_well_the_drive_knows_its_place_is_read_over_sdo(dialect: str) -> No
     assert master.values_of("Position deviation") == [4, 4, 9]
 
 
-@rows("dialect", DIALECTS)
-@rows("role, name, request_, response", MEASURED)
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize(("role", "name", "request_", "response"), MEASURED)
 def test_an_sdo_and_the_answer_to_a_request_agree_at_any_time(
     role: str, name: str, request_: Message, response: type[Message], dialect: str
 ) -> None:
@@ -245,8 +244,8 @@ REFUSED: list[tuple[tuple[Message | NmtCommand, ...], str, int, AbortCode, str]]
 ]
 
 
-@rows("dialect", DIALECTS)
-@rows("before, name, value, code, why", REFUSED)
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize(("before", "name", "value", "code", "why"), REFUSED)
 def test_a_command_that_would_not_act_is_an_abort_and_changes_nothing(
     before: tuple[Message | NmtCommand, ...], name: str, value: int, code: AbortCode, why: str, dialect: str
 ) -> None:
@@ -299,7 +298,7 @@ def emergencies(master: Master) -> list[bytes]:
 
 
 @pytest.mark.parametrize("role", ["drive", "navigation"])
-@rows("numbers, why", [(numbers, why) for numbers, _, why in CONTRADICTIONS])
+@pytest.mark.parametrize(("numbers", "why"), [(numbers, why) for numbers, _, why in CONTRADICTIONS])
 def test_a_contradictory_configuration_is_refused_and_told_once(
     role: str, numbers: tuple[int, int, int, int], why: str
 ) -> None:
@@ -324,7 +323,7 @@ def test_of_a_configuration_that_is_refused_no_part_is_kept(dialect: str) -> Non
 
 
 @pytest.mark.parametrize("role", ["drive", "navigation"])
-@rows("numbers, why", AGREEING)
+@pytest.mark.parametrize(("numbers", "why"), AGREEING)
 def test_a_configuration_that_agrees_is_confirmed(role: str, numbers: tuple[int, int, int, int], why: str) -> None:
     master = Master(role)
     assert master.say(StartConfigurationSet(TeamColour.RED, *numbers)) == [StartConfigurationConfirm()], why

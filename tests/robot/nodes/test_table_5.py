@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import pytest
+
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
@@ -33,7 +35,6 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Obstacle, Source
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from tests.robot.nodes.harness import PROTOCOL, RED, Bench, as_if_started
-from tests.rows import rows
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 PLACE = (1234, 567, 89)
@@ -199,7 +200,7 @@ def _alone(node: str) -> tuple[Bench, str]:
     return Bench(*peers), peers[0]
 
 
-@rows("message, sender, cause", SENDERS)
+@pytest.mark.parametrize(("message", "sender", "cause"), SENDERS)
 def test_the_sender_sends_it(message: Message, sender: str, cause: Cause) -> None:
     bench, peer = _alone(sender)
     if cause.call:
@@ -209,7 +210,7 @@ def test_the_sender_sends_it(message: Message, sender: str, cause: Cause) -> Non
     assert bench.sent(type(message))
 
 
-@rows("message, receiver, effect", RECEIVERS)
+@pytest.mark.parametrize(("message", "receiver", "effect"), RECEIVERS)
 def test_each_receiver_acts_on_it(message: Message, receiver: str, effect: Effect) -> None:
     bench, peer = _alone(receiver)
     if effect.call:

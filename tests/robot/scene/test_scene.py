@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.scene.recording import PathPoint, RecordedGoto, RecordedStop
 from eurobot_od.robot.scene.scene import CLEAR, DISC, MARKS, SIGN, SPACING, Item, MatchScene, ground, looks
 from eurobot_od.robot.scene.style import MARK
-from tests.rows import rows
 
 FACTS = robot_file.read()
 WIDTH, HEIGHT = FACTS.field.width, FACTS.field.height
@@ -42,7 +43,7 @@ ROWS = [
 ]
 
 
-@rows("why, places, beside", ROWS)
+@pytest.mark.parametrize(("why", "places", "beside"), ROWS)
 def test_discs_stand_side_by_side_and_on_the_field(
     why: str, places: list[tuple[int, int]], beside: list[tuple[float, float]]
 ) -> None:
@@ -72,8 +73,8 @@ def test_a_stop_stands_where_the_robot_was_or_nowhere() -> None:
     assert list(scene.stop(RecordedStop("B", 7.0, "Stop Drive: commanded", None))) == []
 
 
-@rows("scale", [1.0, 2.0, 3.0])
-@rows("kind", ["goto", "stop"])
+@pytest.mark.parametrize("scale", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("kind", ["goto", "stop"])
 def test_no_sign_covers_the_name_of_a_start_zone(kind: str, scale: float) -> None:
     """Signs are drawn larger around their place, and words from their corner on."""
     names = [

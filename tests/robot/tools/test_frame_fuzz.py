@@ -12,7 +12,6 @@ from frame_fuzz import Dice, Trial
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
-from tests.rows import rows
 
 SHORT = 4000
 
@@ -58,7 +57,7 @@ def test_nodes_that_do_not_reset_are_found(monkeypatch: pytest.MonkeyPatch) -> N
     assert frame_fuzz.attempt(Trial(seed=19, number=1, frames=SHORT)).wrong
 
 
-@rows("maker", frame_fuzz.ANY)
+@pytest.mark.parametrize("maker", frame_fuzz.ANY)
 def test_every_kind_makes_frames_that_a_bus_can_carry(maker: frame_fuzz.Maker) -> None:
     dice = Dice.of("1", dialects.DEFAULT)
     made = [maker(dice) for _ in range(200)]

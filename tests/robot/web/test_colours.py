@@ -12,7 +12,6 @@ from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.robot.scene.scene import looks
 from eurobot_od.web.page import FILES
-from tests.rows import rows
 from tests.web.colours import SEEN, contrast, distance
 
 TEXT, SHAPE = 4.5, 3.0
@@ -50,8 +49,8 @@ def test_figures_that_are_known() -> None:
     assert distance("#d32f2f", "#ad5a00", "deuteranopia") < 12  # red and brown, which the page once had
 
 
-@rows("theme", THEMES)
-@rows("ink, ground", TEXTS)
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize(("ink", "ground"), TEXTS)
 def test_text_can_be_read(theme: str, ink: str, ground: str) -> None:
     assert contrast(THEMES[theme][ink], THEMES[theme][ground]) >= TEXT
 

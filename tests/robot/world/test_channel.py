@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.model.places import Pose
@@ -15,7 +17,6 @@ from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.server import LINE_LIMIT, REQUESTS, VERSION, WHOM, Channel
 from eurobot_od.robot.world.world import RIVAL, LocalVehicle
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -65,7 +66,7 @@ SAME: list[tuple[str, Callable[[LocalVehicle], Any]]] = [
 ]
 
 
-@rows("line, locally", SAME)
+@pytest.mark.parametrize(("line", "locally"), SAME)
 def test_a_request_is_answered_as_by_a_vehicle_in_this_process(
     line: str, locally: Callable[[LocalVehicle], Any]
 ) -> None:
@@ -135,7 +136,7 @@ REFUSED: list[tuple[str | bytes, str]] = [
 ]
 
 
-@rows("line, error", REFUSED)
+@pytest.mark.parametrize(("line", "error"), REFUSED)
 def test_a_wrong_line_is_answered_with_one_error_and_counted(line: str | bytes, error: str) -> None:
     world = make_world()
     channel = make_channel(world)
@@ -148,7 +149,7 @@ def test_a_wrong_line_is_answered_with_one_error_and_counted(line: str | bytes, 
     assert (channel.requests, channel.refused) == (2, 1)
 
 
-@rows("name", REQUESTS)
+@pytest.mark.parametrize("name", REQUESTS)
 def test_every_request_is_in_the_reference(name: str) -> None:
     reference = REFERENCE.read_text(encoding="utf-8")
     assert f'| `{{"request": "{name}"' in reference

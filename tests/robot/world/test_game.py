@@ -11,7 +11,6 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.robot_file import Task
 from eurobot_od.robot.model.values import Score, TeamColour
 from eurobot_od.robot.world.world import REACH, REACH_ANGLE, Game
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -75,7 +74,7 @@ def test_fruit_is_worth_something_in_the_basket() -> None:
     assert game.scores == [Score(1.0, OURS, "basket", fruit)]
 
 
-@rows("task", [each for each in TASKS.values() if each.name != "basket"])
+@pytest.mark.parametrize("task", [each for each in TASKS.values() if each.name != "basket"])
 def test_a_task_brings_on_average_what_it_says(task: Task) -> None:
     came = [finish(Game(seed), task.name) for seed in range(1500)]
     assert statistics.mean(came) == pytest.approx(task.expected, rel=0.1)

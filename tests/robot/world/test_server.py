@@ -18,7 +18,6 @@ from eurobot_od.robot.world import World
 from eurobot_od.robot.world.server import LINE_LIMIT, REMEMBERED, Channel, Server
 from eurobot_od.robot.world.world import EventKind, MatchEvent
 from eurobot_od.support.connections import Address
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -103,7 +102,7 @@ def test_a_web_page_does_not_move_a_robot(begins: bytes) -> None:
     assert served.world.robots[OURS].pose == before
 
 
-@rows("cut", [1, 3, 4, 5, 15, 60])
+@pytest.mark.parametrize("cut", [1, 3, 4, 5, 15, 60])
 def test_a_web_page_does_not_move_a_robot_in_two_segments_either(cut: int) -> None:
     served, asked = Served(), b"POST / HTTP/1.1\r\nHost: 127.0.0.1:2015\r\nContent-Type: text/plain\r\n\r\n" + MOVE
 

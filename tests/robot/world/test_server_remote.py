@@ -23,7 +23,6 @@ from eurobot_od.robot.world import World, server
 from eurobot_od.robot.world.server import VERSION, Channel, RemoteVehicle, Server
 from eurobot_od.robot.world.world import RIVAL, Sensor, SimulatedBeacons, SimulatedWheels, Vehicle
 from eurobot_od.support.connections import Address
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -205,8 +204,8 @@ def hello_of(**changed: object) -> bytes:
     return json.dumps({"answer": {"version": VERSION, **options, **changed}}).encode() + b"\n"
 
 
-@rows(
-    "answer, why",
+@pytest.mark.parametrize(
+    ("answer", "why"),
     [
         (None, "never answers"),
         (b"", "hangs up"),

@@ -8,7 +8,6 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes.node import Detection
 from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, nearest_ahead
-from tests.rows import rows
 
 
 def robot(x: float, y: float, angle: float = 0.0) -> RobotBody:
@@ -17,8 +16,8 @@ def robot(x: float, y: float, angle: float = 0.0) -> RobotBody:
     return body
 
 
-@rows(
-    "other, seen, why",
+@pytest.mark.parametrize(
+    ("other", "seen", "why"),
     [
         (robot(1500, 1000), Detection(Obstacle.ENEMY, 220.0, 0.0), "ahead"),
         (robot(2000, 1000), None, "too far away"),

@@ -16,7 +16,6 @@ from eurobot_od.robot.world import world as world_module
 from eurobot_od.robot.world.bodies import BORDER, SHOVE, Touch, gap
 from eurobot_od.robot.world.world import RIVAL, EventKind, MatchEvent, Timeline
 from tests.robot.world.places import Place
-from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -363,7 +362,7 @@ def test_events_are_shown_as_they_come() -> None:
     ]
 
 
-@rows("kind", EventKind)
+@pytest.mark.parametrize("kind", EventKind)
 def test_lines_stand_below_each_other(kind: EventKind) -> None:
     line = str(MatchEvent(12.3456, kind, "text"))
     assert line.startswith("   12.346 s  " + kind.value)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from io import BytesIO
 
+import pytest
+
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident
@@ -62,7 +64,7 @@ WAITS = at("609#2316100164000500", "589#6016100100000000", start=0.5)
 """Node 9, which has no file, is told to wait 100 ms for node 5."""
 
 
-@rows("start, expected", {"": [BusRule.CONSUMER_UNFED], "709#00": [], "000#8109": []}.items())
+@pytest.mark.parametrize(("start", "expected"), {"": [BusRule.CONSUMER_UNFED], "709#00": [], "000#8109": []}.items())
 def test_a_node_without_a_file_waits_for_whom_it_was_told_to_until_it_starts_anew(
     start: str, expected: list[BusRule]
 ) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.traffic.diagnosis.series import two_series
-from tests.rows import rows
 
 
 def series(period: float, start: float = 0.0, number: int = 8) -> list[float]:
@@ -32,12 +31,12 @@ ONE = {
 }
 
 
-@rows("times, ratio", TWO.values())
+@pytest.mark.parametrize(("times", "ratio"), TWO.values())
 def test_two_series_are_found(times: list[float], ratio: float) -> None:
     assert two_series(sorted(times), ratio) is not None
 
 
-@rows("times, ratio", ONE.values())
+@pytest.mark.parametrize(("times", "ratio"), ONE.values())
 def test_one_series_is_not_two(times: list[float], ratio: float) -> None:
     assert two_series(sorted(times), ratio) is None
 

@@ -11,7 +11,6 @@ import pytest
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw
-from tests.rows import rows
 
 CAPTURED = b64decode(
     "1MOyoQIABAAAAAAAAAAAAAAABADjAAAAWqICa/MZCQAQAAAAEAAAAAAAAAgIAAAA0nQjWSwNlwJaogJrEDcJABAAAAAQAAAAAAAADAAAAAAAAAAA"
@@ -151,7 +150,7 @@ ENDS = [
 ]
 
 
-@rows("content, form, damage, text", ENDS)
+@pytest.mark.parametrize(("content", "form", "damage", "text"), ENDS)
 def test_a_capture_that_does_not_go_on_ends_with_an_entry_that_says_so(
     content: bytes, form: str, damage: Damage, text: str
 ) -> None:

@@ -21,7 +21,6 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from tests.rows import rows
 
 SENT = [
     can.Message(timestamp=1.0, arbitration_id=0x008, data=bytes.fromhex("D27423592C01C3A5"), is_extended_id=False),
@@ -113,8 +112,8 @@ def test_remote_frames(tmp_path: Path, form: str) -> None:
     assert found == RemoteFrame(0x008, bytes(0 if form == "log" else 2))  # its candump log has no length
 
 
-@rows("message, damage", FOREIGN)
-@rows("form", WRITTEN)
+@pytest.mark.parametrize(("message", "damage"), FOREIGN)
+@pytest.mark.parametrize("form", WRITTEN)
 def test_what_is_no_classic_base_data_frame(tmp_path: Path, form: str, message: can.Message, damage: Damage) -> None:
     if (form, damage) in NOT_WRITTEN:
         pytest.skip("python-can does not write it")
@@ -136,7 +135,7 @@ BROKEN_LINES = {
 }
 
 
-@rows("form, line", [(form, line) for form, lines in BROKEN_LINES.items() for line in lines])
+@pytest.mark.parametrize(("form", "line"), [(form, line) for form, lines in BROKEN_LINES.items() for line in lines])
 def test_an_unreadable_line_costs_no_other(tmp_path: Path, form: str, line: str) -> None:
     file = write(tmp_path, form, SENT)
     text = file.read_text().splitlines(keepends=True)
@@ -215,8 +214,8 @@ def test_what_is_no_blf_file(tmp_path: Path, content: bytes) -> None:
     assert isinstance(raw, Foreign)
 
 
-@rows(
-    "place, value, damage",
+@pytest.mark.parametrize(
+    ("place", "value", "damage"),
     [
         # the size of the first container, and of the first object in it: nothing, too much, and more than there is
         (144 + 8, 0, Damage.UNREADABLE),
@@ -342,7 +341,7 @@ BAD_ROWS = [
 ]
 
 
-@rows("row", BAD_ROWS)
+@pytest.mark.parametrize("row", BAD_ROWS)
 def test_a_row_with_values_of_wrong_types_costs_no_other(tmp_path: Path, row: tuple[object, ...]) -> None:
     file = tmp_path / "bus.db"
     write_table(file, [])
@@ -365,7 +364,7 @@ BAD_NUMBERS = {
 }
 
 
-@rows("form, line", [(form, line) for form, lines in BAD_NUMBERS.items() for line in lines])
+@pytest.mark.parametrize(("form", "line"), [(form, line) for form, lines in BAD_NUMBERS.items() for line in lines])
 def test_numbers_that_are_none_are_counted_and_reading_goes_on(tmp_path: Path, form: str, line: str) -> None:
     file = write(tmp_path, form, SENT)
     text = file.read_text().splitlines(keepends=True)
@@ -378,8 +377,8 @@ def test_numbers_that_are_none_are_counted_and_reading_goes_on(tmp_path: Path, f
 # What a log is, is what it begins with
 
 
-@rows("packed", [False, True])
-@rows("form", WRITTEN)
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("form", WRITTEN)
 def test_a_log_is_judged_by_what_it_begins_with(tmp_path: Path, form: str, packed: bool) -> None:
     content = write(tmp_path, form, SENT).read_bytes()
     if packed and form in formats.BY_NAME:

@@ -9,7 +9,6 @@ import pytest
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from tests.rows import rows
 
 GOTO = "008#D27423592C01C3A5"
 GOTO_FRAME = Frame(0x008, bytes.fromhex("D27423592C01C3A5"))
@@ -74,7 +73,7 @@ UNREADABLE = [
 ]
 
 
-@rows("line, time, channel, frame", VALID)
+@pytest.mark.parametrize(("line", "time", "channel", "frame"), VALID)
 def test_frames(line: str, time: float, channel: str, frame: Frame) -> None:
     assert read(line + "\n") == [(1, time, channel, frame)]
 
@@ -84,7 +83,7 @@ def test_what_is_no_classic_base_data_frame(token: str, damage: Damage) -> None:
     assert read(f"(1.0) can0 {token}\n") == [(1, 1.0, "can0", Foreign(damage, token))]
 
 
-@rows("line", UNREADABLE)
+@pytest.mark.parametrize("line", UNREADABLE)
 def test_unreadable_lines_cost_no_other_line(line: str) -> None:
     before, broken, after = read(f"(1.0) can0 00C#\n{line}\n(2.0) can0 00C#\n")
     assert (before[3], after[3]) == (Frame(0x00C), Frame(0x00C))

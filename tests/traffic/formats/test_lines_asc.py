@@ -9,7 +9,6 @@ import pytest
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from tests.rows import rows
 
 
 def read(line: str) -> list[tuple[int, float, str, Raw]]:
@@ -21,8 +20,8 @@ def test_frames_of_all_directions_are_read(direction: str) -> None:
     assert read(f" 2.5 1 1C0 {direction} d 2 0A FF") == [(1, 2.5, "0", Frame(0x1C0, b"\x0a\xff"))]
 
 
-@rows(
-    "line, channel, foreign",
+@pytest.mark.parametrize(
+    ("line", "channel", "foreign"),
     [
         (" 2.5 3 18FF0001x Rx d 1 AA", "2", Frame(EXTENDED | 0x18FF0001, b"\xaa")),
         (" 2.5 3 18FF0001X Rx d 1 AA", "2", Frame(EXTENDED | 0x18FF0001, b"\xaa")),
@@ -60,7 +59,7 @@ def test_a_frame_has_as_many_bytes_as_its_length_says_up_to_8(length: str, data:
     assert read(f" 2.5 1 1C0 Rx d {length} 00 01 02 03 04 05 06 07 Length = 3") == [(1, 2.5, "0", Frame(0x1C0, data))]
 
 
-@rows(
+@pytest.mark.parametrize(
     "line",
     [
         "date Sat Sep 30 15:06:13.191 2017",

@@ -11,7 +11,6 @@ from eurobot_od.errors import LocalError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from tests.rows import rows
 
 BOOT = Frame(0x70A, b"\0")
 SDO = Frame(0x601, bytes.fromhex("4000100000000000"))
@@ -174,8 +173,8 @@ def test_ixxats_analyser(entry: str, raw: Raw) -> None:
 KVASER = "Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir\n"
 
 
-@rows(
-    "entry, raw",
+@pytest.mark.parametrize(
+    ("entry", "raw"),
     [
         (" 0    0000070A         1  00                                 154.266550 R", BOOT),
         (" 0    0000070A         1  00                                 154.266550 T\r", BOOT),

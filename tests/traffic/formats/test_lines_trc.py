@@ -9,7 +9,6 @@ import pytest
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from tests.rows import rows
 
 HEAD = ";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n"
 """Two lines."""
@@ -19,8 +18,8 @@ def read(text: str) -> list[tuple[int, float, str, Raw]]:
     return list(formats.read(io.BytesIO(text.encode()), "trc"))
 
 
-@rows(
-    "line, raw",
+@pytest.mark.parametrize(
+    ("line", "raw"),
     [
         ("7 103.250 DT 2 0014 Rx - 2 01 02", Frame(0x014, b"\x01\x02")),
         ("7 103.250 DT 2 0014 Tx - 0", Frame(0x014, b"")),

@@ -17,7 +17,6 @@ from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.formats.python_can import CREATE, write_table
-from tests.rows import rows
 
 GOOD = (1.5, 0x014, 0, 0, 0, 2, b"\x01\x02")
 PLACES = "ts, arbitration_id, extended, remote, error, dlc"
@@ -36,8 +35,8 @@ def table(folder: Path, *rows: tuple[object, ...]) -> Path:
     return file
 
 
-@rows(
-    "row, raw",
+@pytest.mark.parametrize(
+    ("row", "raw"),
     [
         (GOOD, Frame(0x014, b"\x01\x02")),
         ((1.5, 0x014, 0, 0, 0, 0, None), Frame(0x014, b"")),
@@ -76,8 +75,8 @@ def typeless(folder: Path, *rows: tuple[object, ...]) -> Path:
     return file
 
 
-@rows(
-    "row, text",
+@pytest.mark.parametrize(
+    ("row", "text"),
     [
         (("soon", 0x014, 0, 0, 0, 2, b"ab"), "ts is 'soon'"),
         ((None, 0x014, 0, 0, 0, 2, b"ab"), "ts is None"),
@@ -116,8 +115,8 @@ def test_a_table_whose_damaged_name_sqlite_quotes_is_told(tmp_path: Path) -> Non
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
 
 
-@rows(
-    "made, text",
+@pytest.mark.parametrize(
+    ("made", "text"),
     [
         (f"VIEW messages AS {ENDLESS} SELECT i AS ts, * FROM n", "no table messages"),
         ("TABLE others (ts)", "no table messages"),
@@ -138,8 +137,8 @@ def test_what_is_computed_and_need_not_end_is_not_read(tmp_path: Path, made: str
 HEADER, LINE = "timestamp,arbitration_id,extended,remote,error,dlc,data\n", "1.5,0x14,0,0,0,2,AQI=\n"
 
 
-@rows(
-    "line, reason",
+@pytest.mark.parametrize(
+    ("line", "reason"),
     [
         ("garbage", "no columns"),
         ("late,0x14,0,0,0,2,AQI=", "no time"),

@@ -13,7 +13,6 @@ from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Foreign, Raw
 from eurobot_od.traffic.formats import FORMATS
-from tests.rows import rows
 from tests.traffic.formats.test_formats import SENT, write
 
 STATUS = Frame(0x181, bytes.fromhex("3702E8030000"))
@@ -98,8 +97,8 @@ def test_a_file_is_recognised_by_its_first_bytes(form: str, tmp_path: Path) -> N
         ]
 
 
-@rows(
-    "text, expected",
+@pytest.mark.parametrize(
+    ("text", "expected"),
     [
         # pieces of TRC without a head, of each version
         ("     1)      1841  0181  6  37 02 E8 03 00 00\n", STATUS),
@@ -126,8 +125,8 @@ def test_what_people_paste(text: str, expected: Raw) -> None:
     assert read(text)[0] == expected
 
 
-@rows(
-    "text, time",
+@pytest.mark.parametrize(
+    ("text", "time"),
     [
         ("Time (ms);CAN ID;DLC;Data\n1500;0x181;1;37\n", 1.5),
         ("Timestamp [us];ID;Data\n1500;0x181;37\n", 0.0015),

@@ -27,7 +27,6 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.core.agreement import NodeMismatch
 from eurobot_od.robot.nodes.node import Component
 from tests.client.peers import new_channel, open_bus
-from tests.rows import rows
 
 CANOPEN, OF_2014 = dialects.names()
 ROLES: dict[str, type[Node]] = {"core": Core, "drive": Drive, "navigation": Navigation, "lift": Node}
@@ -91,7 +90,9 @@ CHANGES = [
 ]
 
 
-@rows("dialect, old, new, node, text", [(d, *each) for d in (CANOPEN, OF_2014) for each in CHANGES])
+@pytest.mark.parametrize(
+    ("dialect", "old", "new", "node", "text"), [(d, *each) for d in (CANOPEN, OF_2014) for each in CHANGES]
+)
 def test_a_changed_mapping_is_noticed_and_nothing_is_driven(
     tmp_path: Path, dialect: str, old: str, new: str, node: str, text: str
 ) -> None:
@@ -212,7 +213,7 @@ LOST_SDO = [
 
 
 @pytest.mark.parametrize("lost", [False, True])
-@rows("speed, answers, text", LOST_SDO)
+@pytest.mark.parametrize(("speed", "answers", "text"), LOST_SDO)
 def test_a_drive_whose_sdo_is_lost_for_a_while_is_not_driven_until_it_is_compared(
     tmp_path: Path, speed: str, answers: int, text: str, lost: bool
 ) -> None:

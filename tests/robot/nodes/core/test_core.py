@@ -41,7 +41,6 @@ from tests.robot.nodes.driving import (
     GOTO,
 )
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, as_if_started
-from tests.rows import rows
 
 # Calls from several threads
 
@@ -105,7 +104,7 @@ def test_a_confirm_that_comes_right_after_a_shutdown_does_not_end_it(alone: Benc
     assert isinstance(call.exception(0), StateError)
 
 
-@rows(
+@pytest.mark.parametrize(
     "call",
     [
         Core.check_nodes,
@@ -114,7 +113,7 @@ def test_a_confirm_that_comes_right_after_a_shutdown_does_not_end_it(alone: Benc
         Core.position,
     ],
 )
-@rows("running", [0.0, 0.1])
+@pytest.mark.parametrize("running", [0.0, 0.1])
 def test_an_nmt_reset_ends_every_call(call: Callable[[Core], Future[Any]], running: float) -> None:
     bench = Bench("drive", "navigation")
     as_if_started(bench.core)

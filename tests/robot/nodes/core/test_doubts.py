@@ -27,7 +27,6 @@ from eurobot_od.robot.nodes.core.recovery import PlaceLost
 from eurobot_od.robot.nodes.estimate import Estimate
 from tests.robot.nodes.driving import FAR, NEAR, drive_off, match_under_way
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Bench, Peer
-from tests.rows import rows
 
 ROOT = Path(__file__).resolve().parents[4]
 
@@ -59,7 +58,7 @@ COMMANDS: list[tuple[Message, Outcome, str]] = [
 ]
 
 
-@rows("message, outcome, name", COMMANDS)
+@pytest.mark.parametrize(("message", "outcome", "name"), COMMANDS)
 def test_a_command_of_somebody_else_ends_the_goto_with_the_robot_standing(
     message: Message, outcome: Outcome, name: str
 ) -> None:
@@ -80,7 +79,7 @@ def test_a_request_of_somebody_else_stops_nothing() -> None:
     assert call.result(0).outcome is Outcome.ARRIVED
 
 
-@rows("navigation", [True, False])
+@pytest.mark.parametrize("navigation", [True, False])
 def test_after_a_stray_start_configuration_the_next_goto_arrives_where_it_says(navigation: bool) -> None:
     bench = with_stranger(navigation)
     drive_off(bench)
@@ -126,7 +125,7 @@ def test_a_second_core_is_told_and_the_robot_stands() -> None:
     assert "another node uses the core's identifiers" in reports(bench)
 
 
-@rows("navigation, goes_on", [(True, True), (False, False)])
+@pytest.mark.parametrize(("navigation", "goes_on"), [(True, True), (False, False)])
 def test_a_place_that_jumps_is_believed_only_with_the_navigation(navigation: bool, goes_on: bool) -> None:
     bench = with_stranger(navigation)
     call = drive_off(bench)
@@ -140,7 +139,7 @@ def test_a_place_that_jumps_is_believed_only_with_the_navigation(navigation: boo
     assert goes_on or isinstance(again.exception(0), PlaceLost)
 
 
-@rows("times, asked_for", [
+@pytest.mark.parametrize(("times", "asked_for"), [
     ((0.001,), [True]),
     ((0.001, 0.002), [True, True]),  # the bus brought it twice
     ((0.001, 0.1), [True, False]),  # somebody else's goto
@@ -152,7 +151,7 @@ def test_a_goto_explains_as_many_confirms_as_it_was_sent_times(times: tuple[floa
     assert [confirms.is_asked_for(each) for each in times] == asked_for
 
 
-@rows("before, after, seconds, found", [
+@pytest.mark.parametrize(("before", "after", "seconds", "found"), [
     ((0, 0, 0), (600, 0, 0), 0.6, False),  # 480 mm, and both positions are off
     ((0, 0, 0), (700, 0, 0), 0.6, True),
     ((None, None, None), (700, 0, 0), 0.6, False),

@@ -23,7 +23,6 @@ from eurobot_od.robot.model.values import (
 )
 from eurobot_od.robot.nodes.node import Approach, Detection
 from tests.robot.nodes.harness import Bench
-from tests.rows import rows
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 
@@ -82,8 +81,8 @@ def drive_with(bench: Bench, *distances: float | None) -> Call[Any]:
 # What is driven into
 
 
-@rows(
-    "distances, meets, why",
+@pytest.mark.parametrize(
+    ("distances", "meets", "why"),
     [
         ((), False, "nothing was seen"),
         ((300, 260, 220), True, "near, and nearer each time"),

@@ -51,7 +51,6 @@ from tests.robot.nodes.driving import (
     ready,
 )
 from tests.robot.nodes.harness import PROTOCOL, Bench, as_if_started
-from tests.rows import rows
 
 # Gotos (document 2.1)
 
@@ -455,7 +454,7 @@ ARRIVALS: list[tuple[tuple[int | None, int | None, int | None], Outcome, str]] =
 ]
 
 
-@rows("place, outcome, why", ARRIVALS)
+@pytest.mark.parametrize(("place", "outcome", "why"), ARRIVALS)
 def test_18_arrived_is_within_the_tolerances(
     place: tuple[int | None, int | None, int | None], outcome: Outcome, why: str
 ) -> None:

@@ -15,7 +15,6 @@ from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes import Core
 from tests.robot.nodes.driving import CORE_ID, FAR, NEAR, drive_off, match_under_way, nmt
 from tests.robot.nodes.harness import DICTIONARIES, RED, Bench
-from tests.rows import rows
 
 
 def restarted(bench: Bench) -> None:
@@ -41,7 +40,7 @@ BEGINNINGS = {"a new program": restarted, "an NMT reset": nmt_reset}
 
 
 @pytest.mark.parametrize("begin", BEGINNINGS.values(), ids=BEGINNINGS)
-@rows("navigation", [True, False])
+@pytest.mark.parametrize("navigation", [True, False])
 def test_a_core_that_begins_again_goes_on_from_what_the_drive_remembers(
     begin: Callable[[Bench], None], navigation: bool
 ) -> None:
@@ -127,7 +126,7 @@ def test_a_match_that_is_over_stays_over() -> None:
     assert isinstance(call.exception(0), StateError)
 
 
-@rows("drives, in_match, says_so, starts_over", [
+@pytest.mark.parametrize(("drives", "in_match", "says_so", "starts_over"), [
     (False, True, False, True),  # nobody has driven: the start place still holds
     (True, False, False, True),  # no match: the robot has been put back
     (True, True, False, False),

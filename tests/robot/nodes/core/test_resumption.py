@@ -39,7 +39,6 @@ from tests.robot.nodes.driving import (
     true_robot,
 )
 from tests.robot.nodes.harness import DICTIONARIES, RED, Bench
-from tests.rows import rows
 
 
 @pytest.mark.parametrize(("after", "place"), [(0.1, "unknown"), (0.5, "unknown"), (2.0, "seen"), (5.0, "seen")])
@@ -287,8 +286,8 @@ def test_20_a_drive_that_does_not_answer_is_not_configured_in_a_recovery(bench: 
     assert StartConfigurationSet not in {type(each) for each in bench.messages()[begun:]}
 
 
-@rows(
-    "done, kept",
+@pytest.mark.parametrize(
+    ("done", "kept"),
     [
         (lambda _: None, True),
         (lambda bench: bench.drive.heartbeat_lost(CORE_ID), False),  # whoever wanted it kept is gone

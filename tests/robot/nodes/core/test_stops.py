@@ -41,7 +41,6 @@ from tests.robot.nodes.driving import (
     ready,
 )
 from tests.robot.nodes.harness import DICTIONARIES, RED, Bench
-from tests.rows import rows
 
 # Stops (document 2.1, 4.2.2)
 
@@ -298,7 +297,7 @@ APART = [
 ]
 
 
-@rows("after, stands, why", APART)
+@pytest.mark.parametrize(("after", "stands", "why"), APART)
 def test_13_two_positions_have_to_agree(
     after: tuple[int | None, int | None, int | None], stands: bool, why: str
 ) -> None:
