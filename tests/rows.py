@@ -1,4 +1,8 @@
-"""Many rows that prove one rule, in one test: all of them are tried, and each that fails is named."""
+"""Large tables whose rows prove one rule, in one test: all rows are tried, and each that fails is named.
+
+A table of up to `FEW` rows is `pytest.mark.parametrize`, so that each row is a test that runs alone, with fixtures of
+its own. A larger one would make thousands of tests, which cost more than what they try.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +20,9 @@ Test = Callable[..., None]
 SEED = 2014
 """Seed by which a sample of rows is drawn."""
 
+FEW = 40
+"""Most rows of a table that is `pytest.mark.parametrize`."""
+
 LONGEST = 300
 """Characters of a row in a message."""
 
@@ -31,7 +38,10 @@ def rows(names: str, table: Iterable[Any], *, sample: int | None = None) -> Call
 
     @functools.cache
     def everything() -> list[tuple[Any, ...]]:
-        return [tuple(row) if len(arguments) > 1 else (row,) for row in table]
+        found = [tuple(row) if len(arguments) > 1 else (row,) for row in table]
+        if len(found) <= FEW:
+            raise pytest.UsageError(f"{names}: {len(found)} rows; a table of up to {FEW} is pytest.mark.parametrize")
+        return found
 
     def chosen() -> list[tuple[Any, ...]]:
         if sample is None or settings.default is not settings.get_profile("suite"):

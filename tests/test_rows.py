@@ -16,7 +16,10 @@ ROOT = Path(__file__).parents[1]
 TRIED: list[int] = []
 
 
-@rows("number, square", [(1, 1), (2, 5), (3, 9), (4, 17)])
+SQUARES = [(1, 1), (2, 5), (3, 9), (4, 17), *((number, number**2) for number in range(5, 42))]
+
+
+@rows("number, square", SQUARES)
 def has_square(number: int, square: int, tmp_path: Path) -> None:
     TRIED.append(number)
     (tmp_path / "of its own").touch(exist_ok=False)
@@ -27,9 +30,9 @@ def test_all_rows_are_tried_and_those_that_fail_are_named(tmp_path: Path) -> Non
     TRIED.clear()
     with pytest.raises(AssertionError, match=r"assert \(2 \*\* 2\) == 5") as error:
         has_square(tmp_path=tmp_path)
-    assert TRIED == [1, 2, 3, 4]
+    assert [*range(1, 42)] == TRIED
     assert error.value.__notes__ == [
-        "2 of 4 rows failed, this is the first of:",
+        "2 of 41 rows failed, this is the first of:",
         "  number=2, square=5",
         "  number=4, square=17",
     ]
@@ -63,26 +66,21 @@ def test_each_night_all_rows_of_a_sample_are_tried() -> None:
     assert files == {*nightly.SAMPLED[1:]}
 
 
+def skip_below(bound: int, number: int) -> None:
+    if number < bound:
+        pytest.skip(f"{number} is too low")
+    TRIED.append(number)
+
+
 def test_the_test_is_skipped_if_all_rows_are() -> None:
-    tried: list[int] = []
-
-    def skip_below(bound: int, number: int) -> None:
-        if number < bound:
-            pytest.skip(f"{number} is too low")
-        tried.append(number)
-
-    over = rows("number", range(3))(skip_below)
-    over(bound=2)
-    assert tried == [2]
+    TRIED.clear()
+    over = rows("number", range(41))(skip_below)
+    over(bound=40)
+    assert TRIED == [40]
     with pytest.raises(pytest.skip.Exception, match="0 is too low"):
-        over(bound=3)
+        over(bound=41)
 
 
-MOST = 578
-"""Uses of `@rows` that try a whole table; lower it when one is turned into `pytest.mark.parametrize`."""
-
-
-def test_new_tables_use_parametrize() -> None:
-    whole = re.compile(r"^ *@rows\((?!.*sample=)", re.MULTILINE)
-    uses = sum(len(whole.findall(file.read_text("utf-8"))) for file in Path(__file__).parent.rglob("test_*.py"))
-    assert uses <= MOST, "write pytest.mark.parametrize with ids: CONTRIBUTING, How code and tests read"
+def test_a_small_table_is_parametrized() -> None:
+    with pytest.raises(pytest.UsageError, match=r"number: 40 rows; a table of up to 40 is pytest.mark.parametrize"):
+        rows("number", range(40))(skip_below)(bound=0)

@@ -159,8 +159,8 @@ def test_any_whole_angle_is_brought_to_the_circle(angle: Any, sent: int) -> None
 # Lengths
 
 
-@rows("protocol", [PROTOCOL, FIRMWARE])
-@rows("name", [row[1] for row in TABLES_4_AND_5])
+@pytest.mark.parametrize("protocol", [PROTOCOL, FIRMWARE], ids=["canopen", "firmware2014"])
+@pytest.mark.parametrize("name", [row[1] for row in TABLES_4_AND_5])
 def test_2014_length_never_looked_at_so_short_frames_read_left_over_bytes(protocol: Protocol, name: str) -> None:
     binding = protocol.binding(name)
     assert binding.lengths == ((6, 8) if name == "Goto XY" else (binding.layout.length,))

@@ -18,7 +18,6 @@ from eurobot_od.season.columns import batches
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw
 from eurobot_od.traffic.formats import lines
-from tests.rows import rows
 
 LINES = (
     b"(1.500000) can0 008#D27423592C01C3A5\n",
@@ -80,8 +79,8 @@ def _named(raw: Raw) -> Raw:
     return Foreign(raw.damage.value, text)  # type: ignore[arg-type]
 
 
-@rows("line", LINES)
-@rows("ending", [b"", b"(9.000000) can0 009#09\n", b"(9.00"])
+@pytest.mark.parametrize("line", LINES)
+@pytest.mark.parametrize("ending", [b"", b"(9.000000) can0 009#09\n", b"(9.00"])
 def test_a_line_is_what_its_reader_says(line: bytes, ending: bytes, tmp_path: Path) -> None:
     file = tmp_path / "one.log"
     file.write_bytes(LINES[0] + line + ending)

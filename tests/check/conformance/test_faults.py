@@ -44,7 +44,7 @@ def test_the_first_red_step_of_a_chapter_is_the_one_that_a_fault_names(chapter: 
 
 
 @rows("chapter, name", ((chapter, name) for chapter, faults in by_chapter().items() for name in faults), sample=8)
-def test_so_is_it_for_some_faults_other_ones_each_day(chapter: str, name: str) -> None:
+def test_a_fault_alone_turns_the_step_red_that_it_names(chapter: str, name: str) -> None:
     assert wrong(chapter, {name: CONFORMANCE[name]}) == {}
 
 

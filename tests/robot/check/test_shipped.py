@@ -110,7 +110,7 @@ def test_a_fault_turns_the_step_red_that_names_its_cause(dialect: str, name: str
     assert fault_matrix.named_red(name, outcome), outcome.red
 
 
-@rows("dialect", dialects.names())
+@pytest.mark.parametrize("dialect", dialects.names())
 @rows("words, suite, step", SENTENCES)
 def test_every_sentence_of_the_document_has_a_step(dialect: str, words: str, suite: str, step: str) -> None:
     assert any(name.startswith(step) for name in names(fault_matrix.shipped(dialect)[suite])), words
