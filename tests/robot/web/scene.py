@@ -37,7 +37,7 @@ def robot(channel: str) -> Iterator[tuple[Core, World]]:
     kept = stores(SETTINGS, files)
     kinds: dict[str, type[Node]] = {"core": Core, "drive": Drive, "navigation": Navigation}
     nodes = [kind(files[name], store=kept[name]) for name, kind in kinds.items()]
-    world = assemble(nodes, MatchOptions(enemies=0, confederates=0), time.perf_counter)
+    world = assemble(nodes, MatchOptions(enemies=0, confederates=0, falling=False), time.perf_counter)
     with ExitStack() as stack:
         for node in reversed(nodes):
             stack.enter_context(Live.node(open_bus("virtual", channel), node))
