@@ -116,20 +116,20 @@ def test_a_value_is_written_as_a_number_or_as_a_person_writes_it(value: object, 
         assert network.devices[5].value("Profile velocity") == raw
 
 
-def test_a_factor_is_between_value_and_raw() -> None:
+def test_a_factor_is_between_value_and_raw(monkeypatch: pytest.MonkeyPatch) -> None:
     with servo(given={"Supply temperature": -40}) as network:
         temperature = network[5]["Supply temperature"]
         assert (temperature.value, temperature.raw, temperature.text) == (-4.0, -40, "-4 degC")
         temperature = network[5]["Brake delay"]
-        temperature.od.factor = 0.001
+        monkeypatch.setattr(temperature.od, "factor", 0.001)
         temperature.value = 0.25
         assert (temperature.raw, temperature.bytes, temperature.limits) == (250, b"\xfa\0", Range(0, 1000))
 
 
-def test_a_word_of_canopen_s_value_descriptions_is_a_value() -> None:
+def test_a_word_of_canopen_s_value_descriptions_is_a_value(monkeypatch: pytest.MonkeyPatch) -> None:
     with servo() as network:
         mode = network[5]["Modes of operation"]
-        mode.od.value_descriptions = {3: "profile velocity"}
+        monkeypatch.setattr(mode.od, "value_descriptions", {3: "profile velocity"})
         mode.value = "Profile Velocity"
         assert (mode.raw, mode.text) == (3, "profile velocity")
 

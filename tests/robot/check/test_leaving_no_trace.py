@@ -46,7 +46,7 @@ def left(node: Node) -> Left:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("suite", suites())
+@pytest.mark.parametrize("suite", [*suites()])
 def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
     nodes: list[Node] = []
     before: dict[str, Left] = {}

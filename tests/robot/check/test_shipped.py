@@ -89,7 +89,7 @@ def suites() -> Iterator[tuple[str, str]]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("dialect", "name"), suites())
+@pytest.mark.parametrize(("dialect", "name"), [*suites()])
 def test_a_suite_is_green_without_a_fault(dialect: str, name: str) -> None:
     assert [fault_matrix.do(Run(dialect, name, None, seed)).red for seed in (1, 2)] == [(), ()]
 
@@ -116,7 +116,7 @@ def test_every_sentence_of_the_document_has_a_step(dialect: str, words: str, sui
     assert any(name.startswith(step) for name in names(fault_matrix.shipped(dialect)[suite])), words
 
 
-@pytest.mark.parametrize(("dialect", "name"), suites())
+@pytest.mark.parametrize(("dialect", "name"), [*suites()])
 def test_steps_that_check_something_have_names_of_their_own(dialect: str, name: str) -> None:
     written = [each for each in names(fault_matrix.shipped(dialect)[name]) if ": " in each]
     assert len(set(written)) == len(written) >= 5
