@@ -52,8 +52,9 @@ def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
     before: dict[str, Left] = {}
 
     def all_nodes(_: Mapping[str, Dictionary], seed: int, clock: Callable[[], float]) -> Sequence[NodeUnderTest]:
-        """Make the others, too, which a suite may touch; they do nothing by themselves."""
-        nodes[:] = [made.node for made in Plugins(ROBOT).under_test(suite.dictionaries, seed, clock)]
+        """Make the others, too, which a suite may touch; but a core stops a robot that others than it have sent."""
+        made = [each.node for each in Plugins(ROBOT).under_test(suite.dictionaries, seed, clock)]
+        nodes[:] = [node for node in made if "core" in suite.nodes or not isinstance(node, Core)]
         before.update({node.name: left(node)._replace(state=NmtState.OPERATIONAL) for node in nodes})
         tested = (partial(drill, node) if isinstance(node, Core) and "core" in suite.nodes else None for node in nodes)
         return [NodeUnderTest(node, program) for node, program in zip(nodes, tested)]
