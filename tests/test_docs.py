@@ -49,7 +49,7 @@ STAND_INS = (
     (r"socketcan", "virtual"),
     (r"-i remote -c ws://\S+", "-i virtual -c can0"),
     (r"--seeds \d+", "--seeds 2 --jobs 1"),
-    (r"(eurobot-od match\b(?!.*--(?:duration|emergency-at)))", r"\1 --duration 5"),
+    (r"(eurobot-od match\b(?!.*--(?:duration|emergency-at)))", r"\1 --for 5"),
     (r"((?:eurobot-od|canopen-workbench) serve.*)", r"\1 --listen 127.0.0.1:0"),
 )
 ENDLESS = ("node", "monitor", "serve")

@@ -29,16 +29,16 @@ LOG = "(0.000000) can0 605#4000100000000000\n(0.000400) can0 585#430010009201020
 
 COMMANDS = [
     # (command line, exit status, what it says)
-    (("match", "--duration", "5", "--log", "match.log"), 0, "points: ours"),
-    (("match", "--duration", "5", "--seeds", "2", "--jobs", "2"), 0, "2 matches"),
-    (("match", "--duration", "2", "--speed", "real"), 0, "points: ours"),
+    (("match", "--for", "5", "--log", "match.log"), 0, "points: ours"),
+    (("match", "--for", "5", "--seeds", "2", "--jobs", "2"), 0, "2 matches"),
+    (("match", "--for", "2", "--speed", "real"), 0, "points: ours"),
     (("lint", "motor.eds"), 0, "W442"),
     (("lint", "moto*.eds"), 0, "W442"),  # which a shell of Windows hands over as it is
     (("decode", "motor.log", *MOTOR), 0, "0x1000"),
     (("decode", "motor.log", *MOTOR, "--statistics"), 0, "605"),
     (("check", "drive", "--simulate", "--step", "check request"), 0, "11 ok"),
     (("check", "--conformance", "--simulate", "--tag", "emcy", *MOTOR), 0, "motor"),
-    (("node", *MOTOR, "-i", "virtual", "-c", "can0", "--duration", "100 ms", "--store", "kept.dcf"), 0, "node-ID 5"),
+    (("node", *MOTOR, "-i", "virtual", "-c", "can0", "--for", "100 ms", "--store", "kept.dcf"), 0, "node-ID 5"),
     (("monitor", "motor.log", "--statistics", *MOTOR), 0, "605"),
     (("archive", "mot*.log", "-o", "season", *MOTOR), 0, "motor.log"),
     (("query", "season", "SELECT count(*) AS n FROM frames"), 0, "2"),

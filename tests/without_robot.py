@@ -76,7 +76,7 @@ def commands(devices: Sequence[str]) -> Iterator[tuple[str, ...]]:
         ("export", "mcap", "motor.log", "-o", "motor.mcap"),
     )
     on_bus = (
-        ("node", "--node-id", "6", "--duration", "100 ms"),
+        ("node", "--node-id", "6", "--for", "100 ms"),
         ("send", "605#4000100000000000", "--expect", "585#"),
         ("check", "motor.check.yaml"),
         ("replay", "motor.log"),

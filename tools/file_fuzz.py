@@ -110,7 +110,7 @@ KINDS = {
     "protocol table": Kind(".yaml", partial(shipped, "protocol.yaml"), ("make-eds FILE -o OUT",)),
     "network": Kind(".yaml", partial(shipped, "network.yaml"), ("show --network FILE", "lint --network FILE")),
     "suite": Kind(".yaml", suites, ("check FILE --list",)),
-    "stored parameters": Kind(".dcf", stored, ("node core --store FILE --duration 0s",)),
+    "stored parameters": Kind(".dcf", stored, ("node core --store FILE --for 0s",)),
     **{f"log {suffix}": Kind(suffix, partial(logs, suffix), READING) for suffix in (".log", ".asc", ".csv", ".trc")},
     **{f"log {suffix}": Kind(suffix, partial(logs, suffix), READING) for suffix in (".blf", ".db")},
 }

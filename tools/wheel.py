@@ -34,7 +34,7 @@ class Try(NamedTuple):
 LOG = "match.log"
 ALWAYS = (
     Try(("--version",), "eurobot-od "),
-    Try(("match", "--duration", "10", "--log", LOG), "points: ours"),
+    Try(("match", "--for", "10", "--log", LOG), "points: ours"),
     Try(("decode", LOG), "boot-up"),
     Try(("check", "bytes", "--simulate"), "ok"),
     Try(("decode", LOG), "node 1, boot-up", program="canopen-workbench"),
@@ -42,7 +42,7 @@ ALWAYS = (
 )
 OF_NEW_ROBOT = (
     Try(("doctor",), "robot      wings loads: wings.robot:ROBOT"),
-    Try(("match", "--duration", "10"), "Lift State Response "),
+    Try(("match", "--for", "10"), "Lift State Response "),
     Try(("check", "--simulate"), "1 suite: 20 ok"),
     Try(("export", "c"), "lift_set"),
 )

@@ -28,6 +28,7 @@ from eurobot_od.cli.signature import Command, Option, Parser, describe, summary
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
+    from eurobot_od.loading import PluginKind
     from eurobot_od.plugin import Plugin, Plugins
 
 COMMANDS = {
@@ -311,6 +312,16 @@ def find(command: str, robot: str | None = None) -> Command:
     return found
 
 
+def _of_a_robot(command: str, robots: PluginKind) -> str:
+    """Return which installed robot has a command, and how to give it; `` if none has."""
+    for name in robots.installed():
+        if command in robots.load(name).commands:
+            return (
+                f"{command} is a command of {name}: write {PROGRAM} {command}, or {program()} --robot {name} {command}"
+            )
+    return ""
+
+
 def _module(command: str, robot: str | None) -> ModuleType:
     if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
         return import_module(f"eurobot_od.cli.{MODULES.get(command, command)}")
@@ -318,8 +329,8 @@ def _module(command: str, robot: str | None) -> ModuleType:
 
     own = _with_packages(_find(robot)).commands()
     if command not in own:
-        unknown, robots = errors.UnknownName("command", command, [*COMMANDS, *own]), " or ".join(ROBOTS.installed())
-        raise unknown if own else errors.LocalError(f"{unknown} (a robot's commands need --robot {robots})")
+        unknown = errors.UnknownName("command", command, [*COMMANDS, *own])
+        raise unknown if own else errors.LocalError(f"{_of_a_robot(command, ROBOTS) or unknown}")
     name = own[command].module
     with blaming(f"command {command}", name, name):
         return import_module(name)

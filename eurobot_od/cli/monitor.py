@@ -20,7 +20,7 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, FrameNames, NoReconnect, positive
+from eurobot_od.cli.options import BusOptions, FrameNames, NoReconnect, Seconds, positive
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -56,6 +56,7 @@ def monitor(
     statistics: bool = False,
     ask: bool = False,
     log: Annotated[Path | None, Option(metavar="FILE")] = None,
+    duration: Annotated[Seconds, Option("--for")] = inf,
     no_reconnect: NoReconnect = False,
     devices: Devices,
     names: FrameNames,
@@ -73,6 +74,7 @@ def monitor(
     statistics: also print load, gaps, response times and bounds at the end
     ask: read the devices' present PDO parameters by SDO; without files, of all that answer
     log: write all frames there, in the format of its suffix
+    duration: how long to watch a bus (default: until Ctrl-C)
 
     $ monitor run.log --eds 5=motor.eds
     $ monitor --plain --eds 5=motor.eds -i socketcan -c can0
@@ -98,7 +100,7 @@ def monitor(
         record = stack.enter_context(recording(log, tell=complain))
         took, refresh = stack.enter_context((on_screen if rich else _lines)(session))
         with suppress(KeyboardInterrupt):  # the usual way to end it
-            session.run(took, refresh, record)
+            session.run(took, refresh, record, inf if logs else duration)
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     print("\n".join(plain_table(rows, source.now)))
     if statistics:
@@ -113,18 +115,18 @@ class Monitor(NamedTuple):
     controls: Controls
     source: Source
 
-    def run(self, took: Took, refresh: Refresh, record: Callable[[float, Frame], None]) -> None:
-        """Take in frames, record them and refresh what is shown until the source or the user ends it.
+    def run(self, took: Took, refresh: Refresh, record: Callable[[float, Frame], None], duration: float = inf) -> None:
+        """Take in frames, record them and refresh what is shown until the source, the user or `duration` s end it.
 
         While it is paused, frames are still taken in, but only a key changes what is shown.
         """
-        pressed = ""
+        pressed, end = "", time.monotonic() + duration
         with keys() as wait:
-            while self.controls.running and not self.source.ended:
-                for time, raw in self.source.poll():
+            while self.controls.running and not self.source.ended and time.monotonic() < end:
+                for seen, raw in self.source.poll():
                     if isinstance(raw, Frame):
-                        record(time, raw)
-                    took(time, self.traffic.take(time, raw, self.source.place, self.source.channel))
+                        record(seen, raw)
+                    took(seen, self.traffic.take(seen, raw, self.source.place, self.source.channel))
                 # A key may be the one that ends the pause, or that scrolls in it.
                 if pressed or not self.controls.paused:
                     refresh()

@@ -176,7 +176,7 @@ def node(
     name: Annotated[str | None, Option(metavar="node", suggest=lambda plugins: plugins.robot.nodes)] = None,
     *,
     one: OneNode,
-    duration: Seconds | None = None,
+    duration: Annotated[Seconds | None, Option("--for")] = None,
     device: DeviceOptions,
     stage: Annotated[Stage | None, Chosen(_stage)] = None,
     devices: Devices,

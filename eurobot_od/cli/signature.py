@@ -130,6 +130,12 @@ NOTHING = Hint(NoneType)
 # From a function to its parser
 
 
+OTHERWISE_CALLED = {"--duration": "--for", "--seconds": "--for", "--time": "--for", "--interval": "--period"}
+"""Names of options that other programs have, and ours."""
+
+DEVICE_FILES = (".eds", ".dcf", ".xdd", ".xdc")
+
+
 class Forms(NamedTuple):
     """A command of several forms: what it does, and the function of each form by its word."""
 
@@ -161,7 +167,8 @@ class Parser(ArgumentParser):
             width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
         except (ValueError, OSError):  # no number; no terminal
             width = 80
-        super().__init__(prog, formatter_class=partial(kind, width=width - 2), **settings)
+        # Whole names only: `--for` would be taken for `--format` by a command that has no `--for`.
+        super().__init__(prog, formatter_class=partial(kind, width=width - 2), allow_abbrev=False, **settings)
 
     @property
     def known(self) -> Namespace:
@@ -184,9 +191,31 @@ class Parser(ArgumentParser):
         """Exit, and say the order of what has no name of its own if one of that is wrong; raises SystemExit."""
         places = " ".join(each.dest.upper() for each in self._get_positional_actions())
         order = f"; write {self.prog} {places}" if " " in places and re.match(r"argument [^-]", message) else ""
-        unknown = re.match(r"unrecognized arguments: (--[^ =]+)", message)
-        near = meant(unknown[1], [*self._option_string_actions]) if unknown else ""
-        self.exit(2, f"{self.prog}: error: {message}{order}{near}; see {self.prog} --help\n")
+        unknown = re.match(r"unrecognized arguments: (\S+)", message)
+        better = _instead(unknown[1].partition("=")[0], [*self._option_string_actions]) if unknown else ""
+        if unknown and [each.dest for each in self._get_positional_actions()] == ["command"]:
+            better = f"; the command comes first: {self.prog} COMMAND {unknown[1]} ..."
+        self.exit(2, f"{self.prog}: error: {message}{order}{better}; see {self.prog} --help\n")
+
+
+class FormParser(Parser):
+    """Reports what a form does not take itself, as it knows the options; argparse leaves that to the command."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Read the words; exits if one is unknown."""
+        given, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return given, unknown
+
+
+def _instead(word: str, options: Sequence[str]) -> str:
+    """Return what to write in place of a word that a command with these options does not take; `` if unknown."""
+    if (usual := OTHERWISE_CALLED.get(word)) in options:
+        return f"; here that is {usual}"
+    if word.lower().endswith(DEVICE_FILES) and "--eds" in options:
+        return f"; the file of a device is --eds {word}"
+    return meant(word, options) if word.startswith("--") else ""
 
 
 def summary(command: Command) -> str:
@@ -221,7 +250,8 @@ def describe(parser: Parser, command: Command) -> Call:
         return careful
     if parser.words and parser.words[0][:1] != "-" and parser.words[0] not in command.functions:
         raise UnknownName("form", parser.words[0], command.functions)
-    forms, calls = parser.add_subparsers(dest="form", metavar="FORM", required=True), dict[str, Call]()
+    forms = parser.add_subparsers(dest="form", metavar="FORM", required=True, parser_class=FormParser)
+    calls = dict[str, Call]()
     for name, each in command.functions.items():
         form = forms.add_parser(name, help=summary(each), description=summary(each))
         if not parser.words or parser.words[0] == name:  # of the others only the names are needed

@@ -181,7 +181,7 @@ def test_a_device_whose_file_moves_its_sdo_server_is_served_there(
     (answer,) = device.receive(Frame(0x650, bytes.fromhex("4000100000000000")), 0.0)
     assert (answer.cob_id, answer.data[:4].hex()) == (0x5D5, "43001000")
     assert device.receive(Frame(0x605, bytes.fromhex("4000100000000000")), 0.0) == []
-    said = run(capsys, "node", "--eds", f"5={tmp_path / 'moved.eds'}", "--duration", "1 ms", "-i", "virtual")
+    said = run(capsys, "node", "--eds", f"5={tmp_path / 'moved.eds'}", "--for", "1 ms", "-i", "virtual")
     assert said.out.endswith("\nits SDO server is at 0x650, answers at 0x5D5, as its file says (0x1200)\n")
 
 
@@ -195,7 +195,7 @@ def test_of_several_devices_each_says_where_its_sdo_server_was_moved_to(
         "nodes: {a: {file: plain.eds, node_id: 5}, b: {file: moved.eds, node_id: 6}}"
     )
     said = run(
-        capsys, "node", "--network", str(tmp_path / "network.yaml"), "--duration", "1 ms", "-i", "virtual"
+        capsys, "node", "--network", str(tmp_path / "network.yaml"), "--for", "1 ms", "-i", "virtual"
     ).out.splitlines()
     assert "a (node-ID 5), b (node-ID 6); Ctrl-C" in said[0]
     assert said[1:] == ["b: its SDO server is at 0x650, answers at 0x5D5, as its file says (0x1200)"]
@@ -217,9 +217,7 @@ def test_several_devices_are_drives_as_one_is(
 def test_a_device_of_a_network_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "network.yaml"
     file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}")
-    said = run(
-        capsys, "node", "gate", "--network", str(file), "--duration", "1 ms", "--fault", "babbling", "-i", "virtual"
-    )
+    said = run(capsys, "node", "gate", "--network", str(file), "--for", "1 ms", "--fault", "babbling", "-i", "virtual")
     assert (said.status, said.out.partition(" on ")[0]) == (0, "gate (node-ID 6)")
 
 

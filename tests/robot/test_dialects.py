@@ -136,7 +136,7 @@ def test_a_new_dialect_is_found_and_plays_a_match(made_up: Path) -> None:
         ROOT / "eurobot_od", made_up.parents[1] / "eurobot_od", ignore=shutil.ignore_patterns("__pycache__")
     )
     shutil.copy(dialects.eds_folder() / "robot.yaml", made_up.parent)
-    command = [sys.executable, "-m", "eurobot_od", "match", "--dialect", "made_up", "--duration", "4", "--json"]
+    command = [sys.executable, "-m", "eurobot_od", "match", "--dialect", "made_up", "--for", "4", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=made_up.parents[1])
     assert (done.returncode, done.stderr) == (0, "")
     match = json.loads(done.stdout)

@@ -58,7 +58,7 @@ def test_a_match_that_a_core_leads_goes_on_when_the_bus_server_is_restarted(tmp_
         assert where is not None
         options = "--world", where[1], *shared(port)
         with node("drive", *options), node("navigation", *options):
-            leading = "core", "--strategy", str(file), "--duration", "5 s", *options
+            leading = "core", "--strategy", str(file), "--for", "5 s", *options
             with process(*EUROBOT_OD, "node", *leading) as core:
                 core.line("playing")
                 first.kill()

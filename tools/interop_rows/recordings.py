@@ -100,7 +100,7 @@ def read_by_python_can(folder: Path) -> Answer:
 
 def _read_match(file: Path) -> int:
     with contextlib.redirect_stdout(io.StringIO()):
-        agree("the exit status", cli.main(["match", "--duration", "3", "--log", str(file)]), 0)
+        agree("the exit status", cli.main(["match", "--for", "3", "--log", str(file)]), 0)
     with file.open("rb") as opened:
         ours = [raw for *_, raw in formats.read(opened)]
     with can.LogReader(file) as reader:

@@ -14,6 +14,7 @@ import errno
 import json
 import logging
 import os
+import re
 import socket
 import subprocess
 from collections.abc import Iterator
@@ -220,6 +221,37 @@ ADAPTERS = {
     ("ad50", "60c4"): Adapter("CANable with slcan", "", "slcan", _pip("serial")),
     ("0403", "ffa8"): Adapter("Lawicel CANUSB", "", "slcan", _pip("serial")),
 }
+
+
+DRIVERS = {each.interface: each.needs for each in ADAPTERS.values()} | {
+    "ixxat": "HMS' VCI driver, on Windows; on Linux -i socketcan",
+    "vector": "Vector's XL Driver Library, on Windows",
+    "nican": "NI-CAN, on Windows",
+    "nixnet": "NI-XNET",
+    "systec": "SYS TEC's driver, on Windows",
+    "serial": _pip("serial"),
+    "seeedstudio": _pip("serial"),
+    "robotell": _pip("serial"),
+    "neovi": _pip("neovi"),
+}
+"""What each interface of python-can needs to be installed."""
+
+
+NO_CHANNEL = re.compile(r"argument: 'channel'|specify a serial port", re.IGNORECASE)
+"""What drivers of python-can say without a channel."""
+
+
+def driver_remedy(interface: str | None, error: BaseException) -> str:
+    """Return what helps if an interface of python-can has no channel, or its driver is missing; `` if neither."""
+    from can import CanInterfaceNotImplementedError
+
+    if NO_CHANNEL.search(str(error)):
+        return "name its channel: -c; `doctor` lists what is here"
+    # Kvaser's driver without its library is a NameError, PEAK's an OSError that no system has a number for.
+    absent = isinstance(error, (ImportError, NameError, CanInterfaceNotImplementedError))
+    if interface in DRIVERS and (absent or (isinstance(error, OSError) and error.errno is None)):
+        return f"it needs {DRIVERS[interface]}"
+    return ""
 
 
 def plugged_in(folder: Path = USB) -> list[Adapter]:

@@ -18,7 +18,7 @@ from contextlib import suppress
 from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from eurobot_od.bus.live.adapters import BITRATE, INSTEAD, ONLY_LINUX, SOCKETCAN, remedy, silence_logs
+from eurobot_od.bus.live.adapters import BITRATE, INSTEAD, ONLY_LINUX, SOCKETCAN, driver_remedy, remedy, silence_logs
 from eurobot_od.errors import BusError, UnknownName
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
 from eurobot_od.support import extras
@@ -106,7 +106,9 @@ def open_bus(interface: str | None = None, channel: str | int | None = None, bit
         return bus
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
-        why = _with_remedy(error, str(channel) if interface == SOCKETCAN else None)
+        is_linux = interface == SOCKETCAN
+        helps = remedy(_number(error), str(channel)) if is_linux else driver_remedy(interface, error)
+        why = _with_remedy(error, helps)
         if interface == "remote" and _number(error) == errno.ECONNREFUSED:
             why += "; nobody shares a bus there: `node --share PORT` does, in another terminal"
         if interface is not None and interface not in BACKENDS:
@@ -133,9 +135,8 @@ def share(port: int) -> str:
     return channel
 
 
-def _with_remedy(error: BaseException, name: str | None) -> str:
-    """Return an error in one line, with what helps if it is one with the SocketCAN interface of a name."""
-    helps = remedy(_number(error), name) if name else ""
+def _with_remedy(error: BaseException, helps: str) -> str:
+    """Return an error in one line, with what helps, if that is known."""
     return f"{_one_line(error)}; {helps}" if helps else _one_line(error)
 
 
@@ -256,8 +257,8 @@ def _is_of(bus: can.BusABC, interface: str) -> bool:
 
 def failure(bus: can.BusABC, error: BaseException) -> BusError:
     """Return an error of a driver in one line."""
-    name = str(getattr(bus, "channel", "")) if _is_of(bus, SOCKETCAN) else None
-    return BusError(f"the bus {bus.channel_info} failed: {_with_remedy(error, name)}")
+    helps = remedy(_number(error), str(getattr(bus, "channel", ""))) if _is_of(bus, SOCKETCAN) else ""
+    return BusError(f"the bus {bus.channel_info} failed: {_with_remedy(error, helps)}")
 
 
 Opener: TypeAlias = "Callable[[], can.BusABC]"

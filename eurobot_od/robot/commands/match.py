@@ -101,7 +101,7 @@ class AskedMatch:
     sides: Sides
     seed: int | None = None
     seeds: Annotated[range | None, Option(metavar="N|FIRST-LAST", read=_seeds)] = None
-    duration: MatchTime | None = None
+    duration: Annotated[MatchTime | None, Option("--for")] = None
     speed: Literal["fast", "real"] = "fast"
     emergency_at: MatchTime | None = None
     strategy: File | None = None

@@ -45,7 +45,7 @@ class NodeOptions:
     team: core only: check the nodes and configure the start
     drill: core only: do what the core does when it is checked
     world: wheels, beacons, sensor in `world`
-    strategy: core in a world: play a match by a strategy file, or `shipped`, then end; --duration: the match's
+    strategy: core in a world: play a match by a strategy file, or `shipped`, then end; --for: the match's
     """
 
     team: TeamColour | None = None

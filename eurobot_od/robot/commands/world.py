@@ -44,7 +44,7 @@ def world(
     seed: int = 1,
     errors: WorldErrors = (),
     facts: Annotated[Sequence[tuple[str, str]], Option("--set"), assigned("FACT=VALUE")] = (),
-    duration: Seconds | None = None,
+    duration: Annotated[Seconds | None, Option("--for")] = None,
     as_json: Json = False,
     dialect: Dialect = None,
     robot_name: RobotName = None,

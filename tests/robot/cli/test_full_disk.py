@@ -8,7 +8,7 @@ import pytest
 
 from tests.cli import test_full_disk as disk
 
-WRITING = ("field LOG -o FILE", "match --duration 1 --log FILE", "check bytes --simulate --junit FILE")
+WRITING = ("field LOG -o FILE", "match --for 1 --log FILE", "check bytes --simulate --junit FILE")
 LOG = "".join(f"({n}.5) can0 100#E8431F5A00\n" for n in range(100))
 """Kalman Position Response: the robot's way is drawn from it."""
 

@@ -42,7 +42,7 @@ def test_a_core_starts_up_with_the_others_and_ends_in_time(shared_bus: str) -> N
     with node("drive", *bus) as drive, node("navigation", *bus) as navigation:
         line(drive, "drive (node-ID 2) on ")
         line(navigation, "navigation (node-ID 3) on ")
-        with node("core", "--team", "yellow", "--duration", "100 ms", *bus) as core:
+        with node("core", "--team", "yellow", "--for", "100 ms", *bus) as core:
             for what in ("core (node-ID 1) on ", "drive answered after ", "navigation answered after "):
                 line(core, what)
             line(core, "start configuration confirmed after ")
@@ -65,7 +65,7 @@ def test_each_line_is_there_for_another_program_at_once(monkeypatch: pytest.Monk
     with ExitStack() as stack:
         for each in others:
             stack.enter_context(Live.node(open_bus("virtual", channel), each))
-        words = ["node", "core", "--team", "red", "--verbose", "--duration", "1 ms", "-i", "virtual", "-c", channel]
+        words = ["node", "core", "--team", "red", "--verbose", "--for", "1 ms", "-i", "virtual", "-c", channel]
         assert cli.main(words) == 0
     assert "start configuration confirmed after " in pipe.getvalue()
     assert "  Check Drive Response\n" in pipe.getvalue()
@@ -145,7 +145,7 @@ def test_a_drill_that_is_terminated_leaves_a_robot_that_stands(shared_bus: str) 
 
 def test_a_drill_ends_with_the_duration(shared_bus: str) -> None:
     bus = ("-i", "remote", "-c", shared_bus)
-    with partners(shared_bus) as drive, node("core", "--drill", "--duration", "1 s", *bus) as core:
+    with partners(shared_bus) as drive, node("core", "--drill", "--for", "1 s", *bus) as core:
         assert core.wait(PATIENCE) == 0
         assert drive.stopped_by is None  # its first goto would have come after 10 s
 
@@ -174,7 +174,7 @@ def eds(tmp_path: Path) -> str:
 
 def test_a_node_of_the_robot_that_is_named_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
     files = "--network", str(dialects.folder("canopen")), "--robot", "eurobot2014"
-    said = run(capsys, "node", "drive", *files, "--duration", "1 ms", "-i", "virtual")
+    said = run(capsys, "node", "drive", *files, "--for", "1 ms", "-i", "virtual")
     assert said.out.startswith("drive (node-ID 2)")
     said = run(capsys, "node", "drive", *files, "--set", "0x1017=5")
     assert said.complaint == "eurobot-od: unknown fact '0x1017'; known: body, match, field, barriers, tasks, robots"

@@ -21,7 +21,7 @@ from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 from tests.robot.document import NAMES
 
-SHORT = ["match", "--duration", "2"]
+SHORT = ["match", "--for", "2"]
 SCRIPT = [sys.executable, "-m", "eurobot_od"]
 
 
@@ -70,7 +70,7 @@ def test_a_terminal_has_colours(capsys: pytest.CaptureFixture[str], monkeypatch:
 
 
 def test_json_has_every_message(capsys: pytest.CaptureFixture[str]) -> None:
-    data = json.loads(run(capsys, "match", "--duration", "10", "--json").out)
+    data = json.loads(run(capsys, "match", "--for", "10", "--json").out)
     frames = data["summary"]["frames"]
     assert list(frames) == EurobotProtocol.load().names()
     assert data["summary"]["messages_sent"] == sum(count > 0 for count in frames.values())
@@ -82,7 +82,7 @@ def test_json_has_every_message(capsys: pytest.CaptureFixture[str]) -> None:
 def test_json_of_an_emergency_has_all_messages_and_nothing_moves_afterwards(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    data = json.loads(run(capsys, "match", "--duration", "10", "--emergency-at", "4", "--json").out)
+    data = json.loads(run(capsys, "match", "--for", "10", "--emergency-at", "4", "--json").out)
     assert all(data["summary"]["frames"][name] for name in NAMES)
     kinds = [event["kind"] for event in data["timeline"]]
     assert "goto" not in kinds[kinds.index("emergency") :]
@@ -96,13 +96,13 @@ def test_json_of_an_emergency_has_all_messages_and_nothing_moves_afterwards(
         (["--enemies", "0", "--confederates", "0"], "red, 0 enemies, 0 confederates"),
         (["--enemies", "1"], "red, 1 enemy, 1 confederate"),
         (["--dialect", "firmware2014"], "EDS files: firmware2014"),
-        (["--duration", "2.5"], "begins, 2.5 s long"),
-        (["--duration", "2500ms"], "begins, 2.5 s long"),
-        (["--duration", "0.05 min"], "begins, 3 s long"),
+        (["--for", "2.5"], "begins, 2.5 s long"),
+        (["--for", "2500ms"], "begins, 2.5 s long"),
+        (["--for", "0.05 min"], "begins, 3 s long"),
     ],
 )
 def test_options_show_in_the_timeline(capsys: pytest.CaptureFixture[str], words: list[str], told: str) -> None:
-    said = run(capsys, "match", "--duration", "1", *words)
+    said = run(capsys, "match", "--for", "1", *words)
     assert said.status == 0
     assert told in said.out
 
@@ -192,7 +192,7 @@ def mine(tmp_path: Path) -> Callable[[str], Path]:
 
 
 def test_a_team_plays_its_own_strategy(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
-    said = run(capsys, "match", "--duration", "3", "--enemies", "0", "--strategy", str(mine(ARRIVES)))
+    said = run(capsys, "match", "--for", "3", "--enemies", "0", "--strategy", str(mine(ARRIVES)))
     assert (said.status, said.err) == (0, "")
     assert "on the way\n" in said.out
     assert said.out.count("goto       (400, 1800) 0 deg, 15 %") == said.out.count("arrived    ") == 1
@@ -212,7 +212,7 @@ def test_a_strategy_that_raises_ends_the_match_with_log_and_picture(
 ) -> None:
     file, log, picture = mine(RAISES), tmp_path / "mine.log", tmp_path / "mine.svg"
     words = ["--enemies", "0", "--strategy", str(file), "--log", str(log), "--field", str(picture)]
-    said = run(capsys, "match", "--duration", "4", *words)
+    said = run(capsys, "match", "--for", "4", *words)
     assert said.status == 1
     place = [f'  File "{file}", line 4, in play', "    return [][0]", "IndexError: list index out of range"]
     assert said.err.splitlines()[-3:] == place
@@ -284,7 +284,7 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
         (["--emergency-at", "0"], "argument --emergency-at: a time of 0 is not above 0"),
         (["--emergency-at", "-1"], "argument --emergency-at: '-1 s' is not a duration"),
         (["--emergency-at", "nan"], "argument --emergency-at: 'nan' is not a duration"),
-        (["--duration", "inf"], "argument --duration: 'inf' is not a duration"),
+        (["--for", "inf"], "argument --for: 'inf' is not a duration"),
         (["--enemies", "3"], "argument --enemies: unknown value '3'; known: 0, 1, 2"),
         (["--confederates", "2"], "argument --confederates: unknown value '2'; known: 0, 1"),
         (["--team", "blue"], "argument --team: unknown value 'blue'; known: yellow, red"),
@@ -413,7 +413,7 @@ def test_strategies_are_compared_side_by_side(
 ) -> None:
     quick = mine(ARRIVES).rename(tmp_path / "quick.py")
     slow = mine("async def play(core):\n    pass\n")
-    words = ["--seeds", "2-3", "--jobs", "1", "--duration", "3"]
+    words = ["--seeds", "2-3", "--jobs", "1", "--for", "3"]
     said = run(capsys, "match", "--compare", str(quick), str(slow), *words)
     assert said.status == 0
     assert [line.split()[0] for line in said.out.splitlines()[2:5]] == ["2", "3", "mean"]
@@ -427,7 +427,7 @@ def test_the_matches_of_a_seed_are_one_page(
         mine('async def play(core):\n    core.say("here")\n').rename(tmp_path / "talks.py"),
         tmp_path / "two.html",
     )
-    words = ["--seeds", "7-7", "--jobs", "1", "--duration", "3", "--field", str(page)]
+    words = ["--seeds", "7-7", "--jobs", "1", "--for", "3", "--field", str(page)]
     said = run(capsys, "match", "--compare", str(talks), str(mine("async def play(core):\n    pass\n")), *words)
     assert said.out.splitlines()[-1] == f"{page}: seed 7, at which the points differ most"
     content = json.loads(page.read_text().partition('id="content">')[2].partition("</script>")[0])
@@ -437,7 +437,7 @@ def test_the_matches_of_a_seed_are_one_page(
 
 def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
     words = ["--seeds", "2-4", "--jobs", "1", "--enemies", "0", "--strategy", str(mine(ARRIVES))]
-    said = run(capsys, "match", "--duration", "3", *words)
+    said = run(capsys, "match", "--for", "3", *words)
     lines = said.out.splitlines()
     assert (said.status, said.err) == (0, "".join(f"seed {seed}: on the way\n" for seed in (2, 3, 4)))
     assert [line.split() for line in lines if line.startswith("arrived")] == [["arrived", "3", "3"]]
@@ -450,7 +450,7 @@ def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str], mi
 def test_json_of_many_seeds_is_an_object_a_line_the_same_on_any_number_of_processes(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    words = ["match", "--duration", "3", "--seeds", "3", "--json", "--jobs"]
+    words = ["match", "--for", "3", "--seeds", "3", "--json", "--jobs"]
     here = run(capsys, *words, "1")
     there = subprocess.run([*SCRIPT, *words, "3"], capture_output=True, text=True, check=False)
     assert [json.loads(line)["seed"] for line in here.out.splitlines()] == [1, 2, 3]
@@ -471,7 +471,7 @@ def test_a_seed_that_went_wrong_is_listed(capsys: pytest.CaptureFixture[str], sp
 @pytest.mark.posix
 @pytest.mark.parametrize("form", [[], ["--json"]], ids=["table", "json"])
 def test_ctrl_c_ends_many_seeds_without_a_word_but_what_has_been_played(form: list[str]) -> None:
-    words = [*SCRIPT, "match", "--duration", "3", "--seeds", "1000", "--jobs", "2", *form]
+    words = [*SCRIPT, "match", "--for", "3", "--seeds", "1000", "--jobs", "2", *form]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as running:
         assert running.stdout
         assert running.stderr
@@ -488,7 +488,7 @@ def test_ctrl_c_ends_many_seeds_without_a_word_but_what_has_been_played(form: li
 
 def test_a_match_in_real_time_runs_on_the_virtual_bus(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     log = tmp_path / "live.db"
-    words = ["--duration", "1", "--speed", "real", "-i", "virtual", "-c", "test-match", "-b", "1000000"]
+    words = ["--for", "1", "--speed", "real", "-i", "virtual", "-c", "test-match", "-b", "1000000"]
     said = run(capsys, "match", *words, "--log", str(log))
     assert (said.status, said.err) == (0, "")
     assert "at 1000 kbit/s, in real time" in said.out
@@ -502,7 +502,7 @@ def test_a_match_in_real_time_runs_on_the_virtual_bus(capsys: pytest.CaptureFixt
 def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
     results = ["--results", str(tmp_path / "results"), "--json", "--jobs", "1"]
-    words = ["match", "--duration", "2", *results]
+    words = ["match", "--for", "2", *results]
     first = run(capsys, *words, "--seeds", "2", "--log", str(tmp_path / "{seed}.log"))
     assert (first.status, first.err) == (0, "")
     assert sorted(file.name for file in tmp_path.glob("*.log")) == ["1.log", "2.log"]
@@ -526,6 +526,6 @@ def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: p
 def test_campaigns_that_cannot_be_are_one_line(
     words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said = run(capsys, "match", "--duration", "2", *words)
+    said = run(capsys, "match", "--for", "2", *words)
     assert (said.status, said.out, len(said.err.splitlines())) == (2, "", 1)
     assert complaint in said.complaint

@@ -45,7 +45,7 @@ def mine(made: Path, tmp_path: Path) -> Path:
 
 WORKS = [
     # what is typed beside the folder, and what is printed
-    (["match", "--duration", "10", "--log", "a.log", "--field", "a.svg"], "Lift State Response "),
+    (["match", "--for", "10", "--log", "a.log", "--field", "a.svg"], "Lift State Response "),
     (["decode", "a.log"], "height=167 mm, speed=100 %"),
     (["field", "a.log", "-o", "b.svg"], ""),
     (["check", "--simulate"], "1 suite: 20 ok"),
@@ -57,7 +57,7 @@ WORKS = [
     (["faults", "core"], "lift-set-not-sent"),
     (["load"], "Lift Set"),
     (["export", "docs"], "Lift State Response"),
-    (["node", "lift", "-i", "virtual", "--duration", "100 ms"], "lift (node-ID 4)"),
+    (["node", "lift", "-i", "virtual", "--for", "100 ms"], "lift (node-ID 4)"),
     (["make-eds", "{files}/eds/protocol.yaml", "-o", "{files}/eds", "--check"], "as the table says"),
     (["--help"], "\nMy robot:\n  match"),
 ]
@@ -101,7 +101,7 @@ def test_a_real32_setting_and_a_message_that_is_sent_by_itself(mine: Path) -> No
             text = text.replace(old, new)
         (mine / name).write_text(text)
     assert command(mine, ["make-eds", "eds/protocol.yaml", "-o", "eds", "--robot", "."]).returncode == 0
-    played = ["match", "--robot", ".", "--duration", "10", "--log", "a.log", "--set", "lift.Lift drive.Gain=0.5"]
+    played = ["match", "--robot", ".", "--for", "10", "--log", "a.log", "--set", "lift.Lift drive.Gain=0.5"]
     said = command(mine, played)
     assert (said.returncode, said.stderr) == (0, "")
     assert said.stdout.startswith("    0.000 s  start      My robot: core, drive, navigation, lift at 500 kbit/s")
@@ -207,7 +207,7 @@ def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, ma
 
 @pytest.mark.long
 def test_a_match_goes_on_without_a_faulty_lift_and_says_so(made: Path) -> None:
-    said = command(made, ["match", "--duration", "3", "--fault", "lift-confirm-not-sent", "--robot", "."])
+    said = command(made, ["match", "--for", "3", "--fault", "lift-confirm-not-sent", "--robot", "."])
     assert (said.returncode, said.stderr) == (0, "")
     assert "without the lift: no LiftConfirm within 500 ms after LiftSet\n" in said.stdout
 

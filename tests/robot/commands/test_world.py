@@ -70,7 +70,7 @@ def lead(served: Scene, folder: Path, strategy: str, duration: str) -> subproces
     """Have a core play a match by a strategy, to its end."""
     file = folder / "mine.py"
     file.write_text(strategy, encoding="utf-8")
-    with node("core", "--strategy", str(file), "--duration", duration, *served.options) as core:
+    with node("core", "--strategy", str(file), "--for", duration, *served.options) as core:
         out, err = core.communicate(timeout=PATIENCE)
         return subprocess.CompletedProcess(core.args, core.returncode, out, err)
 
@@ -162,7 +162,7 @@ def test_a_world_that_is_told_to_end_says_what_it_came_to(told: signal.Signals) 
 
 
 def test_as_json_it_is_a_line_for_each_event_and_the_summary(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "world", "--listen", "127.0.0.1:0", "--json", "--duration", "1 ms")
+    said = run(capsys, "world", "--listen", "127.0.0.1:0", "--json", "--for", "1 ms")
     assert (said.status, said.err) == (0, "")
     first, last = map(json.loads, said.out.splitlines())
     assert (first["kind"], first["host"]) == ("start", "127.0.0.1")
@@ -182,7 +182,7 @@ def test_as_json_it_is_a_line_for_each_event_and_the_summary(capsys: pytest.Capt
 def test_beyond_this_machine_its_address_has_a_token(
     capsys: pytest.CaptureFixture[str], listen: str, printed: str
 ) -> None:
-    said = run(capsys, "world", "--listen", listen, "--duration", "1 ms")
+    said = run(capsys, "world", "--listen", listen, "--for", "1 ms")
     assert (said.status, said.err) == (0, "")
     assert re.search(printed, said.out)
 

@@ -278,7 +278,7 @@ WITHOUT_EXTRAS = """
 import sys
 sys.modules.update(dict.fromkeys(["duckdb", "polars", "pyarrow"]))
 from eurobot_od.cli import main
-sys.exit(main(["match", "--seeds", "7-7", "--jobs", "1", "--duration", "1"]))
+sys.exit(main(["match", "--seeds", "7-7", "--jobs", "1", "--for", "1"]))
 """
 
 

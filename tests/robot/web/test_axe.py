@@ -27,7 +27,7 @@ def our_robot(folder: Path) -> Iterator[str]:
 def two_logs(folder: Path) -> Iterator[str]:
     logs = [str(folder / f"match-{seed}.log") for seed in (1, 2)]
     for seed, log in enumerate(logs, 1):
-        assert cli.main(["match", "--seed", str(seed), "--duration", "6", "--log", log]) == 0
+        assert cli.main(["match", "--seed", str(seed), "--for", "6", "--log", log]) == 0
     with command("serve", "--listen", "127.0.0.1:0", *logs) as process:
         yield line(process, "http://").split()[0]
 

@@ -24,7 +24,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Logs of two short matches."""
     found = [tmp_path_factory.mktemp("logs") / f"match-{seed}.log" for seed in (1, 2)]
     for seed, log in enumerate(found, 1):
-        assert cli.main(["match", "--seed", str(seed), "--duration", "6", "--log", str(log)]) == 0
+        assert cli.main(["match", "--seed", str(seed), "--for", "6", "--log", str(log)]) == 0
     return found
 
 
@@ -304,7 +304,7 @@ def test_a_robot_that_is_no_longer_seen_is_hollow_and_says_its_age(page: Page) -
 def test_a_robot_is_drawn_by_its_outline(window: Page, tmp_path: Path) -> None:
     file = tmp_path / "match.html"
     outline = "body.outline=[[120, 60], [-120, 60], [-120, -60], [120, -60]]"
-    assert cli.main(["match", "--duration", "6", "--set", outline, "--field", str(file)]) == 0
+    assert cli.main(["match", "--for", "6", "--set", outline, "--field", str(file)]) == 0
     window.open(file.as_uri())
     window.run("clock.seek(clock.end)")
     window.wait("document.querySelector('.robot polygon')")
@@ -396,7 +396,7 @@ def test_a_match_has_the_window_with_its_clock_points_nodes_and_words(
     words = [
         "--strategy",
         str(strategy),
-        "--duration",
+        "--for",
         "12",
         "--enemies",
         "0",

@@ -192,7 +192,7 @@ def test_the_history_is_there_after_a_reload(scene: Scene) -> None:
 
 def test_a_log_has_a_trace_too(tmp_path: Path, window: Page) -> None:
     log, file = tmp_path / "match.log", tmp_path / "match.html"
-    assert cli.main(["match", "--duration", "3", "--log", str(log)]) == 0
+    assert cli.main(["match", "--for", "3", "--log", str(log)]) == 0
     assert cli.main(["field", str(log), "-o", str(file)]) == 0
     window.open(file.as_uri())
     window.click("#tab-trace")

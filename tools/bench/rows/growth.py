@@ -30,7 +30,7 @@ COMMANDS: Mapping[str, str] = {
     "monitor": "monitor --plain --speed max {log}",
     "lint": "lint {eds}",
     "show --objects": "show --objects --eds 5={eds}",
-    "match --seeds": "match --jobs 1 --duration 1 --seeds {times}",
+    "match --seeds": "match --jobs 1 --for 1 --seeds {times}",
 }
 """The commands; `{log}`, `{eds}` and `{times}` grow. `serve` reads all before it says where it is."""
 

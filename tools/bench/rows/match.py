@@ -15,7 +15,7 @@ from bench.process import OURS, PYTHON, Words, run
 from bench.rows.startup import ALL, LOADING, eds_files
 
 JOBS = 2
-SHORT = ("--duration", "5")
+SHORT = ("--for", "5")
 MORE, FURTHER = 8, 0.7
 """So many matches, of which each after the first is to take at most this share of the first one's time."""
 

@@ -68,7 +68,7 @@ COMMANDS = (
 )
 ENDING = (
     *(command for command in COMMANDS if not command.goes_on),
-    Command("match of 1 s", ALL, "match --duration 1"),
+    Command("match of 1 s", ALL, "match --for 1"),
 )
 LOADING = "import sys, canopen\nfor file in sys.argv[1:]: canopen.import_od(file)"
 MINIMAL_OBJECTS = 4

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from contextlib import suppress
-from math import inf
+from math import dist, inf
 from typing import NamedTuple
 
 from eurobot_od.device.timers import START, Ask, Pause, Script
 from eurobot_od.errors import DictionaryError, NoAnswer, RemoteError, StateError
 from eurobot_od.od.standard import REVISION
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.places import is_near
-from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
+from eurobot_od.robot.model.places import Point, is_near
+from eurobot_od.robot.model.robot_file import Facts
+from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, Passage
 from eurobot_od.robot.nodes.core.agreement import SdoClientParameter, compare
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.node import Component
@@ -163,7 +164,8 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
     while len(odd) < core.lost_after:
         state = yield core.ask_drive(messages.GotoStateRequest(), messages.GotoStateResponse)
         if state.time in FAULT_OUTCOME:
-            return End(FAULT_OUTCOME[state.time])
+            is_refused = state.time is GotoFault.NOT_POSSIBLE
+            return End(FAULT_OUTCOME[state.time], why_not_possible(core.facts, goto) if is_refused else "")
         if state.time == 0:
             # The 0 may belong to an earlier goto: the place has to agree.
             place = yield from drive_position(core)
@@ -177,6 +179,19 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
             odd.clear()
         yield Pause(core.state_request_period)
     return End(Outcome.LOST, odd[-1])
+
+
+def why_not_possible(facts: Facts, goto: messages.GotoXY) -> str:
+    """Return what a drive probably has against a goto: its answer has one code for all reasons."""
+    goal, field = Point(goto.x, goto.y), facts.field
+    if not goto.speed:
+        return "at speed 0 no place is reached"
+    if not field.contains(goal):
+        return f"({goto.x}, {goto.y}) is outside the field of {field.width:g} x {field.height:g} mm"
+    for barrier, passage in facts.flagged(goto.barriers):
+        if passage is Passage.FORCED and dist(barrier.point, goal) < barrier.kind.radius:
+            return f"({goto.x}, {goto.y}) is inside {barrier.name}, which is forced"
+    return "no way there keeps clear of border and forced barriers, or the drive is unsure of its place"
 
 
 def drive_position(core: CoreSettings) -> Script[messages.KalmanPositionResponse]:
