@@ -29,9 +29,9 @@ PAGE = ROOT / "docs" / "interop.md"
 OPENING = """\
 # Interop: what other people's programs say
 
-This page shows what other CANopen and CAN programs accept of our files and nodes, and where they disagree. The table
-is made by `python3 tools/interop.py --write`; `.ci/run` asks the same questions each time. Every program gets the six
-EDS files as they are, unless a row says otherwise.
+For anybody who uses our files or nodes with another program: what it accepts, and where we disagree. Made by
+`python3 tools/interop.py --write`; `.ci/run` asks the same. Every program gets the six EDS files as they are, unless a
+row says otherwise.
 """
 BY_HAND = "\n## "
 """Where the part of the page begins that people have written: it stays."""

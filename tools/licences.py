@@ -24,14 +24,12 @@ LONGEST = 60
 
 HEAD = """# Licences
 
-This package is under the MIT licence. What it needs, and what its extras bring, has licences of its own: pip installs
-those packages beside it. Some are copyleft: whoever passes on a program together with them has to keep to their terms.
-One is inside this package: uPlot, which draws the plots of the page, under the MIT licence. `REUSE.toml` gives the
-licence of each file of this package by SPDX. A wheel may hold libraries of others: that of resvg-py says which, in its
-SBOM, all under permissive licences.
+For anybody who passes this package on: its own licence is MIT. What it needs, and what its extras bring, has its own
+licences; some are copyleft. uPlot, which draws the plots of the page, is inside this package, under the MIT licence.
+`REUSE.toml` gives the licence of each file by SPDX. A wheel may hold libraries of others: that of resvg-py names them
+in its SBOM, all under permissive licences.
 
-Made by `python3 tools/wheel.py --licences`, from what the packages say about themselves; the versions are those of that
-day.
+Made by `python3 tools/wheel.py --licences` from what the packages say; the versions are those of that day.
 """
 
 

@@ -44,11 +44,10 @@ PARTS = {
 
 HEAD = """# Rules of `eurobot-od lint`
 
-This page lists every rule of `eurobot-od lint` with its source, and then compares which defects other checkers find. It
-is made by `tools/make_pages.py` from the tables of rules and the tests' table of defects; change it there.
+For anybody with a finding of `lint`: every rule with its source, and which of the same defects other checkers find.
 
 The letter of a code is the severity: E error, W warning, I info. "Public" names a source that anybody can read, for
-rules that do not follow from the standard's text alone.
+rules that do not follow from the standard's text alone. Made by `tools/make_pages.py`.
 """
 DEFECT_HEAD = """## The same defects in other checkers
 

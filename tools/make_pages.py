@@ -35,11 +35,10 @@ from eurobot_od.traffic.diagnosis.rules import BusRule  # noqa: E402
 
 ABORTS_HEAD = """# Why did my SDO abort?
 
-This page lists every abort that our devices send: the robot's nodes, and any device that `canopen-workbench node` or
-`simulated()` runs from its EDS. A client sees only the code. Look it up here, and see which of its reasons fits what
-you read or wrote. Clauses are those of CiA 301.
+For anybody whose SDO transfer was aborted: every abort that our devices send, with its reasons. Our devices are the
+robot's nodes and any device that `canopen-workbench node` or `simulated()` runs. Clauses are those of CiA 301.
 
-In Python a simulated device also tells the reason:
+In Python a simulated device also has the reason:
 
 ```python
 from contextlib import suppress
@@ -53,9 +52,8 @@ with simulated("docs/motor.eds", node_id=5) as network:
     print(network.devices[5].device.aborted.reason.name)  # TRANSMISSION_TYPE
 ```
 
-The page is made from the table in `eurobot_od/sdo/wire.py` by `tools/make_pages.py`, and a test
-provokes each row. The name leads to the line that sends it: `grep -rn Reason.PDO_VALID eurobot_od/`. A device that was
-given a fault may send other codes: that is the fault.
+Made from the table in `eurobot_od/sdo/wire.py` by `tools/make_pages.py`; a test provokes each row. The name leads to
+the line that sends it: `grep -rn Reason.PDO_VALID eurobot_od/`.
 
 | code | sent when | clause | name |
 |---|---|---|---|
@@ -73,12 +71,11 @@ def aborts() -> str:
 
 DIAGNOSIS_HEAD = """# Rules of `diagnose`
 
-This page lists what [`diagnose`](diagnose.md) looks for: what must not be, its likely cause, what to do, and the clause
-or source. It is made from the tables in `eurobot_od/traffic/diagnosis/rules.py` and
-`eurobot_od/robot/check/diagnosis.py` by `tools/make_pages.py`. For each rule
-`tests/traffic/diagnosis/defects.py` has a log that breaks it, and one that nearly does.
+For anybody with a finding of [`diagnose`](diagnose.md): what it looks for, the likely cause, what to do, and the clause
+or source. Of incidents of one level, those further up are shown first.
 
-Of incidents of one level those further up in the table are shown first: they are more often the cause of the others.
+Made from `eurobot_od/traffic/diagnosis/rules.py` and `eurobot_od/robot/check/diagnosis.py` by `tools/make_pages.py`.
+`tests/traffic/diagnosis/defects.py` has a log for each rule.
 """
 
 
@@ -148,12 +145,13 @@ def described(name: str, thing: Any) -> str:
     return name + re.sub(" at 0x[0-9a-f]+", "", signature)
 
 
+MESSAGES_READER = "For firmware of the robot: all messages and objects, bit by bit. Made by `tools/make_pages.py`."
+
+
 def messages() -> str:
     """Return the page with all messages of the robot, bit by bit, and the objects of its nodes."""
     text = docs_text(EurobotProtocol.load(), dialects.load_all(), "markdown")
-    return text.replace(
-        "\n", "\n\nMade from the EDS files by `tools/make_pages.py`, as by `eurobot-od export docs`.\n", 1
-    )
+    return text.replace("\n", f"\n\n{MESSAGES_READER}\n", 1)
 
 
 MADE: Mapping[Path, Callable[[], str]] = {
