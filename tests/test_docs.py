@@ -144,7 +144,7 @@ class Shell:
             program, *words = words if words[0] in run.PROGRAMS else (cli.PROGRAM, *words)
         if program in run.PROGRAMS:
             return self._called(program, words)
-        {"export": self._export, "cp": self._cp, "rm": self._rm}[program](words)
+        {"export": self._export, "cp": self._cp, "rm": self._rm, "cd": self._cd}[program](words)
         return 0, []
 
     def _beside(self, program: str, *words: str) -> tuple[int, list[str]]:
@@ -183,6 +183,9 @@ class Shell:
     def _export(self, words: list[str]) -> None:
         for word in words:
             self._monkeypatch.setenv(*word.split("=", 1))
+
+    def _cd(self, words: list[str]) -> None:
+        self._monkeypatch.chdir(*words)
 
     def _cp(self, words: list[str]) -> None:
         shutil.copy(*words)
