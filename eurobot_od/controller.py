@@ -24,7 +24,7 @@ from eurobot_od.errors import FrameLengthError, ListenerError, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Data, Frame
 from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support.texts import amount, one_line
+from eurobot_od.support.texts import amount, described, one_line
 
 if TYPE_CHECKING:
     from can.typechecking import CanFilter
@@ -132,7 +132,7 @@ class FunctionListener(Generic[T]):
     def has_failed(self, error: BaseException, timestamp: float) -> None:
         """Note that a call raised an exception."""
         self.failed += 1
-        text = f"{type(error).__name__}: {error}"
+        text = described(error)
         self._report(Report(Event.LISTENER_FAILED, self.name, text, timestamp, error))
 
     def has_lost(self, timestamp: float) -> None:

@@ -130,10 +130,21 @@ def test_a_node_hears_a_frame_before_those_who_watch_it() -> None:
     assert order == ["node", "watcher"]
 
 
-def test_a_listener_that_raises_is_reported_and_the_others_hear_the_frame() -> None:
+class Mute(Exception):
+    """An exception that nothing can be said about."""
+
+    def __str__(self) -> str:
+        raise self
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, Mute])
+def test_a_listener_that_raises_is_reported_and_the_others_hear_the_frame(error: type[Exception]) -> None:
+    def broken(*_: object) -> None:
+        raise error
+
     reports: list[Report] = []
     controller = Controller(NO_MESSAGES, report=reports.append)
-    controller.add_frames(lambda: [0x185], lambda *_: 1 // 0, "broken")
+    controller.add_frames(lambda: [0x185], broken, "broken")
     lamp = heard_by(controller, [0x185])
     controller.start()
     controller.receive(PDO, 0.5)

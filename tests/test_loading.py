@@ -142,6 +142,7 @@ BROKEN = {
         "JSONDecodeError: Expecting value: line 1 column 1 (char 0)",
     ),
     "raise SystemExit('good\\nbye')": ("/site/wrecked.py:1: ", "SystemExit: good bye"),
+    "class Mute(Exception):\n    __str__ = None\nraise Mute": ("/site/wrecked.py:3: ", "Mute: what it says cannot"),
     "import pytest\npytest.skip('no arms', allow_module_level=True)": ("/site/wrecked.py:2: ", "Skipped: no arms"),
     "def __getattr__(name):\n    raise OSError(name)\n": ("/site/wrecked.py:2: ", "OSError: "),
     "ROBOT = 5\n": ("entry_points.txt: ", "no `wrecked:ROBOT` there that is an eurobot_od.plugin.Plugin"),

@@ -314,7 +314,7 @@ def show_concise(file: str, eds: str | None) -> None:
     from eurobot_od.od.dcf import Truncated, unpack
 
     try:
-        writes = unpack(Path(file).read_bytes())
+        writes = unpack(read_whole(file))
     except Truncated as error:
         raise DictionaryError(file, None, f"not a concise DCF: {error}") from error
     named = node_file(eds) if eds else None

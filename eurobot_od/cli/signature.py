@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import typing
 from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, HelpFormatter, Namespace, _ActionsContainer
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,6 +32,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn,
 from eurobot_od.errors import LocalError, UnknownName, look_up, meant
 
 if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
+
     from eurobot_od.plugin import Plugins
 
 Call: TypeAlias = Callable[[Namespace], Any]
@@ -180,6 +183,10 @@ class Parser(ArgumentParser):
         # Only so may an option stand between positional arguments of which one can be left out.
         parse = self.parse_args if self._subparsers else self.parse_intermixed_args
         return parse(self.words, self.known)
+
+    def print_help(self, file: SupportsWrite[str] | None = None) -> None:
+        """Write the help; raises OSError, which argparse would keep to itself, where nothing can be written."""
+        print(self.format_help(), end="", file=file or sys.stdout, flush=True)
 
     def format_help(self) -> str:
         """Return the help."""

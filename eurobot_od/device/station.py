@@ -22,7 +22,7 @@ from eurobot_od.errors import NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.support.connections import Backoff
-from eurobot_od.support.texts import amount
+from eurobot_od.support.texts import amount, described
 
 NODE_LOG = logging.getLogger("eurobot_od.node")
 
@@ -119,7 +119,7 @@ class Station:
     def _fail(self, error: BaseException, now: float) -> list[Frame]:
         """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
         frames = self.node.failed(error, now)  # stops come first, whatever happens to the node
-        text = f"{type(error).__name__}: {error}"
+        text = described(error)
         if self._is_logged and text not in self._logged:  # a node that is restarted may fail in the same way for hours
             self._logged.add(text)
             NODE_LOG.error("%s has failed", self.node.name, exc_info=error)

@@ -30,6 +30,7 @@ from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
 from eurobot_od.od.values import Address, Number, PdoDirection, Value
 from eurobot_od.od.words import profile_of
+from eurobot_od.support.files import UNREADABLE, why_unreadable
 from eurobot_od.support.texts import encodable
 
 if TYPE_CHECKING:
@@ -117,7 +118,10 @@ class Dictionary:
         patches: Sequence[Patch] = (),
     ) -> Self:
         """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
-        return cls(file, data, normal(data, file, modules, patches), node_id, name)
+        try:
+            return cls(file, data, normal(data, file, modules, patches), node_id, name)
+        except UNREADABLE as error:
+            raise DictionaryError(file, None, why_unreadable(error)) from error
 
     def renumbered(self, node_id: int) -> Self:
         """Return the same file's dictionary for another node-ID; raises DictionaryError."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from codecs import BOM_UTF8
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -157,9 +157,32 @@ class Document(NamedTuple):
 def read_bytes(file: str | Path) -> bytes:
     """Return what a file holds; raises DictionaryError if it cannot be read, or is too large."""
     try:
-        return read_whole(file)
+        data = read_whole(file)
     except FileError as error:
         raise DictionaryError(file, None, error.what) from error
+    for what, most, count in COUNTED:
+        if (number := count(data)) > most:
+            raise DictionaryError(file, None, f"{number} {what}, and {most} are the most that are read")
+    return data
+
+
+MOST_SECTIONS, MOST_LINES, MOST_TAGS = 100_000, 500_000, 600_000
+"""Most of what becomes an object in memory: sections and lines of an EDS, tags of XML; makers' files have a tenth."""
+
+HEADER_LINE = re.compile(rb"(?:^|[\r\n])[ \t\0]*\[")
+
+
+def _sections(data: bytes) -> int:
+    """Return how many lines are headers; of a file with few brackets how many of those there are."""
+    brackets = data.count(b"[")
+    return brackets if brackets <= MOST_SECTIONS else sum(1 for _ in HEADER_LINE.finditer(data))
+
+
+COUNTED: Sequence[tuple[str, int, Callable[[bytes], int]]] = (
+    ("sections", MOST_SECTIONS, _sections),
+    ("lines", MOST_LINES, lambda data: max(data.count(b"\n"), data.count(b"\r"))),
+    ("tags", MOST_TAGS, lambda data: data.count(b"<")),
+)
 
 
 def read(data: bytes) -> Document:

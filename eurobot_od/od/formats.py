@@ -19,13 +19,14 @@ from pathlib import Path
 from typing import NamedTuple, TypeAlias
 from xml.parsers import expat
 
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import LONGEST_NAME, DictionaryError
 from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.description import parse_section_name
 from eurobot_od.od.document import WIDE_MARKS, Document, Odd, Oddity, Remark, Section
 from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, PdoDirection, parse_number
+from eurobot_od.support.files import UNREADABLE, why_unreadable
 
 SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
@@ -365,13 +366,18 @@ class _Refused(Exception):
 def read_xml(data: bytes) -> Document:
     """Read the bytes of an XDD or XDC; what is not XML gives a document without sections."""
     try:
-        root = parse_xml(in_known_encoding(data))
+        return _described(parse_xml(*in_known_encoding(data)))
     except expat.ExpatError as error:
         odd = Oddity(Odd.XML, error.lineno, error.offset + 1, expat.ErrorString(error.code))
-        return Document({}, [odd], is_xml=True)
     except _Refused as error:
         what, line = error.args
-        return Document({}, [Oddity(Odd.XML, line, 1, what)], is_xml=True)
+        odd = Oddity(Odd.XML, line, 1, what)
+    except UNREADABLE as error:
+        odd = Oddity(Odd.XML, 1, 1, why_unreadable(error))
+    return Document({}, [odd], is_xml=True)
+
+
+def _described(root: XmlElement) -> Document:
     parameters = _Parameters(root)
     objects, lost = _addressed(root.all("CANopenObject"), "index")
     oddities = lost + [oddity for _, each in objects for oddity in _subs(each)[1]]
@@ -381,7 +387,7 @@ def read_xml(data: bytes) -> Document:
     return Document({each.name.lower(): each for each in sections}, oddities, is_xml=True)
 
 
-DECLARED_ENCODING = re.compile(rb"""(<\?xml\b[^>]*?\bencoding\s*=\s*)(["'])([A-Za-z][\w.-]{0,40})\2""")
+DECLARED_ENCODING = re.compile(rb"""<\?xml\b[^>]*?\bencoding\s*=\s*(["'])([A-Za-z][\w.-]*)\1""")
 EXPATS_ENCODINGS = ("utf-8", "utf-16", "iso8859-1", "ascii")
 """Encodings that expat reads by itself, by their names in Python."""
 
@@ -389,28 +395,36 @@ WIDER = {"gb2312": "gb18030", "gbk": "gb18030", "shift_jis": "cp932"}
 """Encodings that contain others: Windows' programs declare the smaller one and write the larger one."""
 
 
-def in_known_encoding(data: bytes) -> bytes:
-    """Return XML as UTF-8 if it declares an encoding that expat cannot read; raises _Refused for an unknown one."""
-    declared = DECLARED_ENCODING.match(data.removeprefix(BOM_UTF8))
-    if declared is None or data.startswith(BOM_UTF8):
-        return data
-    name = declared[3].decode("ascii")
+BY_MARK = {BOM_UTF8: "utf-8", **dict.fromkeys(WIDE_MARKS, "utf-16")}
+"""Encodings by the mark at the start of a file: it counts, whatever the file declares after it."""
+
+
+def in_known_encoding(data: bytes) -> tuple[bytes, str | None]:
+    """Return XML in an encoding that expat can read, and which that is; None if expat finds out.
+
+    Raises _Refused if an encoding is declared that nobody knows.
+    """
+    marked = next((name for mark, name in BY_MARK.items() if data.startswith(mark)), None)
+    declared = DECLARED_ENCODING.match(data)
+    if marked or declared is None:
+        return data, marked
+    name = declared[2].decode("ascii")
     try:
         encoding = codecs.lookup(name).name
         if encoding in EXPATS_ENCODINGS:
-            return data
+            return data, None
         # Only the declaration in its own encoding shows that the rest of the file can be XML in it.
         if declared[0].decode(encoding).encode() != declared[0]:
             raise LookupError(name)
-        text = data[declared.end() :].decode(WIDER.get(encoding, encoding), "replace")
+        text = data.decode(WIDER.get(encoding, encoding), "replace")
     except (LookupError, ValueError) as error:
-        raise _Refused(f"the encoding {name!r}, which is not known", 1) from error
-    return declared[1] + b'"utf-8"' + text.encode("utf-8", "replace")
+        raise _Refused(f"the encoding {name[:LONGEST_NAME]!r}, which is not known", 1) from error
+    return text.encode("utf-8", "replace"), "utf-8"
 
 
-def parse_xml(data: bytes) -> XmlElement:
-    """Read XML into its elements; raises ExpatError, _Refused."""
-    parser = expat.ParserCreate()
+def parse_xml(data: bytes, encoding: str | None = None) -> XmlElement:
+    """Read XML into its elements, in an encoding that counts before the declared one; raises ExpatError, _Refused."""
+    parser = expat.ParserCreate(encoding)
     root = XmlElement("", {}, 1, 1, [], [])
     stack = [root]
 

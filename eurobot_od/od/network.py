@@ -49,7 +49,10 @@ def read_network(path: str | Path) -> NetworkFile:
     read = READERS.get(Path(path).suffix.lower())
     if read is None:
         raise FileError(path, f"not a network: neither a folder nor one of {', '.join(READERS)}")
-    return read(read_whole(path).decode("utf-8", "replace"), str(path))
+    found = read(read_whole(path).decode("utf-8", "replace"), str(path))
+    if len(found.nodes) > len(NODE_IDS):
+        raise FileError(path, f"{len(found.nodes)} nodes, and a network has {len(NODE_IDS)} at most")
+    return found
 
 
 def is_network(path: str | Path) -> bool:
@@ -60,12 +63,15 @@ def is_network(path: str | Path) -> bool:
 def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
     """Load the devices' files, ordered by node-ID; two of one name get their node-IDs after it.
 
-    Raises DictionaryError as `Dictionary.load`, and if two have one node-ID.
+    Raises DictionaryError as `Dictionary.load`, and if two have one node-ID; before it opens a file, if they say so.
     """
-    files = list(nodes)
+    files, taken = list(nodes), dict[int | None, NodeFile]()
     for each in files:
         if not each.file:
             raise DictionaryError(each.name or f"node {each.node_id}", None, "no file is named for this node")
+        other = taken.setdefault(each.node_id, each)
+        if other is not each and each.node_id is not None:
+            raise DictionaryError(each.file, None, f"node-ID {each.node_id} is taken by {Path(other.file).name}")
     loaded = sorted((each.load() for each in files), key=lambda each: each.node_id)
     # sorted, so two of one node-ID are neighbours
     for one, other in pairwise(loaded):

@@ -103,20 +103,42 @@ def record_of(record: type, row: Mapping[str, Any]) -> Any:
     return record(**{name: form.made(row[name]) for name, form in fields(record).items()})
 
 
+MOST_ROWS, MOST_BYTES = 1_000_000, 64 << 20
+"""Most rows of a file that is read into memory, and most bytes of them: a few pages can say billions of rows."""
+
+
 def verified(file: Path, schema: pa.Schema | None = None) -> pa.Table | None:
     """Return a Parquet file's rows, the checksums of its pages verified; None for a damaged one, and for no file.
 
-    With a `schema` None also for a file of another one.
+    With a `schema` None also for a file of another one, and always for one that is too large to be one of ours.
     """
     try:
         if not file.is_file():  # to open a pipe would wait for whoever writes into it
             return None
         # Not `read_table`: what it imports takes longer than to read a file.
         with pq.ParquetFile(file, page_checksum_verification=True) as opened:
-            table = opened.read()
+            table = _read(opened)
     except (OSError, ValueError, pa.ArrowException):
         return None
-    return table if schema is None or table.schema.equals(schema) else None
+    return table if table is None or schema is None or table.schema.equals(schema) else None
+
+
+def _read(opened: pq.ParquetFile) -> pa.Table | None:
+    """Return the rows of a file; None for more than is read: few bytes may say that all rows have one long text."""
+    footer = opened.metadata
+    if footer.num_rows > MOST_ROWS:
+        return None
+    groups = map(footer.row_group, range(footer.num_row_groups))
+    longest = max(
+        (each.column(n).total_uncompressed_size for each in groups for n in range(each.num_columns)), default=1
+    )
+    batches, size = list[pa.RecordBatch](), 0
+    for batch in opened.iter_batches(min(max(MOST_BYTES // max(longest, 1), 1), MOST_ROWS)):
+        size += batch.nbytes
+        if size > MOST_BYTES:
+            return None
+        batches.append(batch)
+    return pa.Table.from_batches(batches, opened.schema_arrow)
 
 
 SETTINGS = "campaign.json"

@@ -20,6 +20,7 @@ from types import FrameType, ModuleType
 from typing import NamedTuple
 
 from eurobot_od.errors import LocalError, NodeClassError
+from eurobot_od.support.texts import described
 
 OF_AN_EXTRA = re.compile(r"(?P<package>[^;]+?)\s*;.*\bextra\s*==\s*['\"](?P<extra>[^'\"]+)['\"].*")
 """A requirement that an extra brings, as metadata have it: `polars>=1.20; extra == 'season'`."""
@@ -146,7 +147,7 @@ def complaint(error: BaseException, otherwise: str, is_theirs: Callable[[FrameTy
     raised = [(frame.f_code.co_filename, n) for frame, n in traceback.walk_tb(error.__traceback__) if is_theirs(frame)]
     # The last place of theirs: further in, the traceback goes through libraries that are not to blame.
     where = "{}:{}".format(*raised[-1]) if raised else otherwise
-    return f"{where}: {type(error).__name__}: {' '.join(str(error).split())}"
+    return f"{where}: {described(error)}"
 
 
 def is_foreign(frame: FrameType) -> bool:

@@ -18,7 +18,8 @@ from glob import escape
 from pathlib import Path
 from typing import BinaryIO
 
-from eurobot_od.errors import FileError, meant
+from eurobot_od.errors import EurobotError, FileError, meant
+from eurobot_od.support.texts import described
 
 MOST = 16 << 20
 """Bytes of the largest EDS, DCF or YAML file that is read; those of real devices have some hundred thousand."""
@@ -64,6 +65,28 @@ def read_whole(file: str | Path) -> bytes:
     if len(content) > MOST:
         raise FileError(file, f"larger than {MOST >> 20} MB, which is the most that is read")
     return content
+
+
+UNREADABLE = (ValueError, LookupError, ArithmeticError, MemoryError, RecursionError)
+"""What readers raise, ours and those of libraries, for a file that they cannot read or that is too much for them."""
+
+
+def why_unreadable(error: BaseException) -> str:
+    """Say in one line what one of UNREADABLE means for the file that was being read."""
+    if isinstance(error, MemoryError):
+        return "the file needs more memory than there is"
+    return "the file is nested too deeply" if isinstance(error, RecursionError) else f"unreadable: {described(error)}"
+
+
+@contextmanager
+def reading(file: str | Path) -> Iterator[None]:
+    """Turn what a reader raises that has no place for it into a FileError of the file."""
+    try:
+        yield
+    except EurobotError:
+        raise
+    except UNREADABLE as error:
+        raise FileError(file, why_unreadable(error)) from error
 
 
 def write_whole(file: Path, content: bytes) -> None:

@@ -26,6 +26,15 @@ def encodable(text: str) -> str:
     return text.encode(errors="backslashreplace").decode()
 
 
+def described(error: BaseException) -> str:
+    """Return an exception's type and its text, in one line; the type alone if the text cannot be had."""
+    try:
+        said = " ".join(str(error).split())
+    except (Exception, SystemExit):  # somebody's class, whose `__str__` raises
+        said = "what it says cannot be read"
+    return f"{type(error).__name__}: {said}"
+
+
 def amount(number: int, thing: str, things: str = "") -> str:
     """Say how many there are of a thing: `1 frame`, `2 frames`; `things` is a plural that has more than an s."""
     return f"{number} {thing if number == 1 else things or thing + 's'}"
@@ -33,8 +42,11 @@ def amount(number: int, thing: str, things: str = "") -> str:
 
 # Tables
 
-FORMULA = ("=", "+", "-", "@")
-"""What a spreadsheet takes for the beginning of a formula."""
+FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""What a spreadsheet takes for the beginning of a formula, also in full width, as input methods of East Asia write it.
+
+They are those of OWASP's page "CSV Injection"; tab and line ends, which it lists too, never begin a cell of one line.
+"""
 
 
 def cell(value: Any) -> Any:

@@ -17,6 +17,7 @@ from yaml.composer import Composer, ComposerError
 from yaml.scanner import ScannerError
 
 from eurobot_od.errors import LocalError, YamlError
+from eurobot_od.support.files import UNREADABLE, why_unreadable
 from eurobot_od.support.texts import encodable, one_line
 
 T = TypeVar("T")
@@ -237,8 +238,15 @@ def _nodes(parse: Callable[[str, type], T | None], source: str) -> T | None:
     return parse(source, PARSERS[-1])
 
 
+MOST_VALUES, BEFORE_VALUES = 500_000, "\n,[{-?"
+"""Most values of a text that is parsed, counted by the characters of which one stands before each of them."""
+
+
 def _parsed(parse: Callable[[str, type], T | None], source: str, problems: Problems) -> T:
-    """Call the parser; what it raises, and a text without a document, become a problem."""
+    """Call the parser; what it raises, and a text without a document, or with too much, become a problem."""
+    if sum(map(source.count, BEFORE_VALUES)) > MOST_VALUES:
+        problems.append(Problem(START, f"more than {MOST_VALUES} values, which are the most that are read"))
+        raise ReadError
     try:
         parsed = _nodes(parse, source)
     except yaml.reader.ReaderError as error:
@@ -246,10 +254,8 @@ def _parsed(parse: Callable[[str, type], T | None], source: str, problems: Probl
         problem = Problem(Place(len(lines), len(lines[-1]) + 1), error.reason)
     except yaml.MarkedYAMLError as error:
         problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, in_words(error))
-    except RecursionError:
-        problem = Problem(START, "the file is nested too deeply")
-    except MemoryError:
-        problem = Problem(START, "the file needs more memory than there is")
+    except UNREADABLE as error:
+        problem = Problem(START, why_unreadable(error))
     else:
         if parsed:
             return parsed

@@ -15,6 +15,7 @@ from struct import error as StructError  # noqa: N812 (a class with a small name
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, HIGHEST_IDENTIFIER, MOST_BYTES, Frame, RemoteFrame
+from eurobot_od.support.files import UNREADABLE, why_unreadable
 
 MASTER = "master"
 """What the master of a network is called if it is not one of its devices and has no other name."""
@@ -43,6 +44,8 @@ class Damage(Enum):
     INCOMPLETE = "incomplete transfer"
     WRONG_LENGTH = "wrong length"
     OUT_OF_RANGE = "out of range"
+    OTHERS = "other identifiers"
+    """No defect: a frame of an identifier beyond those that are told apart."""
 
 
 class Foreign(NamedTuple):
@@ -220,7 +223,10 @@ def read_each(items: Iterable[Item], entry: Callable[[Item], tuple[float, str, R
             else:
                 yield number, time, channel, raw
     except Exception as error:
-        if (why := reason(error)) is None:
+        why = reason(error)
+        if why is None and isinstance(error, UNREADABLE):  # of a library, which does not say what it raises
+            why = Foreign(Damage.UNREADABLE, shortened(why_unreadable(error)))
+        if why is None:
             raise
         yield number + 1, time, "", why
 

@@ -264,6 +264,8 @@ class Decoder:
 
     def _foreign(self, raw: Foreign) -> Meaning:
         """Return the meaning of what is not a classic frame; CAN FD is other traffic on the same wire, not damage."""
+        if raw.damage is Damage.OTHERS:
+            return Meaning(raw, raw.damage.value, "", (), None, raw.text)
         if raw.damage is not Damage.FD:
             return Meaning(raw, "", "", (), None, raw.text, (Defect(raw.damage, raw.text),))
         cob_id, data = raw.frame or (-1, b"")

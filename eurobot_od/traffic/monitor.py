@@ -16,11 +16,12 @@ from itertools import pairwise
 from math import fsum, inf, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from eurobot_od.bus import frame_bits
 from eurobot_od.bus.live import FrameReader, Opener
 from eurobot_od.client.watch import Heartbeats
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.errors import BusError
-from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.frame import EXTENDED, Frame, identifier_text
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import GAP, amount, columns, one_line
@@ -141,6 +142,10 @@ class NodesHealth:
             (health.pulse.boot if health.state == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
 
 
+MOST_EXTENDED = 4096
+"""Most identifiers of 29 bits that are told apart: a bus of J1939 has some hundred, a hostile one half a billion."""
+
+
 class Traffic:
     """The traffic on a bus of `bitrate` bit/s, or on several; `rows` by identifier, or by damage where there is none.
 
@@ -159,6 +164,7 @@ class Traffic:
         self.frames = 0
         self.now = 0.0
         self._bits = 0
+        self._extended = set[tuple[str, int]]()
         self._marks: deque[tuple[float, int, int]] = deque()
         self.following, self._decoder = Following(decoder), decoder
 
@@ -178,7 +184,8 @@ class Traffic:
 
     def take(self, time: float, raw: Raw, place: tuple[str, int] | None = None, channel: str = "") -> Meaning:
         """Take in a frame of a channel, with the log and the line where it stands, and return what it means."""
-        meaning = self.following(time, channel, raw)
+        counted = self._counted(raw, channel)
+        meaning = self.following(time, channel, counted)
         if (decoder := self.following.decoder(channel)) is not self._decoder:
             self._decoder = decoder
             self.health.learn(decoder.dictionaries)
@@ -186,28 +193,41 @@ class Traffic:
         self.frames += 1
         bus = self._bus(channel)
         # By COB-ID or Damage: both kinds of entry have it first. What a DBC names of CAN FD is by its name.
-        first = meaning.name if isinstance(raw, Foreign) and meaning.group else raw[0]
+        first = meaning.name if isinstance(counted, Foreign) and meaning.group else counted[0]
         key = first if bus is self.seen else (channel, first)
         row = self.rows.get(key)
         if row is None:
-            identifier = raw.cob_id if isinstance(raw, Frame) else None
+            identifier = counted.cob_id if isinstance(counted, Frame) else None
             row = self.rows[key] = MonitorRow(identifier, meaning, channel if len(self.buses) >= TWO else "")
         row.meaning = meaning
         row.count += 1
         row.times.append(time)
-        if isinstance(raw, Frame):
-            self._bits += bus.take(time, raw, row.name, meaning.sender)
+        if isinstance(counted, Frame):
+            self._bits += bus.take(time, counted, row.name, meaning.sender)
+        elif isinstance(raw, Frame):
+            self._bits += frame_bits(raw)
         if meaning.defects:
             row.wrong += 1
             self.damage.add(*(place or ("frame", self.frames)), meaning.defects)
         self.health.take(time, meaning)
         return meaning
 
+    def _counted(self, raw: Raw, channel: str) -> Raw:
+        """Return an entry, or what stands for all whose identifiers are too many to be told apart."""
+        if not isinstance(raw, Frame) or not raw.cob_id & EXTENDED:
+            return raw
+        key = channel, raw.cob_id
+        if key not in self._extended and len(self._extended) >= MOST_EXTENDED:
+            return Foreign(Damage.OTHERS, str(raw))
+        self._extended.add(key)
+        return raw
+
     def clear(self) -> None:
         """Forget what was counted."""
         # Not the frames and bits of all: the load is a difference between two of their counts.
         self.rows.clear()
         self.buses.clear()
+        self._extended.clear()
         self.damage = DamageCounts()
 
     def load(self, now: float) -> tuple[float, float]:

@@ -305,13 +305,14 @@ class Session:
         if meaning.transfer:  # what shows which device it is
             self._learn(self.in_force)
         self.diagnosis.take_meaning(now, "", meaning, self._traffic.following)
-        self._changed[raw[0]] = self.turn
+        counted = meaning.raw
+        self._changed[counted[0]] = self.turn
         if isinstance(raw, Frame):
             if not self.first(raw):
                 for tap in self._taps:
                     tap.give(raw)
             self.recording.write(now, raw)
-        shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, wrong(meaning)]
+        shown = [key_of(counted), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, wrong(meaning)]
         self.history.add(COMPACT(shown))
         for event in self._watch.take(self._traffic.frames, now, meaning):
             self._enter(event)

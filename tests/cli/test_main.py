@@ -219,11 +219,13 @@ def test_ctrl_c_while_something_is_imported_is_an_exit_status_and_no_traceback(p
 # Standard streams
 
 
+NO_SPACE = "eurobot-od: [Errno 28] No space left on device\n"
 STREAMS = [
     ("decode <&-", 2, "eurobot-od: standard input is closed\n"),
     ("show >&-", 3, "eurobot-od: standard output is closed\n"),
     ("decode nowhere.log 2>&-", 2, ""),
     ("decode nowhere.log 2>/dev/full", 2, ""),
+    *((f"{words} >/dev/full", 3, NO_SPACE) for words in ("--help", "show --help", "--version", "completion bash")),
 ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 import time
+from codecs import BOM_UTF8, BOM_UTF16
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from eurobot_od.export.xdd import xdd_text
 from eurobot_od.lint.diff import compare
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import lint
+from eurobot_od.od import formats
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import Odd
 from eurobot_od.od.formats import plain_value, read
@@ -234,10 +236,26 @@ def test_xml_is_read_in_the_encoding_that_it_declares(encoding: str, name: str) 
     assert read(made.encode(encoding)).text("2000", "parametername") == name
 
 
-@pytest.mark.parametrize("encoding", ["no-such-encoding", "hex", "punycode", "utf-16-le", "undefined"])
-def test_an_encoding_that_cannot_be_read_is_one_oddity(encoding: str) -> None:
-    document = read((DECLARED.format(encoding) + process(limited("")).decode()).encode())
-    assert [(each.kind, each.line) for each in document.oddities] == [(Odd.XML, 1)]
+@pytest.mark.parametrize("mark", [b"", BOM_UTF8, BOM_UTF16], ids=["no mark", "UTF-8", "UTF-16"])
+@pytest.mark.parametrize("encoding", ["no-such-encoding", "x" * 60, "hex", "punycode", "utf-16-le", "utf-7", "idna"])
+def test_whatever_encoding_is_declared_the_mark_counts_or_it_is_one_oddity(encoding: str, mark: bytes) -> None:
+    made = DECLARED.format(encoding) + process(limited("")).decode()
+    document = read(mark + made.encode("utf-16" if mark == BOM_UTF16 else "utf-8").removeprefix(mark))
+    assert [(each.kind, each.line) for each in document.oddities] in ([], [(Odd.XML, 1)])
+    assert bool(mark) is not bool(document.oddities) or encoding == "utf-7"  # of which ASCII is a part
+
+
+@pytest.mark.parametrize("error", [KeyError, RecursionError, MemoryError, OverflowError, UnicodeError])
+def test_whatever_a_library_raises_becomes_one_line(error: type[Exception], monkeypatch: pytest.MonkeyPatch) -> None:
+    def raises(*_: object) -> None:
+        raise error("a\nb")
+
+    monkeypatch.setattr(formats, "parse_xml", raises)
+    with pytest.raises(DictionaryError, match=r"^a.xdd: .*line 1: no XML of a device description \(.+\)$"):
+        Dictionary.read(XDD.encode(), Path("a.xdd"), 5)
+    monkeypatch.setattr("eurobot_od.od.dictionary._imported", raises)
+    with pytest.raises(DictionaryError, match=r"^a.eds: .+$"):
+        Dictionary.read(CLEAN.read_bytes(), Path("a.eds"), 5)
 
 
 @pytest.mark.parametrize("name", ["NodeID", "nodeID"])

@@ -60,6 +60,7 @@ CELLS = [
     ("@SUM(A1)", "'@SUM(A1)"),
     ("+49", "'+49"),
     ("-x", "'-x"),
+    *((f"{sign}1+2", f"'{sign}1+2") for sign in "\uff1d\uff0b\uff0d\uff20"),  # the same in full width
     ("a=1", "a=1"),
     ("\t=1", "\\t=1"),
     (-5, -5),

@@ -17,7 +17,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, Clause, Lacks, Subject, Tier, fresh, has, need, or_skipped
-from eurobot_od.check.conformance.objects import NO_OBJECT
+from eurobot_od.check.conformance.objects import NO_OBJECT, WRITE_ONLY
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, RESTRICTED_ONES, Data, Steps, codes, hexadecimal, title
 from eurobot_od.device.device import Device
 from eurobot_od.od import values
@@ -131,8 +131,8 @@ def _default_mapping(subject: Subject, pdo: Pdo) -> Steps:
         elif variable.readable:
             yield step.read(name, address, data="any", optional=codes(AbortCode.NO_DATA))
         else:
-            # What an RPDO maps may be write-only; that it is there shows in how it is refused.
-            yield step.read(name, address, abort=codes(AbortCode.WRITE_ONLY))
+            # It may be write-only, or reached by PDOs alone; that it is there shows in how it is refused.
+            yield step.read(name, address, abort=codes(*WRITE_ONLY))
 
 
 def _settable_mapping(subject: Subject, pdo: Pdo) -> ODVariable:

@@ -29,7 +29,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.support import texts
-from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 from tests.kit import plant
 from tests.kit.devices import (
     AXIS_DRIVE,
@@ -166,6 +166,7 @@ def made(*records: str) -> str:
 
 
 GUARDED = variable("100C", "Guard time", "UNSIGNED16", "0") + variable("100D", "Life time factor", "UNSIGNED8", "0")
+NO_ACCESS = variable("2000", "Value", "UNSIGNED16", "7").replace("AccessType=rw", "AccessType=UNKNOWN")
 NARROW = record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED16", None), (2, "UNSIGNED16", "7"))
 
 
@@ -175,6 +176,7 @@ NARROW = record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED16", Non
         variable("2000", "Name", "VISIBLE_STRING", None),  # no number to ask for, and no 0x1000
         DEVICE_TYPE + variable("100C", "Guard time", "UNSIGNED16", None),  # whose value nobody knows
         DEVICE_TYPE + GUARDED + variable("1F80", "NMT startup", "UNSIGNED32", "0"),  # it starts itself
+        DEVICE_TYPE + pdo(0x1400, "0x20000010", cob_id="0x205") + NO_ACCESS,
         "[DeviceInfo]\nVendorNumber=84078612\nProductNumber=84078612\n" + DEVICE_TYPE + NARROW,
     ],
 )
