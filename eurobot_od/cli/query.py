@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from eurobot_od.cli import RobotName, complain
-from eurobot_od.cli.options import BIT_RATE, BitRate, Json, write
+from eurobot_od.cli.options import BIT_RATE, BitRate, Json, Seconds, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, look_up
 from eurobot_od.season.reports import REPORTS, SeasonReport
@@ -41,6 +42,7 @@ def query(
     as_json: Annotated[Json, Option(either="form")] = False,
     as_csv: Annotated[bool, Option("--csv", either="form")] = False,
     plot: Annotated[Path | None, Option(metavar="FILE")] = None,
+    at_most: Seconds = inf,
     bitrate: BitRate = BIT_RATE,
     robot_name: RobotName = None,
 ) -> None:
@@ -55,6 +57,7 @@ def query(
     as_json: one JSON object per row
     as_csv: comma-separated values
     plot: also draw the answer as SVG
+    at_most: end a query that takes longer, such as 60s (default: no limit)
     bitrate: bit/s for the load (default: 500000)
 
     $ query season
@@ -76,7 +79,7 @@ def query(
         with bar(str(season), unit=progress.PERCENT, after=progress.SHORT) as draw:
 
             def ask(sql: str) -> pl.DataFrame:
-                return opened.sql(sql, {"bitrate": bitrate}, lambda done: draw(done, 100))
+                return opened.sql(sql, {"bitrate": bitrate}, lambda done: draw(done, 100), at_most)
 
             rows = ask(question) if question else answers.tables(opened)
             if plot is not None:

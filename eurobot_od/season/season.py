@@ -14,10 +14,12 @@ import hashlib
 import json
 import os
 import re
+import time
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,6 +31,7 @@ import pyarrow.parquet as pq
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.pdo.kinds import first_free
 from eurobot_od.season.results import verified
+from eurobot_od.support import texts
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.texts import encodable
 
@@ -422,13 +425,17 @@ class Season:
         return made
 
     def sql(
-        self, query: str, values: Mapping[str, Any] | None = None, progress: Progress | None = None
+        self,
+        query: str,
+        values: Mapping[str, Any] | None = None,
+        progress: Progress | None = None,
+        at_most: float = inf,
     ) -> pl.DataFrame:
         """Return what a query in DuckDB's SQL gives: a view for each table, and `messages`; raises SqlError.
 
         It reads and writes no file outside the season, and loads no extension. `values` are those of `$name` in the
         query; those that it does not name are left out. `progress` is called now and then, in another thread,
-        with how far the query is in percent, and at the end with 100.
+        with how far the query is in percent, and at the end with 100. A query is ended that takes over `at_most` s.
         """
         import duckdb
 
@@ -436,12 +443,15 @@ class Season:
         with duckdb.connect() as connection:
             self._add_views(connection, query)
             try:
-                with nullcontext() if progress is None else _watched(connection, progress):
+                is_watched = progress is not None or at_most < inf
+                with _watched(connection, progress, at_most) if is_watched else nullcontext():
                     self._confine(connection)
                     answer = connection.sql(query, params=named or None)
                     rows: pl.DataFrame = pl.DataFrame()
                     if answer is not None:  # one row more than allowed, to see that there are more
                         rows = _as_text(answer).limit(MOST_ROWS + 1).pl()
+            except duckdb.InterruptException:
+                raise SqlError(f"the query has not ended within {texts.text(at_most)}") from None
             except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
                 names = ", ".join([*self.files, MESSAGES, FIELDS])
                 known = f"; tables: {names}" if "Table with name" in str(error) else ""
@@ -541,15 +551,17 @@ def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
 
 
 @contextmanager
-def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress) -> Iterator[None]:
-    """Report the progress of a connection's queries while the block lasts."""
+def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress | None, at_most: float) -> Iterator[None]:
+    """Report the progress of a connection's queries while the block lasts, and end them after `at_most` s."""
     connection.execute("SET enable_progress_bar = true; SET enable_progress_bar_print = false")
     connection.execute("SET progress_bar_time = 0")  # by default it begins after two seconds
-    over = Event()
+    over, end = Event(), time.monotonic() + at_most
 
     def watch() -> None:
         while not over.wait(INTERVAL):
-            if (done := connection.query_progress()) >= 0:  # negative where DuckDB cannot tell
+            if time.monotonic() > end:  # again and again: what has just begun does not hear it
+                connection.interrupt()
+            if progress and (done := connection.query_progress()) >= 0:  # negative where DuckDB cannot tell
                 progress(round(done))
 
     # DuckDB says how far it is to whoever asks: the query itself runs in this thread until it is done.
@@ -560,4 +572,5 @@ def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress) -> Itera
     finally:
         over.set()
         thread.join()
-    progress(100)
+    if progress:
+        progress(100)

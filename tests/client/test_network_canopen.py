@@ -206,6 +206,28 @@ def called_back(network: SimulatedNetwork) -> object:
     return seen
 
 
+def unsubscribed_one_of_two(network: SimulatedNetwork) -> object:
+    seen: list[str] = []
+    both = [lambda *_, name=name: seen.append(name) for name in ("first", "second")]
+    for each in both:
+        network.subscribe(0x185, each)
+    network.unsubscribe(0x185, both[0])
+    network[5].nmt.state = "OPERATIONAL"
+    network.sync.transmit()
+    network.sleep(0.01)
+    return seen
+
+
+def scaled(network: SimulatedNetwork) -> object:
+    network[5].tpdo[2].add_variable("Supply temperature")
+    network[5].tpdo.save()
+    signal = network[5].tpdo[2]["Supply temperature"]
+    signal.raw = 215
+    said = [signal.phys, signal.raw]
+    signal.phys = 30
+    return [*said, signal.phys, signal.raw]
+
+
 def heard(network: SimulatedNetwork) -> object:
     network[5]["Producer heartbeat time"].raw = 100
     network.nmt.state = "STOPPED"
@@ -244,6 +266,8 @@ def booted(network: SimulatedNetwork) -> object:
         (switched_off, (False, 0x8000_0185, [])),
         (remapped, (["Statusword", "Position actual value", "Torque actual value"], 20, 20)),
         (called_back, [("TPDO1", 0x240, True), (0x185, 6), ("TPDO1", 0x240, True)]),
+        (unsubscribed_one_of_two, ["second"]),
+        (scaled, [21.5, 215, 30, 300]),
         (heard, ("UNKNOWN", "STOPPED", [5])),
         (booted, "PRE-OPERATIONAL"),
         (lambda n: n[5].tpdo[1].wait_for_reception(0.1), None),

@@ -54,6 +54,11 @@ def test_processes_of_this_machine_come_to_the_same() -> None:
         assert list(campaign.run(square, range(9), processes)) == squares(*range(9))
 
 
+def test_ctrl_c_which_reaches_all_processes_is_for_the_parent_to_act_on() -> None:
+    with campaign.Processes(1) as executor:
+        assert executor.submit(signal.getsignal, signal.SIGINT).result() is signal.SIG_IGN
+
+
 def refused(status: int) -> NoReturn:
     raise AssertionError(f"os._exit({status}) does not end this process")
 

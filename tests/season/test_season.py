@@ -193,6 +193,16 @@ def test_a_query_that_fails_leaves_no_thread_that_watches_it(season: Season) -> 
     assert set(threading.enumerate()) == before
 
 
+ENDLESS = "SELECT sum(a.range * b.range) FROM range(1000000) a, range(10000000) b"
+
+
+@pytest.mark.parametrize("progress", [None, lambda _: None], ids=["unwatched", "watched"])
+def test_a_query_is_ended_after_its_time(season: Season, progress: Callable[[int], object] | None) -> None:
+    with pytest.raises(SqlError, match="has not ended within 200 ms"):
+        season.sql(ENDLESS, progress=progress, at_most=0.2)
+    assert len(season.sql("SELECT * FROM range(3)", at_most=60)) == 3
+
+
 def test_as_many_rows_as_are_allowed_are_given_and_one_more_is_an_error(
     season: Season, monkeypatch: pytest.MonkeyPatch
 ) -> None:
