@@ -46,9 +46,9 @@ MOST_MEGABYTES = 150
 """Memory of a command that is fed ten times a bound, MB; without any file it is 40 to 120, by what it imports."""
 
 
-def ten_times(bound: int, part: bytes, begin: bytes = b"") -> Callable[[Path], None]:
-    """Return a function that writes a file with ten times as many parts as are read."""
-    return lambda file: file.write_bytes(begin + part * (10 * bound)) and None
+def ten_times(file: Path, bound: int, part: bytes, begin: bytes = b"") -> None:
+    """Write a file with ten times as many parts as are read."""
+    file.write_bytes(begin + part * (10 * bound))
 
 
 def sections(file: Path) -> None:
@@ -80,12 +80,16 @@ def rows(file: Path, texts: list[str], number: int) -> None:
     pq.write_table(pa.table({"run": column}), file / "runs" / "a.parquet")
 
 
+LINES = partial(ten_times, bound=document.MOST_LINES, part=b"\n")
+TAGS = partial(ten_times, bound=document.MOST_TAGS, part=b"<")
+VALUES = partial(ten_times, bound=yaml_places.MOST_VALUES, part=b"1,", begin=b"[")
+
 FED: dict[str, tuple[str, Callable[[Path], None], str]] = {
     "bytes of an EDS": ("lint a.eds", sparse, "larger than 16 MB"),
     "sections of an EDS": ("lint a.eds", sections, "1000000 sections, and 100000 are the most"),
-    "lines of an EDS": ("show --eds 5=a.eds", ten_times(document.MOST_LINES, b"\n"), "lines, and 500000 are the most"),
-    "tags of an XDD": ("lint a.xdd", ten_times(document.MOST_TAGS, b"<"), "tags, and 600000 are the most"),
-    "values of YAML": ("show --network a.yaml", ten_times(yaml_places.MOST_VALUES, b"1,", b"["), "more than 500000"),
+    "lines of an EDS": ("show --eds 5=a.eds", LINES, "lines, and 500000 are the most"),
+    "tags of an XDD": ("lint a.xdd", TAGS, "tags, and 600000 are the most"),
+    "values of YAML": ("show --network a.yaml", VALUES, "more than 500000"),
     "nodes of a network": ("show --network a.yaml", partial(network, node_id=lambda n: n % 127 + 1), "1270 nodes"),
     "node-IDs of a network": ("show --network a.yaml", network, "'1270' is not allowed; allowed: whole numbers 1..127"),
     "bytes of a line": ("decode a.log.gz", packed_line, "nothing in it can be read"),

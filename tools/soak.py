@@ -315,7 +315,7 @@ class Role:
         (re.compile(r"^last (\w+), overflow (\d+), missed (\d+)$"), _count),
         (re.compile(r"^numbers (\d+)\.\.(\d+) missing$"), _report_missing),
         (re.compile(r"^on the bus$"), _come_up),
-        (re.compile(rf"{NUMBERED:03X}#([0-9A-F]{{8}})"), _watch),
+        (re.compile(rf"(?<![0-9A-F]){NUMBERED:03X}#([0-9A-F]{{8}})"), _watch),
         (re.compile(FRAMES_LOST.format(r"(\d+)")), _note_overflow),
         (re.compile(r"it is opened again"), _lose_bus),
         (re.compile(r"after a gap of"), _find_bus),

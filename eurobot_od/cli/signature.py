@@ -186,7 +186,8 @@ class Parser(ArgumentParser):
 
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
         """Write the help; raises OSError, which argparse would keep to itself, where nothing can be written."""
-        print(self.format_help(), end="", file=file or sys.stdout, flush=True)
+        (file or sys.stdout).write(self.format_help())
+        sys.stdout.flush()
 
     def format_help(self) -> str:
         """Return the help."""

@@ -69,9 +69,9 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
     for each in files:
         if not each.file:
             raise DictionaryError(each.name or f"node {each.node_id}", None, "no file is named for this node")
-        other = taken.setdefault(each.node_id, each)
-        if other is not each and each.node_id is not None:
-            raise DictionaryError(each.file, None, f"node-ID {each.node_id} is taken by {Path(other.file).name}")
+        first = taken.setdefault(each.node_id, each)
+        if first is not each and each.node_id is not None:
+            raise DictionaryError(each.file, None, f"node-ID {each.node_id} is taken by {Path(first.file).name}")
     loaded = sorted((each.load() for each in files), key=lambda each: each.node_id)
     # sorted, so two of one node-ID are neighbours
     for one, other in pairwise(loaded):

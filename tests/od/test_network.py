@@ -119,6 +119,11 @@ def test_two_files_with_one_node_id_are_refused(tmp_path: Path) -> None:
         load(nodes)
 
 
+def test_one_node_id_twice_is_refused_before_any_file_is_opened() -> None:
+    with pytest.raises(DictionaryError, match=r"^b\.eds: node-ID 2 is taken by a\.eds$"):
+        load([NodeFile("a.eds", 2), NodeFile("b.eds", 2)])
+
+
 def test_a_bare_eds_asks_for_its_node_id(tmp_path: Path) -> None:
     (tmp_path / "motor.eds").write_text(DEVICE_TYPE)
     with pytest.raises(DictionaryError, match=r"motor\.eds: the file names no node-ID; give one, as in 5=motor\.eds$"):

@@ -98,7 +98,8 @@ def test_what_is_counted_stands_for_nothing_that_came_while_the_bus_was_away() -
 
 def test_what_the_monitor_lacks_is_read_from_its_lines() -> None:
     numbers = [f"0.1  {NUMBERED:03X}#{number.to_bytes(4, 'little').hex().upper()}" for number in (0, 4)]
-    lines = "\n".join([numbers[0], f"# {FRAMES_LOST.format(2)}", numbers[1]])
+    foreign = f"0.1  12345{NUMBERED:03X}#FFFFFFFF"  # it has an identifier of 29 bits
+    lines = "\n".join([numbers[0], f"# {FRAMES_LOST.format(2)}", foreign, numbers[1]])
     role = Role("monitor", sys.executable, "-c", f"print({lines!r})")
     role.program.wait()
     role.kill()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import http.client
 import json
 import logging
@@ -474,6 +475,19 @@ def test_a_port_that_is_taken_is_told_in_a_line(local: Served, capfd: pytest.Cap
     taken = urlsplit(local.address).netloc
     assert cli.main(["serve", "--listen", taken, "-i", "virtual", "-c", channel()]) == 2
     assert f"cannot listen at {taken}" in capfd.readouterr().err
+
+
+def test_when_descriptors_end_one_line_is_logged_and_no_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    loop = asyncio.new_event_loop()
+    handle = server._report_once()
+    for error in (*[OSError(errno.EMFILE, "Too many open files")] * 3, OSError(errno.EPIPE, "Broken pipe")):
+        handle(loop, {"message": "asyncio's own", "exception": error})
+    loop.close()
+    said = [each.getMessage().splitlines()[0] for each in caplog.records]
+    assert said == [
+        "connections wait, as there are no more descriptors: [Errno 24] Too many open files",
+        "asyncio's own",
+    ]
 
 
 def test_a_connection_that_says_nothing_harms_nobody(local: Served) -> None:
