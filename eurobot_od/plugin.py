@@ -138,8 +138,7 @@ class Plugin(NamedTuple):
         """Return which of its nodes a file describes, ``: none; it has its name, and messages that it knows."""
         if device.name not in self.nodes:
             return ""
-        kind = self.nodes[device.name]()
-        knows = any(kind.CATALOGUE.find(each.name) for each in device.read_pdos(device.default, lambda _: None))
+        knows = any(self.catalogue().find(each.name) for each in device.read_pdos(device.default, lambda _: None))
         return device.name if knows else ""
 
     def is_for(self, identity: Sequence[int]) -> bool:

@@ -25,6 +25,9 @@ ACKNOWLEDGE_BITS = 1 + 2
 STUFFABLE = 1 + 11 + 1 + 2 + 4 + CRC_BITS
 """Bits of a base frame besides its data, from the start of frame to the end of the CRC."""
 
+EXTENSION = 18 + 2
+"""Bits that a frame with an identifier of 29 bits has more: its rest, SRR, and a second reserved bit."""
+
 KNOWN = 1 << 11
 """How many frames are remembered: a bus repeats itself, at least within a few seconds."""
 
@@ -76,13 +79,13 @@ def _crc_bits(register: list[int], bits: Iterable[int]) -> list[int]:
     return register
 
 
-def longest_frame(length: int) -> int:
-    """Return the bit times of the longest base frame with `length` bytes of data, intermission included.
+def longest_frame(length: int, is_extended: bool = False) -> int:
+    """Return the bit times of the longest frame with `length` bytes of data, intermission included.
 
     Davis, Burns, Bril, Lukkien 2007, equation 1: a stuff bit after the first five bits, and after every four from then
     on.
     """
-    stuffable = STUFFABLE + 8 * length
+    stuffable = STUFFABLE + EXTENSION * is_extended + 8 * length
     return stuffable + (stuffable - 1) // 4 + ACKNOWLEDGE_BITS + END_OF_FRAME + INTERMISSION
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, version
-from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
+from eurobot_od.cli.decode import Log, Reading, decoder_for, opened
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, FrameNames, Json, NoReconnect, Seconds, give, write
 from eurobot_od.cli.signature import Option
@@ -19,6 +19,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
 from eurobot_od.lint.findings import LEVELS
 from eurobot_od.support import texts
+from eurobot_od.traffic import formats
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident, lines
 from eurobot_od.traffic.diagnosis.questions import Questions
@@ -95,8 +96,9 @@ def _read(diagnosis: Diagnosis, logs: Sequence[str], reading: Reading) -> None:
     for log in logs:
         before = diagnosis.frames
         diagnosis.begin(log)
-        for _, (line, at, channel, raw) in entries([log], reading):
-            diagnosis.take(at, channel, raw, line)
+        with opened(log) as file:
+            for line, at, channel, raw in formats.entries(file, reading.format, reading.largest):
+                diagnosis.take(at, channel, raw, line)
         if diagnosis.frames == before:
             diagnosis.silent(log)
     diagnosis.end()

@@ -5,9 +5,9 @@ then it has what it was told to store, or else its file's values again (CiA 301,
 object or a PDO that it lacks is there once the device has taken it. Of a device without a file, what was shown makes
 one.
 
-What a log cannot know is not guessed. A mapping entry is unknown if it was written and the log does not have what, or
-if it may have been written before the log begins: when a master is seen to end a mapping whose beginning is not there,
-or when a device answers with something else than its file says.
+What a log cannot know is not guessed. A mapping entry is unknown if it was written and the log does not have what, as
+long as the device has not answered a write of it, or if it may have been written before the log begins: when a master
+is seen to end a mapping whose beginning is not there, or when a device answers with something else than its file says.
 """
 
 from __future__ import annotations
@@ -73,6 +73,7 @@ class LeftIdentifier(NamedTuple):
 class DeviceInForce:
     """What a device has shown that it has, and which objects were written, nobody knows with what (`unknown`).
 
+    `asked` are entries of mappings that a master has asked to write, and the device has not answered.
     `begun` are the PDOs whose configuration the log has from its beginning, by their communication records; all of them
     once the device `is_started`. The mapping of those in `doubted` may be another than the file's, but for what was
     shown. `left` are identifiers that PDOs have left.
@@ -80,6 +81,7 @@ class DeviceInForce:
 
     shown: dict[Address, int] = field(default_factory=dict)
     unknown: set[Address] = field(default_factory=set)
+    asked: set[Address] = field(default_factory=set)
     begun: set[int] = field(default_factory=set)
     doubted: set[int] = field(default_factory=set)
     left: dict[int, LeftIdentifier] = field(default_factory=dict)
@@ -87,7 +89,7 @@ class DeviceInForce:
 
     def copy(self, is_started: bool) -> DeviceInForce:
         """Return what the device has after it starts anew."""
-        parts = dict(self.shown), set(self.unknown), set(self.begun), set(self.doubted), dict(self.left)
+        parts = dict(self.shown), set(self.unknown), set[Address](), set(self.begun), set(self.doubted), dict(self.left)
         return DeviceInForce(*parts, is_started)
 
     def is_open(self, index: int) -> bool:
@@ -96,10 +98,11 @@ class DeviceInForce:
 
     def present(self, file: Dictionary | None) -> dict[Address, int]:
         """Return what is in force in place of the file's values, with what is not known marked as such."""
-        present = {address: value for address, value in self.shown.items() if address not in self.unknown}
+        unknown = self.unknown | self.asked
+        present = {address: value for address, value in self.shown.items() if address not in unknown}
         if file is None:
             return present
-        touched = {index for address in (*self.shown, *self.unknown) if (index := values.pdo_of(address[0]))}
+        touched = {index for address in (*self.shown, *unknown) if (index := values.pdo_of(address[0]))}
         for index in touched:
             present |= self._of_unknown(file, index)
         return present
@@ -123,9 +126,12 @@ class DeviceInForce:
 
     def is_unknown(self, file: Dictionary, address: Address) -> bool:
         """Return whether nobody knows what an entry of a mapping is."""
+        index = values.pdo_of(address[0])
         is_missing = address not in self.shown and address[0] not in file.members
-        is_doubted = address not in self.shown and values.pdo_of(address[0]) in self.doubted
-        return address in self.unknown or is_missing or is_doubted
+        is_asked = any(values.pdo_of(each) == index for each, _ in self.asked)
+        is_in_doubt = index is not None and (index in self.doubted or (is_asked and self.is_open(index)))
+        is_doubted = address not in self.shown and is_in_doubt
+        return address in self.unknown or address in self.asked or is_missing or is_doubted
 
 
 class InForce:
@@ -241,6 +247,7 @@ class InForce:
             if address[0] in values.MAPPINGS and address[1]:
                 self._has_object(node_id, MappingEntry.of(value).index)
             device.shown[address] = value
+            device.asked.discard(address)
             device.unknown.discard(address)
             # A device is made anew when it matters, and not at each of the dozen writes that map one PDO.
             return before != self._said_by(node_id, address) and self._changed(node_id)
@@ -268,6 +275,23 @@ class InForce:
         self._changed(node_id)  # what it has shown before counts more than the file
         return True
 
+    def ask(self, node_id: int, address: Address) -> bool:
+        """Take in that a master asks to write an object: until the answer nobody knows it; return as `show` does."""
+        if address[0] not in values.MAPPINGS or not address[1]:
+            return False
+        before = self._said_by(node_id, address)
+        self._device(node_id).asked.add(address)
+        return before != self._said_by(node_id, address) and self._changed(node_id)
+
+    def refuse(self, node_id: int, address: Address) -> bool:
+        """Take in that a device has refused a write, and has what it had before; return as `show` does."""
+        device = self._device(node_id)
+        if address not in device.asked:
+            return False
+        before = self._said_by(node_id, address)
+        device.asked.discard(address)
+        return before != self._said_by(node_id, address) and self._changed(node_id)
+
     def forget(self, node_id: int, address: Address) -> bool:
         """Take in that an object was written, nobody knows with what; return as `show` does."""
         if not is_followed(address) or values.pdo_of(address[0]) is None:
@@ -275,6 +299,7 @@ class InForce:
         before, device = self._said_by(node_id, address), self._device(node_id)
         self._doubt(node_id, address, None, is_written=True)
         device.shown.pop(address, None)
+        device.asked.discard(address)
         device.unknown.add(address)
         return before != self._said_by(node_id, address) and self._changed(node_id)
 

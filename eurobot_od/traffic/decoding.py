@@ -418,7 +418,8 @@ class Following:
         key = channel, end.channel
         self._last[key] = meaning
         self._ways[channel].add(end.is_answer)
-        if channel not in self._settings and _writes_setting(end, meaning.raw.data):
+        is_setting = _writes_setting(end, meaning.raw.data)
+        if is_setting:
             self._settings.add(channel)
         said = self._transfers.take(time, channel, end, meaning.raw.data)
         if end.is_answer:
@@ -427,6 +428,8 @@ class Following:
         else:
             self._request_lines[key] = line
             self._leave(channel, said.ended)
+            if is_setting:
+                self._news(channel, self._in_force(channel).ask(end.server, Initiate.of(meaning.raw.data).address))
         if not any(said):
             return meaning
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
@@ -444,6 +447,8 @@ class Following:
     def _confirm(self, channel: str, server: int, said: Said, place: int | float) -> None:
         """Take in what an answer shows: of a write, asked for at a line or a time in s, only what is confirmed."""
         unseen, ended = set[Address](), said.ended
+        if ended and ended.address and ended.aborted is not None:
+            self._news(channel, self._in_force(channel).refuse(server, ended.address))
         is_confirmed = ended and ended.is_whole and ended.aborted is None and ended.end and ended.address
         if said.unseen and said.unseen[0] in SHOWN:
             unseen.add(said.unseen)
@@ -628,24 +633,25 @@ class DecodedLog:
     ) -> Iterator[tuple[int, float, int, Raw]]:
         """Yield what a decoder follows; of heartbeats without a guarding master only what may change something."""
         is_guarded = self._following.is_guarded or any(isinstance(head, RemoteFrame) for head in groups)
-        found: list[int] = []
+        found, data = list[int](), batch.data
         for head, places in groups.items():
             if (head if isinstance(head, int) else head[0]) not in decoder.followed:
                 continue
             some = places[bisect_right(places, after) :]
             if head in HEARTBEATS and not is_guarded:
-                some = [place for place in some if batch.data[place] not in RUNNING]
+                some = [place for place in some if data[place] not in RUNNING]
             found += some
         for place in sorted(found):
             yield place, batch.times[place], batch.lines[place], batch.raw(place)
 
     def _fill(self, batch: Batch, groups: Groups, span: DecoderSpan, in_use: InUse, rows: list[Any]) -> None:
         """Fill in the rows of a span."""
+        data = batch.data
         for head, places in groups.items():
             end = len(places) if span.last is None else bisect_right(places, span.last)
             some = places[bisect_right(places, span.after) : end]
             if rows_of := in_use.at_once(head):
-                made = rows_of([batch.data[place] for place in some])
+                made = rows_of([data[place] for place in some])
                 for place, row in zip(some, made):
                     rows[place] = row
                 some = [place for place, row in zip(some, made) if row is None] if None in made else ()

@@ -150,9 +150,9 @@ class Batch(NamedTuple):
 
     def grouped(self, places: Sequence[int]) -> dict[int | Raw, list[int]]:
         """Return some places, in their order, by their heads."""
-        groups = defaultdict[int | Raw, list[int]](list)
-        for place, head in zip(places, map(self.heads.__getitem__, places)):
-            groups[head].append(place)
+        groups, heads = defaultdict[int | Raw, list[int]](list), self.heads
+        for place in places:
+            groups[heads[place]].append(place)
         return groups
 
     def entries(self) -> Entries:

@@ -206,6 +206,10 @@ class Decoder:
         former = self.protocol.bindings
         return Decoder(*known, shown.learned, self.others, former, self.describe, shown.left, self._frames)
 
+    def binding(self, cob_id: int) -> Binding | None:
+        """Return the message under an identifier; None if there is none."""
+        return self._bindings.get(cob_id)
+
     @cached_property
     def remembered(self) -> Callable[[Raw], Meaning]:
         """Return the meaning of a frame, kept if it is one of the last: most are requests and confirms without data."""

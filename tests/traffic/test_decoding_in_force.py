@@ -155,6 +155,18 @@ UNKNOWN = {
         f"{BOOT} {write(0x1A00, 2, VELOCITY).split()[0]} 601#4000100000000000 181#3702E8030000",
         "statusword=567 (Operation enabled), mapped_object_2=unknown",
     ),
+    "one request alone": (
+        f"{BOOT} {write(0x1A00, 1, VELOCITY).split()[0]} 181#0102E8030000",
+        "mapped_object_1=unknown, velocity_actual_value=1000 rpm",
+    ),
+    "one request alone, in a log that begins anywhere": (
+        f"{write(0x1A00, 2, VELOCITY).split()[0]} 181#0102E8030000",
+        "mapped_object_1=unknown, mapped_object_2=unknown",
+    ),
+    "one request that its client gives up": (
+        f"{BOOT} {write(0x1A00, 1, VELOCITY).split()[0]} 601#80001A0100000405 181#0102E8030000",
+        "mapped_object_1=unknown, velocity_actual_value=1000 rpm",
+    ),
     "the device answers with another mapping than its file's": (
         "601#40001A0100000000 581#43001A0110004160 601#40001A0100000000 581#43001A0108006160 181#01E8030000",
         "modes_of_operation_display=1 (profile position), mapped_object_2=unknown",
@@ -174,6 +186,12 @@ KNOWN_AGAIN = {
     "read": f"{write(0x1A00, 1, 0).split()[1]} 601#40001A0100000000 581#43001A0120006C60 "
     f"601#40001A0200000000 581#43001A0210004160 601#40001A0000000000 581#4F001A0002000000 {FRAME}",
 }
+
+
+def test_a_request_that_the_device_refuses_changes_nothing() -> None:
+    asked = write(0x1A00, 1, VELOCITY).split()[0]
+    assert last(f"{asked} 181#3702E8030000").defects
+    assert last(f"{asked} 581#80001A0111000906 181#3702E8030000").defects == ()
 
 
 @pytest.mark.parametrize("lines", KNOWN_AGAIN.values(), ids=KNOWN_AGAIN)

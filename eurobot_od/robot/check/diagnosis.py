@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import partial
 from math import hypot
 
 from eurobot_od.lint.findings import Severity
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import GotoFault, Source
 from eurobot_od.traffic.diagnosis.incidents import IncidentRule, ObservedBus, Occurrences, RuleRow, Take, Watcher
 from eurobot_od.traffic.meaning import Meaning
-
-STOPS = (messages.StopDrive, messages.EmergencyStop, messages.EmergencyShutdown)
-
-LISTENED = (*STOPS, messages.GotoXY, messages.GotoStateResponse, messages.PositionResponse)
 
 STANDS_WITHIN = 0.5
 """Seconds that the drive may brake after a stop."""
@@ -57,27 +55,31 @@ class EurobotWatcher(Watcher):
         self._stands: tuple[int, int] | None = None
 
     def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
-        is_listened_to = meaning.message is None or isinstance(meaning.message, LISTENED)
-        return self._message if is_listened_to else None
+        binding = self.bus.decoder.binding(cob_id)
+        kinds = (each for each in TAKES if binding and issubclass(binding.type, each))
+        return partial(TAKES[kind], self) if (kind := next(kinds, None)) else None
 
-    def _message(self, time: float, meaning: Meaning) -> None:
-        message = meaning.message
-        if isinstance(message, STOPS):
-            if self._stop is None:
-                self._stop, self._stands = (time, meaning.name, Occurrences.once(self.bus.at())), None
-        elif isinstance(message, messages.GotoXY):
+    def _stopped(self, time: float, meaning: Meaning) -> None:
+        if self._stop is None and meaning.message is not None:
+            self._stop, self._stands = (time, meaning.name, Occurrences.once(self.bus.at())), None
+
+    def _sent_on(self, _: float, meaning: Meaning) -> None:
+        if meaning.message is not None:
             self._stop = None
-        elif isinstance(message, messages.GotoStateResponse):
-            is_under_way = bool(message.time) and not isinstance(message.time, GotoFault | OutOfRange)
-            if self._stop and is_under_way and time - self._stop[0] > HEARS_WITHIN:
-                self._not_obeyed(time, meaning, f"says that {message.time} ms of its goto remain")
-        elif isinstance(message, messages.PositionResponse):
-            self._position(time, meaning, message)
 
-    def _position(self, time: float, meaning: Meaning, message: messages.PositionResponse) -> None:
+    def _goes_on(self, time: float, meaning: Meaning) -> None:
+        left = getattr(meaning.message, "time", None)
+        is_under_way = bool(left) and not isinstance(left, GotoFault | OutOfRange)
+        if self._stop and is_under_way and time - self._stop[0] > HEARS_WITHIN:
+            self._not_obeyed(time, meaning, f"says that {left} ms of its goto remain")
+
+    def _position(self, time: float, meaning: Meaning) -> None:
+        message = meaning.message
+        if not isinstance(message, messages.PositionResponse):
+            return
         x, y, _, source = message
         wanted = messages.SOURCES[type(message)]
-        if isinstance(source, Source) and source is not wanted:
+        if source is not wanted and isinstance(source, Source):
             text = f"{meaning.name} comes from {source.name.lower()}, not from {wanted.name.lower()}".replace("_", " ")
             self.bus.found(EurobotRule.POSITION_SOURCE, meaning.sender, text, meaning.name)
         is_ours = isinstance(message, messages.KalmanPositionResponse)
@@ -95,3 +97,14 @@ class EurobotWatcher(Watcher):
             EurobotRule.STOP_NOT_OBEYED, meaning.sender, f"{what} {time - since:.1f} s after {stop}", seen=seen
         )
         self._stop = None
+
+
+TAKES: Mapping[type[Message], Callable[[EurobotWatcher, float, Meaning], None]] = {
+    messages.StopDrive: EurobotWatcher._stopped,
+    messages.EmergencyStop: EurobotWatcher._stopped,
+    messages.EmergencyShutdown: EurobotWatcher._stopped,
+    messages.GotoXY: EurobotWatcher._sent_on,
+    messages.GotoStateResponse: EurobotWatcher._goes_on,
+    messages.PositionResponse: EurobotWatcher._position,
+}
+"""What takes the messages that are watched, by their classes."""

@@ -16,10 +16,8 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, TypeAlias
 
-from eurobot_od.bus import frame_bits
-from eurobot_od.frame import Frame, RemoteFrame, identifier_text
+from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.lint.findings import LEVELS, Severity
-from eurobot_od.od import values
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.texts import text as duration
@@ -27,6 +25,7 @@ from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.diagnosis.deadlines import DeadlineWatcher
 from eurobot_od.traffic.diagnosis.drives import DriveWatcher
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Take, Watcher
+from eurobot_od.traffic.diagnosis.load import BusLoad
 from eurobot_od.traffic.diagnosis.modules import ModuleWatcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
 from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, StreamWatcher, SyncWatcher, TimeWatcher
@@ -35,7 +34,7 @@ from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.transfers import SdoWatcher
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.load import MessageSet, load_report
-from eurobot_od.traffic.meaning import CANOPEN, DEFAULT_PDOS, Decoder, Meaning, SdoTransfer
+from eurobot_od.traffic.meaning import CANOPEN, Decoder, Meaning, SdoTransfer
 from eurobot_od.traffic.statistics import NOTHING
 
 TICK = 0.02
@@ -44,20 +43,8 @@ TICK = 0.02
 SILENCE = 1.0
 """Seconds without any frame after which the log may have a gap."""
 
-ALL = 1.05
-"""Share of the bus that no traffic can exceed: more means that the bus is faster."""
-
-LOADS = (
-    (1.0, ((ALL, BusRule.LOAD_HIGH), (0.9, BusRule.LOAD_FULL), (0.8, BusRule.LOAD_HIGH))),
-    (0.05, ((0.99, BusRule.LOAD_BURST),)),
-)
-"""Spans in s, with the shares of the bus that are too much in each, and their rules."""
-
 DELTAS = 0.2
 """Share of the frames whose time is before that of the frame before, from which on times are taken as differences."""
-
-MAIN = 0.3
-"""Share of the load from which one identifier is named as the one that fills the bus."""
 
 BUS_OFF = 0x40
 """Class bit of Linux's error frames: the controller is bus-off (linux/can/error.h)."""
@@ -101,10 +88,7 @@ class WatchedBus:
         self._services: dict[str, list[Take]] = {}
         self._watch_more()
         self._promised = promised
-        self._loads: list[list[Any]] = []
-        self._bits, self._load_due = 0, 0.0
-        self._share: dict[int, int] = {}
-        self._latest: dict[int, Meaning] = {}
+        self._load = BusLoad(bus, bit_rate)
         self._first: SeenAt | None = None
         self._frames, self._backwards, self._went_back = 0, "", Occurrences()
 
@@ -126,8 +110,12 @@ class WatchedBus:
         if meaning.defects:
             self._damaged(meaning)
         if isinstance(raw, Frame):
-            self._count(raw, meaning)
-            self._pass_on(time, meaning, raw)
+            self._load.take(raw)
+            takers = bus.listeners.get(raw[0])
+            if takers is None or raw.__class__ is RemoteFrame:
+                takers = self._takers(meaning, raw)
+            for take in takers:
+                take(time, meaning)
 
     def _pass_time(self, time: float, raw: Raw) -> None:
         """Notice what the time of an entry shows by itself: a gap, what did not come, the load until then."""
@@ -147,23 +135,20 @@ class WatchedBus:
         if time >= self._tick_at:
             self.tick(time)
         bus.frame = raw
-        if time >= self._load_due and isinstance(raw, Frame):
-            self._judge_load(time)
-        self._due = min(self._tick_at, self._load_due)
+        if time >= self._load.due and isinstance(raw, Frame):
+            self._load.judge(time)
+        self._due = min(self._tick_at, self._load.due)
 
-    def _pass_on(self, time: float, meaning: Meaning, frame: Frame) -> None:
-        """Give a frame to the watchers that listen to it."""
-        takers: Sequence[Take] | None
+    def _takers(self, meaning: Meaning, frame: Frame) -> Sequence[Take]:
+        """Return who listens to a frame: of a service, or of a PDO that comes for the first time."""
         if meaning.group == CANOPEN:
             self.bus.counts[meaning.name] += 1
-            takers = self._services.get(meaning.name, ()) if meaning.is_read else ()
-        elif frame.__class__ is RemoteFrame:
-            return
-        elif (takers := self.bus.listeners.get(frame[0])) is None:
-            asked = (each.listener(frame.cob_id, meaning) for each in self._watchers)
-            takers = self.bus.listeners[frame.cob_id] = tuple(filter(None, asked))
-        for take in takers:
-            take(time, meaning)
+            return self._services.get(meaning.name, ()) if meaning.is_read else ()
+        if frame.is_remote:
+            return ()
+        asked = (each.listener(frame.cob_id, meaning) for each in self._watchers)
+        takers = self.bus.listeners[frame.cob_id] = tuple(filter(None, asked))
+        return takers
 
     def _damaged(self, meaning: Meaning) -> None:
         who = meaning.sender or (meaning.nodes[0] if len(meaning.nodes) == 1 else "")
@@ -212,8 +197,7 @@ class WatchedBus:
         for each in self._watchers:
             each.gap(time)
         self._tick_at = time
-        self._loads = [[time, self._bits, Occurrences.once(self.bus.at())] for _ in LOADS]
-        self._load_due = time
+        self._load.restart(time)
 
     def tick(self, time: float) -> None:
         """Notice what did not come until now, s."""
@@ -235,46 +219,6 @@ class WatchedBus:
                 text = f"{row.message.name} can be later than its deadline at {self.bit_rate / 1000:g} kbit/s"
                 seen = Occurrences.once(self._first or self.bus.at())
                 self.bus.found(BusRule.CAN_STARVE, row.message.node, text, row.message.identifier, seen=seen)
-
-    # Load
-
-    def _count(self, frame: Frame, meaning: Meaning) -> None:
-        """Count the bits of a frame, with which its identifier has a share of the load."""
-        bits, cob_id = frame_bits(frame), frame[0]
-        self._bits += bits
-        if cob_id in self._share:
-            self._share[cob_id] += bits
-        else:
-            self._share[cob_id], self._latest[cob_id] = bits, meaning
-
-    def _judge_load(self, time: float) -> None:
-        """Compare the load of the spans that are over with what is too much."""
-        for load, (span, limits) in zip(self._loads, LOADS):
-            began, before, seen = load
-            if time - began < span:
-                continue
-            share = (self._bits - before) / self.bit_rate / span
-            if rule := next((rule for most, rule in limits if most < share), None):
-                wrong = "; more than all: the bus is faster, -b says its bit rate" if share > ALL else ""
-                text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}{self._culprit()}"
-                self.bus.found(rule, "", text, seen=seen)
-            load[:] = time, self._bits, Occurrences.once(self.bus.at())
-            if span == LOADS[0][0]:
-                self._share.clear()
-        self._load_due = min(began + span for (began, *_), (span, _) in zip(self._loads, LOADS))
-
-    def _culprit(self) -> str:
-        """Return who fills the bus; empty if it is no single identifier."""
-        if not self._share:
-            return ""
-        whole, cob_id = sum(self._share.values()), max(self._share, key=self._share.__getitem__)
-        bits, meaning = self._share[cob_id], self._latest[cob_id]
-        if bits < MAIN * whole:
-            return ""
-        owner = values.owner(cob_id, DEFAULT_PDOS)
-        guess = f"likely node {owner.node_id(cob_id)}" if owner and not meaning.nodes else ""
-        name = ", ".join(filter(None, (meaning.name, meaning.sender or " ".join(meaning.nodes[:1]) or guess)))
-        return f"; {bits / whole:.0%} of it is 0x{identifier_text(cob_id)}{f' ({name})' if name else ''}"
 
 
 def _is_bus_off(text: str) -> bool:

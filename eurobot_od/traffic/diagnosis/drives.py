@@ -228,7 +228,7 @@ class DriveWatcher(Watcher):
 
     def _mapped(self, cob_id: int) -> Iterator[MappedWord]:
         """Yield the objects of drives that the PDO of an identifier carries."""
-        binding = next((each for each in self.bus.decoder.protocol.bindings if each.cob_id == cob_id), None)
+        binding = self.bus.decoder.binding(cob_id)
         if binding is None or binding.layout.byte_order != "little":
             return
         is_sent = binding.pdo.direction is PdoDirection.TPDO

@@ -209,13 +209,13 @@ class Incidents:
     def at(self, rule: IncidentRule, channel: str, who: str, subject: str, text: str, cause: str = "") -> Occurrences:
         """Return where an incident was seen; it is new if the rule has none of this node and `subject`."""
         key = rule, channel, who, subject
-        if key not in self._found:
+        found = self._found.get(key)
+        if found is None:
             number = self._number[key[:2]] = self._number.get(key[:2], 0) + 1
             if number > MOST:
                 key, who, text = (rule, channel, "", ""), "", f"{rule.what} (others than those above)"
-            if key not in self._found:
-                self._found[key] = Incident(rule, channel, who, text, cause or rule.cause)
-        return self._found[key].seen
+            found = self._found.setdefault(key, Incident(rule, channel, who, text, cause or rule.cause))
+        return found.seen
 
     def sorted(self, *others: Incidents) -> list[Incident]:
         """Return them and others, worst first, each with what follows from it; of equal ones what is more often.

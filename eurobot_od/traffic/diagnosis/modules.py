@@ -105,7 +105,7 @@ class ModuleWatcher(Watcher):
 
     def _mapped(self, cob_id: int) -> Iterator[MappedInput]:
         """Yield the inputs that the TPDO of an identifier carries."""
-        binding = next((each for each in self.bus.decoder.protocol.bindings if each.cob_id == cob_id), None)
+        binding = self.bus.decoder.binding(cob_id)
         if binding is None or binding.layout.byte_order != "little" or binding.pdo.direction is not PdoDirection.TPDO:
             return
         for node in filter(None, map(self.bus.named, binding.senders[:1])):

@@ -83,13 +83,15 @@ class UnclearBootUp(NamedTuple):
 class Beats:
     """The heartbeats of a node: the `period` that its settings say in s, 0 for none, and when the `last` one came.
 
-    `last` is None while none is due. `before` is the state before the last one, `flips` how often it came back.
+    `last` is None while none is due. `usual` is the period by the settings, or by what came if that is longer; 0 if
+    nothing says it. `before` is the state before the last one, `flips` how often it came back.
     `observed` is the period of heartbeats that came evenly, 0 until then; they are of two nodes if `is_of_two`.
     `silence` is what is to be reported of a loss, and where, unless the log ends.
     """
 
     def __init__(self, period: float) -> None:
-        self.period, self.last, self.lost = period, None, False
+        self.period, self.lost, self.usual = period, False, period
+        self.last: float | None = None
         self.intervals: deque[float] = deque(maxlen=2 * SURE)
         self.times: deque[float] = deque(maxlen=WINDOW)
         self.observed, self.is_of_two, self._number = 0.0, False, 0
@@ -97,21 +99,19 @@ class Beats:
         self.flips = 0
         self.silence: tuple[str, Occurrences] | None = None
 
-    last: float | None
-
-    @property
-    def usual(self) -> float:
-        """The period by the settings, or by what came if that is longer; 0 if nothing says it."""
-        if len(self.intervals) < SURE:
-            return self.period
-        # The last but one: a single long silence does not change it. Of few, two nodes' may be as uneven as all are.
-        place = -2 if len(self.intervals) > SURE + 1 else -1
-        return max(self.period, sorted(self.intervals)[place])
+    def add(self, interval: float) -> None:
+        """Take in the time between two heartbeats, in s."""
+        self.intervals.append(interval)
+        if len(self.intervals) >= SURE:
+            # The last but one: a single long silence does not change it. Of few, two nodes' may be as uneven as all.
+            place = -2 if len(self.intervals) > SURE + 1 else -1
+            self.usual = max(self.period, sorted(self.intervals)[place])
 
     def is_lost(self, now: float) -> bool:
         """Whether the next one should have come by now."""
-        least = 0.0 if len(self.intervals) >= SURE else PATIENCE  # a device may have another period than its file
-        return self.last is not None and self.usual > 0 and now - self.last > max(LOST_AFTER * self.usual, least)
+        if self.last is None or not now - self.last > LOST_AFTER * self.usual > 0:
+            return False
+        return len(self.intervals) >= SURE or now - self.last > PATIENCE  # it may have another period than its file
 
     @property
     def middle(self) -> float:
@@ -130,7 +130,7 @@ class Beats:
 
     def restart(self, last: float | None) -> None:
         """Begin anew: one is due after `last`, or none."""
-        self.last, self.lost, self.flips, self.observed = last, False, 0, 0.0
+        self.last, self.lost, self.flips, self.observed, self.usual = last, False, 0, 0.0, self.period
         self.intervals.clear()
         self.times.clear()
 
@@ -141,14 +141,23 @@ class Beats:
         periods = (time - self.last) / self.usual
         return round(periods) >= 1 and abs(periods - round(periods)) < IN_PHASE
 
+    def is_paired(self, period: float) -> bool:
+        """Return whether any two intervals that follow each other make a period in s, as those of two nodes do."""
+        return all(abs((one + two) / period - 1) < UNEVEN for one, two in pairwise(self.intervals))
+
     def series(self, time: float) -> tuple[float, float] | None:
-        """Take in a heartbeat at a time in s; return the periods of two series if they are that many."""
+        """Take in a heartbeat at a time in s; return the periods of two series if they are that many.
+
+        A twin does not go away: few windows are looked at.
+        """
         self.times.append(time)
         self._number += 1
-        if len(self.intervals) == self.intervals.maxlen and not self.observed and is_even([*self.times], 1 + IN_PHASE):
+        if self._number % (WINDOW // 2):
+            return None
+        times = [*self.times]
+        if len(self.intervals) == self.intervals.maxlen and not self.observed and is_even(times, 1 + IN_PHASE):
             self.observed = sum(self.intervals) / len(self.intervals)
-        # Few windows are looked at: a twin does not go away.
-        return None if self._number % SURE or self.is_of_two else two_series([*self.times], 1 + CHANGED)
+        return None if self.is_of_two else two_series(times, 1 + CHANGED)
 
 
 class NodesWatcher(Watcher):
@@ -300,8 +309,8 @@ class NodesWatcher(Watcher):
                 states = f"{STATE_NAMES[state]} and {STATE_NAMES[beats.before or state]}"
                 self._two(node, f"its heartbeats say by turns {states}", "states")
         if beats.last is not None and time > beats.last and not beats.lost:  # a log may have no times
-            beats.intervals.append(time - beats.last)
-            self._judge(node, beats)
+            beats.add(time - beats.last)
+            self._judge(node, beats, time - beats.last)
             if (periods := beats.series(time)) and not beats.is_of_two:
                 every = " and ".join(brief(each) for each in periods)
                 self._two(node, f"two series of heartbeats, every {every} (observed)", "heartbeats")
@@ -316,20 +325,20 @@ class NodesWatcher(Watcher):
             beats.silence = None
             self.bus.found(BusRule.HEARTBEAT_LOST, self.bus.node(node_id).name, text, seen=seen)
 
-    def _judge(self, node: ObservedNode, beats: Beats) -> None:
-        """Look at a node's last intervals."""
-        last = beats.intervals[-1]
-        if len(beats.intervals) > SURE and not beats.is_of_two and last > LATE_AFTER * (usual := beats.usual):
-            text = f"a heartbeat after {brief(last)}, with a period of {brief(usual)}"
+    def _judge(self, node: ObservedNode, beats: Beats, last: float) -> None:
+        """Look at a node's last intervals, of which this is the last one, in s."""
+        intervals, period = beats.intervals, beats.period or beats.observed
+        if last > LATE_AFTER * beats.usual and len(intervals) > SURE and not beats.is_of_two:
+            text = f"a heartbeat after {brief(last)}, with a period of {brief(beats.usual)}"
             self.bus.found(BusRule.HEARTBEAT_LATE, node.name, text)
-        if not (beats.period or beats.observed) or len(beats.intervals) < 2 * SURE:
+        if not period or len(intervals) < 2 * SURE:
             return
-        period, uneven = beats.period or beats.observed, max(beats.intervals) > (1 + CHANGED) * min(beats.intervals)
-        pairs = (one + two for one, two in pairwise(beats.intervals))
-        if (uneven or beats.observed) and all(abs(each / period - 1) < UNEVEN for each in pairs):
+        shortest, longest = min(intervals), max(intervals)
+        uneven = longest > (1 + CHANGED) * shortest
+        if (uneven or beats.observed) and beats.is_paired(period):
             if not beats.is_of_two:
                 self._two(node, f"two series of heartbeats, each every {brief(period)}", "heartbeats")
-        elif beats.period and not uneven and all(abs(each / period - 1) > CHANGED for each in beats.intervals):
+        elif beats.period and not uneven and (shortest / period - 1 > CHANGED or 1 - longest / period > CHANGED):
             text = f"a heartbeat every {brief(last)}, with 0x1017 = {period * 1000:g} ms"
             self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text)
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from itertools import combinations
+from itertools import combinations, pairwise
 from math import inf
-from statistics import fmean
+from statistics import fmean, median
 
 from eurobot_od.client.watch import LATE_AFTER
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
@@ -21,7 +21,7 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Occurrences, SeenAt, Take, Watcher, brief
 from eurobot_od.traffic.diagnosis.rules import BusRule
-from eurobot_od.traffic.diagnosis.series import WINDOW, two_series
+from eurobot_od.traffic.diagnosis.series import SAME, WINDOW, two_series
 from eurobot_od.traffic.load import MICROSECONDS, BoundRow, MessageSet, PeriodicMessage
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import SYNC_NAME, TIME_NAME
@@ -122,7 +122,7 @@ class PdoWatcher(Watcher):
     def _first(self, cob_id: int) -> TpdoWatch | None:
         """Return how to watch an identifier, and report what its first frame shows."""
         decoder = self.bus.decoder
-        binding = next((each for each in decoder.protocol.bindings if each.cob_id == cob_id), None)
+        binding = decoder.binding(cob_id)
         sender = self.bus.named(binding.senders[0]) if binding and binding.senders else None
         if binding is None or sender is None:
             return None
@@ -215,12 +215,22 @@ LEAST_SILENCE = 1.0
 
 @dataclass
 class PeriodicStream:
-    """The frames of one identifier: their name, the last one and the interval before it in s, how many were even."""
+    """The frames of one identifier: their name, when the `last` one came, their `period` by now, times in s.
+
+    So many intervals in a row were `even`, from a frame at `since` on; those of an even number ended at `paired`.
+    """
 
     name: str
     last: float | None = None
     period: float = 0.0
     even: int = 0
+    since: float = 0.0
+    paired: float = 0.0
+
+    @property
+    def observed(self) -> float:
+        """The average period since it is steady, in s: of an even number, as a coarse clock alternates."""
+        return (self.paired - self.since) / (self.even & ~1)
 
     def take(self, time: float, _: Meaning) -> None:
         """Take in a frame."""
@@ -231,8 +241,10 @@ class PeriodicStream:
         if abs(interval - self.period) <= EVEN * self.period:
             self.even += 1
             self.period += (interval - self.period) / STEADY
+            if not self.even & 1:
+                self.paired = time
         else:
-            self.even, self.period = 0, interval
+            self.even, self.period, self.since = 0, interval, time
 
     def restart(self) -> None:
         """Forget what was before a gap."""
@@ -253,8 +265,8 @@ class StreamWatcher(Watcher):
         for cob_id, stream in self._streams.items():
             silence = max(STOPPED_AFTER * stream.period, LEAST_SILENCE)
             if stream.even >= STEADY and stream.last is not None and time - stream.last > silence:
-                stream.even = 0
                 self._stopped(cob_id, stream, stream.last)
+                stream.even = 0
 
     def last(self, cob_id: int) -> float | None:
         """Return when a message came last, in s."""
@@ -265,13 +277,13 @@ class StreamWatcher(Watcher):
         """Yield what has just stopped at a time in s: COB-ID, name, when it came last, and its period in s."""
         for cob_id, stream in self._streams.items():
             if stream.even >= STEADY and stream.last is not None and time - stream.last > SYNCS * stream.period:
-                yield cob_id, stream.name or f"0x{identifier_text(cob_id)}", stream.last, stream.period
+                yield cob_id, stream.name or f"0x{identifier_text(cob_id)}", stream.last, stream.observed
 
     def _stopped(self, cob_id: int, stream: PeriodicStream, last: float) -> None:
         node = self.bus.nodes.get(cob_id & NODE_IDS[-1])  # as nearly all PDOs have it in their COB-ID
         is_told = self.bus.commanded > last - LEAST_SILENCE
         if not is_told and node and node.state is NmtState.OPERATIONAL and not node.is_lost:
-            text = f"{stream.name or '0x' + identifier_text(cob_id)} stops: {_came(stream.period, last)}"
+            text = f"{stream.name or '0x' + identifier_text(cob_id)} stops: {_came(stream.observed, last)}"
             self.bus.found(BusRule.PDO_STOPS, node.name, text, cob_id)
 
     def gap(self, time: float) -> None:
@@ -340,6 +352,13 @@ INTERVALS = 500
 """The last intervals between SYNCs, of which shortest, longest and average are told."""
 
 
+ALTERNATES = (
+    "one producer whose timer alternates, or two of one period whose clocks agree: unplug one, or give SYNC a counter "
+    "(0x1019), which tells"
+)
+"""Why SYNC likely comes after two times by turns that do not drift."""
+
+
 class SyncWatcher(Watcher):
     """Watches the period of SYNC, its counter, and who sends it."""
 
@@ -358,6 +377,7 @@ class SyncWatcher(Watcher):
         self._intervals: deque[float] = deque(maxlen=INTERVALS)
         self._before, self._usual = b"", 0.0
         self._uneven, self._jitter = Occurrences(), ""
+        self._turns: tuple[Sequence[float], Sequence[float]] | None = None
 
     def take(self, time: float, meaning: Meaning) -> None:
         frame, before = meaning.raw, self._last
@@ -394,7 +414,7 @@ class SyncWatcher(Watcher):
         self._intervals.append(interval)
         self._number += 1
         periods = None if self._number % SYNCS or self._two else two_series([*self._times], ONE_PRODUCER)
-        if periods:
+        if periods and self._are_of_two(*periods):
             self._two = True
             every = " and ".join(brief(each) for each in periods)
             text = f"two series of SYNC, every {every} (observed)"
@@ -414,6 +434,20 @@ class SyncWatcher(Watcher):
         else:
             self._jitter = self._jitter or text
             self._uneven.add(self.bus.at())
+
+    def _are_of_two(self, one: float, two: float) -> bool:
+        """Return whether two series with these periods, in s, are of two producers.
+
+        Those of one period drift, as no two clocks agree. What does not may be one producer whose timer alternates.
+        """
+        if abs(one / two - 1) > SAME:
+            return True
+        intervals = sorted(after - before for before, after in pairwise(self._times))
+        short, long = intervals[1 : len(intervals) // 2 - 1], intervals[(len(intervals) + 1) // 2 + 1 : -1]
+        if self._turns is None:
+            self._turns = short, long
+        first, _ = self._turns
+        return short[0] > first[-1] + STAMP or short[-1] < first[0] - STAMP
 
     def _extra(self, interval: float, usual: float) -> None:
         """Look for a SYNC between two of the series: that of a second producer in phase with the first one.
@@ -475,12 +509,16 @@ class SyncWatcher(Watcher):
         if self._skipped:
             self.bus.found(BusRule.SYNC_COUNTER, "", self._skipped[0], seen=self._skipped[1])
         if self._uneven.number:
-            self.bus.found(BusRule.SYNC_JITTER, "", self._jitter or self._as_seen(), seen=self._uneven)
+            cause, text = ALTERNATES if self._turns else "", self._jitter or self._as_seen()
+            self.bus.found(BusRule.SYNC_JITTER, "", text, seen=self._uneven, cause=cause)
 
     def _as_seen(self) -> str:
-        """Return the times between SYNCs as they were: a median would be one of the two of a coarse clock."""
-        span = f"{brief(min(self._intervals))} to {brief(max(self._intervals))}"
-        return f"SYNC comes {span} after the one before, {brief(fmean(self._intervals))} on average (observed)"
+        """Return the times between SYNCs as they were: of an even number, as a coarse clock alternates."""
+        intervals = [*self._intervals][len(self._intervals) % 2 :]
+        span = f"{brief(min(intervals))} to {brief(max(intervals))}"
+        if self._turns:
+            span = f"{' and '.join(brief(median(each)) for each in self._turns)} by turns"
+        return f"SYNC comes {span} after the one before, {brief(fmean(intervals))} on average (observed)"
 
 
 def _follows(before: bytes, present: bytes) -> bool:

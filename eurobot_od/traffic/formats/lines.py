@@ -145,7 +145,7 @@ CANDUMP_FOREIGN = (
 
 
 USUAL = re.compile(
-    rb"(?:\((?:[1-7][0-9]{9}|[1-9][0-9]{0,8}|0)\.[0-9]{6}\) [!-\"$-'*-~]++ [0-7][0-9A-Fa-f]{2}#[0-9A-Fa-f]{0,16}+\n)*+"
+    rb"(?:\((?!0[0-9])[0-7]?[0-9]{1,9}+\.[0-9]{6}\) [!-\"$-'*-~]++ [0-7][0-9A-Fa-f]{2}#[0-9A-Fa-f]{0,16}+\n)*+"
 )
 """Lines with classic base data frames whose times are as we write them: a float of these has six decimals exactly."""
 

@@ -273,7 +273,7 @@ DEFECTS = [
         log(at(RESET), at("705#00", start=0.2), at("705#7F", start=0.3)),
     ),
     RuleDefect(BusRule.TWO_NODES, log(beats(), beats(start=0.03)), 0.3, log(beats(), beats(start=1.95)), ("arm",)),
-    RuleDefect(BusRule.TWO_NODES, log(beats(), beats(start=0.03)), 0.43, log(beats(), beats(start=1.95))),
+    RuleDefect(BusRule.TWO_NODES, log(beats(), beats(start=0.03)), 0.4, log(beats(), beats(start=1.95))),
     RuleDefect(
         BusRule.TWO_NODES,
         log(beats(until=1), at("705#00", start=1.05), beats(start=1.1)),
@@ -647,9 +647,15 @@ DEFECTS = [
     ),
     RuleDefect(
         BusRule.SYNC_TWO,
-        log(every(0.1, "080#", 1), every(0.1, "080#", 1, 0.037)),
-        0.437,
-        log(every(0.04, "080#", 1), every(0.04, "080#", 1, 0.016)),
+        log(every(0.1, "080#", 3), every(0.1005, "080#", 3, 0.02)),
+        0.5,
+        log(every(0.1, "080#", 3), every(0.1, "080#", 3, 0.02)),
+    ),
+    RuleDefect(
+        BusRule.SYNC_JITTER,
+        log(every(0.04, "080#", 3), every(0.04, "080#", 3, 0.012)),
+        0.2,
+        log(every(0.04, "080#", 3), every(0.04, "080#", 3, 0.016)),
     ),
     RuleDefect(BusRule.SYNC_COUNTER, at("080#01", "080#03", gap=0.1), 0.1, at("080#04", "080#05", "080#01", gap=0.1)),
     RuleDefect(

@@ -38,6 +38,11 @@ def test_what_a_full_bus_delays_is_below_it() -> None:
     assert [each.rule for each in others if each.rule in (BusRule.HEARTBEAT_LOST, BusRule.TWO_NODES)] == []
 
 
+def test_the_period_of_a_pdo_by_a_coarse_clock_is_the_average() -> None:
+    frames = log(beats(until=4), every(0.04, "205#0000", 1.0), every(0.04, "205#0000", 1.0, 0.016))
+    assert "it came every 20 ms (observed)" in found(BusRule.PDO_STOPS, frames).text
+
+
 BLOCK = ("605#A008100010000000", "585#C408100020000000", "605#A300000000000000")
 SEQUENCE = "605#8008100003000405"
 
@@ -70,12 +75,17 @@ UNEVEN = [(round(0.02 * n + EARLY_OR_LATE[n % 12] / 1000, 6), "080#") for n in r
         (UNEVEN, (), "SYNC comes 9 ms to 28 ms after the one before, 20 ms on average (observed)"),
         (COARSE, (), "SYNC comes 16 ms to 36 ms after the one before, 20.3 ms on average (observed)"),
         (
+            log(every(0.04, "080#", 4.02), every(0.04, "080#", 4, 0.012)),
+            (),
+            "SYNC comes 12 ms and 28 ms by turns after the one before, 20 ms on average (observed)",
+        ),
+        (
             log(every(0.1, "080#", 0.4), at("080#", start=0.55)),
             ("clock",),
             "SYNC comes after 150 ms, with a period of 100 ms",
         ),
     ],
-    ids=["jitter at random", "a coarse clock that is late once", "the period of 0x1006"],
+    ids=["jitter at random", "a coarse clock that is late once", "two times by turns", "the period of 0x1006"],
 )
 def test_jitter_is_told_as_it_was_seen(frames: Log, devices: tuple[str, ...], text: str) -> None:
     assert found(BusRule.SYNC_JITTER, frames, *devices).text == text

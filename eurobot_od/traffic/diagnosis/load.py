@@ -1,0 +1,110 @@
+"""Watches the load of a bus: how many bits came in a span of time, and whose they were (ISO 11898-1).
+
+To find the stuff bits of a frame takes longer than all else about it. So frames are kept until their span is over, and
+counted as the longest of their length; only where that would be too much they are counted exactly.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from eurobot_od.bus import bits_together, longest_frame
+from eurobot_od.frame import EXTENDED, MOST_BYTES, Frame, RemoteFrame, identifier_text
+from eurobot_od.od import values
+from eurobot_od.traffic.diagnosis.incidents import ObservedBus, Occurrences
+from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.meaning import DEFAULT_PDOS
+
+ALL = 1.05
+"""Share of the bus that no traffic can exceed: more means that the bus is faster."""
+
+MAIN = 0.3
+"""Share of the load from which one identifier is named as the one that fills the bus."""
+
+MOST = 1 << 15
+"""Frames of one identifier in a span: more than any bus carries, so that the log has no times."""
+
+LONGEST = {
+    is_extended: [longest_frame(length, is_extended) for length in range(MOST_BYTES + 1)]
+    for is_extended in (False, True)
+}
+"""Bits of the longest frames by their length, with identifiers of 11 and of 29 bits."""
+
+
+@dataclass
+class LoadSpan:
+    """A span over which the load is judged: `seconds` long, with the shares that are too much and their rules.
+
+    The present one `began` at a time in s, where it was `seen`; `data` are its frames by identifier.
+    """
+
+    seconds: float
+    limits: Sequence[tuple[float, BusRule]]
+    began: float = 0.0
+    seen: Occurrences = field(default_factory=Occurrences)
+    data: defaultdict[int, list[bytes]] = field(default_factory=lambda: defaultdict(list))
+
+    def at_most(self) -> int:
+        """Return the bits of its frames if they were the longest of their lengths."""
+        longest = {cob_id: LONGEST[bool(cob_id & EXTENDED)].__getitem__ for cob_id in self.data}
+        return sum(sum(map(longest[cob_id], map(len, data))) for cob_id, data in self.data.items())
+
+
+class BusLoad:
+    """The load of a bus of `bit_rate` bit/s; it is to be judged at `due`, in s."""
+
+    def __init__(self, bus: ObservedBus, bit_rate: int) -> None:
+        self._bus, self._bit_rate, self.due = bus, bit_rate, 0.0
+        self._burst = LoadSpan(0.05, ((0.99, BusRule.LOAD_BURST),))
+        full = (ALL, BusRule.LOAD_HIGH), (0.9, BusRule.LOAD_FULL), (0.8, BusRule.LOAD_HIGH)
+        self._second = LoadSpan(1.0, full)
+
+    def take(self, frame: Frame) -> None:
+        """Count a frame; a remote one takes as long as one without data."""
+        cob_id, content = frame[0], b"" if frame.__class__ is RemoteFrame else frame[1]
+        self._burst.data[cob_id].append(content)
+        data = self._second.data[cob_id]
+        data.append(content)
+        if len(data) > MOST:
+            self._burst.data.clear()
+            self._second.data.clear()
+
+    def judge(self, time: float) -> None:
+        """Compare the load of the spans that are over at a time in s with what is too much."""
+        for span in (self._second, self._burst):
+            if time - span.began >= span.seconds:
+                self._judge(span)
+                self._begin(span, time)
+
+    def restart(self, time: float) -> None:
+        """Begin all spans anew: nothing was recorded for a while."""
+        for span in (self._second, self._burst):
+            self._begin(span, time)
+
+    def _begin(self, span: LoadSpan, time: float) -> None:
+        span.began, span.seen = time, Occurrences.once(self._bus.at())
+        span.data.clear()
+        self.due = min(each.began + each.seconds for each in (self._second, self._burst))
+
+    def _judge(self, span: LoadSpan) -> None:
+        (*_, (least, _)), most = span.limits, self._bit_rate * span.seconds
+        if span.at_most() <= least * most:
+            return
+        bits = {cob_id: bits_together(cob_id, data) for cob_id, data in span.data.items()}
+        share = sum(bits.values()) / most
+        if rule := next((rule for most, rule in span.limits if most < share), None):
+            wrong = "; more than all: the bus is faster, -b says its bit rate" if share > ALL else ""
+            text = f"a load of {share:.0%} of {self._bit_rate / 1000:g} kbit/s{wrong}{self._culprit(span, bits)}"
+            self._bus.found(rule, "", text, seen=span.seen)
+
+    def _culprit(self, span: LoadSpan, bits: Mapping[int, int]) -> str:
+        """Return who fills the bus; empty if it is no single identifier."""
+        cob_id, whole = max(bits, key=bits.__getitem__), sum(bits.values())
+        if bits[cob_id] < MAIN * whole:
+            return ""
+        meaning, owner = self._bus.decoder(Frame(cob_id, span.data[cob_id][0])), values.owner(cob_id, DEFAULT_PDOS)
+        guess = f"likely node {owner.node_id(cob_id)}" if owner and not meaning.nodes else ""
+        name = ", ".join(filter(None, (meaning.name, meaning.sender or " ".join(meaning.nodes[:1]) or guess)))
+        return f"; {bits[cob_id] / whole:.0%} of it is 0x{identifier_text(cob_id)}{f' ({name})' if name else ''}"
