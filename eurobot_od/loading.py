@@ -273,7 +273,7 @@ class Guard(NamedTuple):
         if self.kind is not DEVICES:
             return guarded
         # Once each: a function may define its classes anew in each call.
-        watchers = cache(lambda: [self.spared(each, OF_WATCHERS) for each in guarded.watchers()])
+        watchers = cache(lambda: [self._watcher(each) for each in guarded.watchers()])
         panels = cache(lambda: [self.spared(each, OF_PANELS) for each in guarded.panels()])
         program = plugin.program and partial(self._program, guarded)
         return guarded._replace(
@@ -296,10 +296,25 @@ class Guard(NamedTuple):
 
         return call
 
-    def spared(self, kind: type[Any], methods: Mapping[str, Callable[..., Any]]) -> type[Any]:
-        """Return a class whose methods warn of what they raise, and return what `methods` return in their place."""
-        found = {name: self.call(getattr(kind, name), instead) for name, instead in methods.items()}
+    def spared(self, kind: type[Any], methods: Mapping[str, Callable[..., Any] | None]) -> type[Any]:
+        """Return a class whose `methods` are guarded as `call` does it, each with what stands in its place."""
+        found: dict[str, Any] = {}
+        for name, instead in methods.items():
+            part = getattr(kind, name)
+            of_class = getattr(part, "__func__", None)
+            found[name] = classmethod(self.call(of_class, instead)) if of_class else self.call(part, instead)
         return type(kind.__name__, (kind,), found)
+
+    def _watcher(self, kind: type[Any]) -> type[Any]:
+        spared = self.spared(kind, OF_WATCHERS)
+        listener = spared.listener
+
+        def listening(*args: Any) -> Any:
+            take = listener(*args)
+            return take and self.call(take, nothing)
+
+        spared.listener = listening
+        return spared
 
     def _program(self, plugin: Plugin) -> DownloadProcedure:
         assert plugin.program is not None
@@ -321,9 +336,21 @@ INSTEAD: Mapping[str, Callable[..., Any]] = {
 }
 """What stands in place of a part of a device package that raises; without the other parts nothing can go on."""
 
-OF_WATCHERS: Mapping[str, Callable[..., Any]] = dict.fromkeys(("take", "tick", "gap", "end"), lambda *_: None)
-OF_PANELS: Mapping[str, Callable[..., Any]] = {"take": lambda *_: ()}
-"""Methods of a package's watchers and panels, and what stands in their place when they raise."""
+
+def nothing(*_: Any) -> None:
+    """Do nothing."""
+
+
+OF_WATCHERS: Mapping[str, Callable[..., Any]] = dict.fromkeys(("take", "listener", "tick", "gap", "end"), nothing)
+OF_PANELS: Mapping[str, Callable[..., Any] | None] = {
+    "take": lambda *_: (),
+    "fits": lambda *_: False,
+    "of": lambda panel, _: panel,
+    "setup": lambda _: {},
+    "beside": None,
+    "objection": None,  # what it may object to is not sent
+}
+"""Methods of a package's watchers and panels, and what stands in their place when they raise; None: a LocalError."""
 
 
 @contextmanager

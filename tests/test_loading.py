@@ -6,12 +6,14 @@ Robots are installed here as a wheel does it: a package, and its entry point in 
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from eurobot_od import cli, loading
+from eurobot_od.cli.devices import Devices
 from eurobot_od.errors import LocalError, RobotWarning, UnknownName
 from eurobot_od.loading import ROBOTS, find
 from eurobot_od.plugin import NOTHING
@@ -355,6 +357,10 @@ class Failing(SimulatedDevice):
         super().reset()
         self.at(self.now + 0.01, broken)
 
+class Listening(Watcher):
+    def listener(self, cob_id, meaning):
+        return broken
+
 class View(Panel):
     name, title, script, style = "own", "Own", "", ""
     @classmethod
@@ -362,6 +368,12 @@ class View(Panel):
         return True
     def take(self, time, message):
         yield broken()
+
+class Unfit(View):
+    fits = setup = classmethod(broken)
+
+class Unmade(View):
+    of = classmethod(broken)
 
 def frames(device):
     return {0x6E0: ForeignMessage("Beacon", ("gripper",), {"uptime": "s"}, broken)}
@@ -376,6 +388,7 @@ PARTS: dict[str, tuple[str, tuple[str, ...], int, str]] = {
     "a frame": ("frames=frames", ("decode", "a.log"), 0, "speed=7"),
     "watchers": ("watchers=broken", ("diagnose", "a.log"), 1, "frames"),
     "a watcher": ("watchers=lambda: [Watching]", ("diagnose", "a.log"), 1, "frames"),
+    "a watcher's listener": ("watchers=lambda: [Listening]", ("diagnose", "a.log"), 1, "frames"),
     "actions": ("actions=broken", ("check", "plain.yaml", "--simulate"), 0, "1 ok"),
     "a step": (
         "actions=lambda: {'own': SuiteAction(Keys, broken_step)}",
@@ -405,3 +418,24 @@ def test_what_a_part_of_a_device_package_raises_is_one_line_with_its_place(
     assert len(told) == 1, said
     assert "device.py:12: ZeroDivisionError: division by zero" in told[0]
     assert printed in said.out
+
+
+@pytest.mark.parametrize(("panel", "is_shown"), [("View", True), ("Unfit", False), ("Unmade", True)])
+def test_a_panel_of_a_device_package_that_raises_is_one_warning_and_the_page_goes_on(
+    panel: str, is_shown: bool
+) -> None:
+    forget()
+    Path("gripper").mkdir()
+    Path("gripper/device.py").write_text(RAISING.replace("PART", f"panels=lambda: [{panel}]"))
+    devices = Devices(eds=[f"5={MOTOR}"], package=["gripper"])
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("default")
+        decoder = devices.decoder()
+        panels = devices.panels(decoder)
+        for each in panels:
+            assert list(each().take(0.0, ())) == []
+            assert each.setup() == {}
+        devices.panels(decoder)
+    assert len(panels) == is_shown
+    assert ["device.py:12: ZeroDivisionError" in str(each.message) for each in told] == [True] * len(told)
+    assert len(told) == 1

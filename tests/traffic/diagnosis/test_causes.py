@@ -73,7 +73,7 @@ UNEVEN = [(round(0.02 * n + EARLY_OR_LATE[n % 12] / 1000, 6), "080#") for n in r
     ("frames", "devices", "text"),
     [
         (UNEVEN, (), "SYNC comes 9 ms to 28 ms after the one before, 20 ms on average (observed)"),
-        (COARSE, (), "SYNC comes 16 ms to 36 ms after the one before, 20.3 ms on average (observed)"),
+        (COARSE, (), "SYNC comes 16 ms to 36 ms after the one before, 20.2 ms on average (observed)"),
         (
             log(every(0.04, "080#", 4.02), every(0.04, "080#", 4, 0.012)),
             (),
