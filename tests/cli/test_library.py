@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.bus.live import Live
+from eurobot_od.client.master import Master
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
@@ -207,6 +208,27 @@ def test_a_named_file_wins(capsys: pytest.CaptureFixture[str], bus: tuple[str, .
     (tmp_path / "mine.eds").write_text(device_text(name="Own speed"))
     said = run(capsys, "read", "5", "Own speed", *ALONE, "--library", "makers", "--eds", "5=mine.eds", *bus)
     assert said.out == "0x2000:0  Own speed  7\n"
+
+
+SPOKEN_TO = {
+    "restore": ("restore", "5"),
+    "store": ("store", "5"),
+    "program": ("program", "5", "new.bin"),
+    "drive": ("drive", "5", "status"),
+}
+
+
+@pytest.mark.parametrize("words", SPOKEN_TO.values(), ids=SPOKEN_TO)
+def test_a_command_that_prints_no_name_speaks_to_the_node_as_its_file_in_the_library_says(
+    capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    Path("new.bin").write_bytes(b"program")
+    followed = list[str]()
+    monkeypatch.setattr(Master, "follow", lambda _, device: followed.append(device.file.name))
+    run(capsys, *words, *ALONE, *bus)
+    assert followed == []
+    run(capsys, *words, *ALONE, "--library", "makers", *bus)
+    assert followed == ["axis.eds"]
 
 
 OF_A_NODE = {
