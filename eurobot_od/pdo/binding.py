@@ -24,6 +24,7 @@ from eurobot_od.pdo import codec, kinds
 from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, slot
 from eurobot_od.pdo.kinds import CatalogueEntry, Kind, MeaningError, Message, OutOfRange
 from eurobot_od.support.extras import place_of
+from eurobot_od.support.texts import first_free
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -330,7 +331,7 @@ def _slots(mapping: Iterable[Mapped]) -> list[Slot]:
         each = Slot(None, 0, bits) if entry.is_padding else slot(entry.name, bits, kinds.field_name, signed)
         # 86 of 200 real files have several objects of one name. A slice's field is shorter than its entry's name.
         if each.field == kinds.field_name(entry.name):
-            each = each._replace(field=kinds.first_free(each.field, taken))
+            each = each._replace(field=first_free(each.field, taken))
         slots.append(each)
         taken.add(each.field)
     return slots

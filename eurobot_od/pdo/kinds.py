@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from enum import Enum, IntEnum
 from functools import cache, partial
-from itertools import count
 from math import isfinite
 from numbers import Integral
 from numbers import Real as RealNumber
@@ -725,12 +724,6 @@ def field_name(parameter_name: str) -> str:
     if keyword.iskeyword(name):
         return f"{name}_"
     return f"field_{name}" if name[0].isdigit() else name
-
-
-def first_free(name: str, taken: Container[object]) -> str:
-    """Return the first of `status`, `status_2`, `status_3`, ... that is not taken."""
-    names = (f"{name}_{number}" if number > 1 else name for number in count(1))
-    return next(each for each in names if each not in taken)
 
 
 def made_type(name: str, kinds: Mapping[str, Kind]) -> type[Message]:

@@ -28,7 +28,8 @@ from eurobot_od.errors import shown_identifier
 from eurobot_od.frame import MOST_BYTES, identifier_text
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import Run
-from eurobot_od.pdo.kinds import UNKNOWN, ColumnForm, first_free
+from eurobot_od.pdo.kinds import UNKNOWN, ColumnForm
+from eurobot_od.support.texts import first_free
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.dbc import ForeignMessage
 from eurobot_od.traffic.entries import Batch, Damage, Foreign, Raw

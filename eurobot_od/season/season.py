@@ -29,11 +29,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.pdo.kinds import first_free
 from eurobot_od.season.results import verified
 from eurobot_od.support import texts
 from eurobot_od.support.files import write_whole
-from eurobot_od.support.texts import encodable
+from eurobot_od.support.texts import encodable, first_free
 
 if TYPE_CHECKING:
     import duckdb

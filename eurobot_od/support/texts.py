@@ -7,7 +7,8 @@ channel of a log, a step of a suite, a node's string. XML, HTML and JSON add the
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
+from itertools import count
 from math import inf
 from typing import Any
 
@@ -47,6 +48,12 @@ FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
 They are those of OWASP's page "CSV Injection"; tab and line ends, which it lists too, never begin a cell of one line.
 """
+
+
+def first_free(name: str, taken: Container[object]) -> str:
+    """Return the first of `status`, `status_2`, `status_3`, ... that is not taken."""
+    names = (f"{name}_{number}" if number > 1 else name for number in count(1))
+    return next(each for each in names if each not in taken)
 
 
 def cell(value: Any) -> Any:

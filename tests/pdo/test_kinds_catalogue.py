@@ -10,7 +10,7 @@ from canopen.objectdictionary import ODVariable
 from eurobot_od.errors import MappingError
 from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.values import UNSIGNED8, PdoDirection
-from eurobot_od.pdo.kinds import Catalogue, Kind, field_name, first_free, made_type
+from eurobot_od.pdo.kinds import Catalogue, Kind, field_name, made_type
 from eurobot_od.pdo.protocol import Protocol
 from tests.kit import lift
 
@@ -120,7 +120,6 @@ def test_every_parameter_name_makes_a_field_name(parameter: str, field: str) -> 
 def test_objects_of_one_name_are_told_apart() -> None:
     made = protocol(pdo("Inputs", 0x182, "Input", "Input", "Input 2", "Input"))
     assert made.binding("Inputs").layout.fields == ("input", "input_2", "input_2_2", "input_3")
-    assert first_free("a", {"a", "a_2"}) == "a_3"
 
 
 def test_a_type_may_be_made_of_any_name() -> None:

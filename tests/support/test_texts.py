@@ -25,6 +25,7 @@ from eurobot_od.support.texts import (
     amount,
     cell,
     columns,
+    first_free,
     is_duration,
     microseconds,
     one_line,
@@ -231,3 +232,7 @@ def test_refuses(written: str) -> None:
 )
 def test_writes(duration: float, shown: str) -> None:
     assert text(duration) == shown
+
+
+def test_the_first_free_name_is_numbered_from_2_on() -> None:
+    assert [first_free("a", taken) for taken in ((), {"a"}, {"a", "a_2"})] == ["a", "a_2", "a_3"]
