@@ -60,7 +60,7 @@ MAPPED_OTHERWISE = "the device is likely mapped otherwise than its file says: `p
 """Why a frame has a length that its PDO's mapping cannot have."""
 
 
-REWRITTEN = "its mapping was written before the log begins, or the log does not have what was written"
+REWRITTEN = "its mapping was written before the log begins, or the log does not have what was written, or the answer"
 """Why nobody knows what a field is."""
 
 

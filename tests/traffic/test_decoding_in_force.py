@@ -265,7 +265,7 @@ def test_the_mark_is_one_word_in_all_outputs(tmp_path: Path) -> None:
     diagnosis.end()
     assert [each.title for each in diagnosis.incidents.sorted() if each.rule.id == "pdo-mapping-unknown"] == [
         f"servo: {word}: servo.TPDO1: its mapping was written before the log begins, or the log does not have what was "
-        "written"
+        "written, or the answer"
     ]
 
 
