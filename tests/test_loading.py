@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
@@ -19,6 +20,9 @@ from eurobot_od.loading import ROBOTS, find
 from eurobot_od.plugin import NOTHING
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import Said, run
+
+if TYPE_CHECKING:
+    from eurobot_od.pdo.kinds import Message
 
 MINE = """
 from eurobot_od.plugin import Command, Plugin
@@ -433,7 +437,7 @@ def test_a_panel_of_a_device_package_that_raises_is_one_warning_and_the_page_goe
         decoder = devices.decoder()
         panels = devices.panels(decoder)
         for each in panels:
-            assert list(each().take(0.0, ())) == []
+            assert list(each().take(0.0, cast("Message", ()))) == []
             assert each.setup() == {}
         devices.panels(decoder)
     assert len(panels) == is_shown

@@ -85,7 +85,7 @@ class WatchedBus:
             *(streams, DeadlineWatcher(bus, streams)),
             *([AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []),
         ]
-        self._services: dict[str, list[Take]] = {}
+        self._services: dict[str, tuple[Take, ...]] = {}
         self._watch_more()
         self._promised = promised
         self._load = BusLoad(bus, bit_rate)
@@ -97,7 +97,7 @@ class WatchedBus:
         there = set(map(type, self._watchers))
         self._watchers += [each(self.bus) for each in self._more(self.bus.decoder) if each not in there]
         names = {name for each in self._watchers for name in each.SERVICES}
-        self._services = {name: [each.take for each in self._watchers if name in each.SERVICES] for name in names}
+        self._services = {name: tuple(each.take for each in self._watchers if name in each.SERVICES) for name in names}
         self.bus.listeners.clear()
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -139,7 +139,7 @@ class WatchedBus:
             self._load.judge(time)
         self._due = min(self._tick_at, self._load.due)
 
-    def _takers(self, meaning: Meaning, frame: Frame) -> Sequence[Take]:
+    def _takers(self, meaning: Meaning, frame: Frame) -> tuple[Take, ...]:
         """Return who listens to a frame: of a service, or of a PDO that comes for the first time."""
         if meaning.group == CANOPEN:
             self.bus.counts[meaning.name] += 1
