@@ -319,6 +319,7 @@ class Guard(NamedTuple):
     def _program(self, plugin: Plugin) -> DownloadProcedure:
         assert plugin.program is not None
         found = plugin.program()
+        found = found._replace(objection=self.call(found.objection))
         return found._replace(crc=self.call(found.crc)) if found.crc else found
 
     def _frames(self, plugin: Plugin, device: Dictionary) -> Mapping[int, ForeignMessage]:

@@ -170,6 +170,19 @@ class Plugins(NamedTuple):
         found = [self.robot, *(self.for_identity(each.identity) for each in devices)]
         return [each for number, each in enumerate(found) if each is not NOTHING and each not in found[:number]]
 
+    def procedure(self, identity: Sequence[int], content: bytes, force: bool = False) -> DownloadProcedure:
+        """Return how a device with an identity takes a program, by CiA 302-3 unless its package says otherwise.
+
+        Raises LocalError for a file that its package objects to, unless that is to be overruled by `force`.
+        """
+        from eurobot_od.client.program import STANDARD
+
+        made = self.for_identity(identity).program
+        found = made() if made else STANDARD
+        if not force and (why := found.objection(content)):
+            raise LocalError(f"{why}; --force downloads it all the same")
+        return found
+
     def commands(self) -> Mapping[str, Command]:
         """Return the commands of all, by name."""
         return {name: each for plugin in (*self.packages, self.robot) for name, each in plugin.commands.items()}

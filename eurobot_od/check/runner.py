@@ -102,18 +102,18 @@ def not_run(suite: Suite, how: str, why: str) -> SuiteResult:
     steps = (
         StepResult(SuitePart.STEPS, name, step.place, Status.SKIPPED, 0.0, 0.0, StepReason(why))
         for each in suite.steps
-        for name, step in _single_steps(each, each.name)
+        for name, step in single_steps(each, each.name)
     )
     return SuiteResult(suite.file, suite.name, how, tuple(steps), skipped=why)
 
 
-def _single_steps(step: Step, name: str) -> Iterator[tuple[str, Step]]:
+def single_steps(step: Step, name: str) -> Iterator[tuple[str, Step]]:
     """Yield the steps of a group, each with its title, or the step itself."""
     if not isinstance(step.action, Group):
         yield name, step
         return
     for each in step.action.steps:
-        yield from _single_steps(each, f"{name}: {each.name}")
+        yield from single_steps(each, f"{name}: {each.name}")
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,6 @@ from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import LssState, node_id_words
 from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.plugin import Plugins
-from eurobot_od.support import texts
 from eurobot_od.support.progress import SHORT, Unit, bar
 from eurobot_od.support.texts import columns, one_line
 
@@ -59,7 +58,7 @@ def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> Exi
     files = {each.node_id: ScannedFile(each.file) for each in known} | _library_files(devices, known, found)
     names = {each.node_id: each.name for each in known}
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
-    rows = [found_as_data(each) for each in (*found, *(Found(each, None, None, "") for each in missing))]
+    rows = [each.as_data() for each in (*found, *(Found(each, None, None, "") for each in missing))]
     for row in rows if names else ():  # a stranger to the network has no name in it: null
         row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
     for row in rows if files else ():
@@ -96,17 +95,8 @@ def _library_files(devices: Devices, known: Iterable[Dictionary], found: Iterabl
         describe.check(each.node_id, each.identity, named.get(each.node_id))
         fit = None if each.node_id in named else devices.known_library.find(each.identity, each.device_type)
         if fit is not None:
-            others = [other.path for other in fit.others]
-            also = f"also of this product: {', '.join(other.name for other in others)}" if others else ""
-            fitting[each.node_id] = ScannedFile(fit.entry.path, others, fit.doubt or also)
+            fitting[each.node_id] = ScannedFile(fit.entry.path, [other.path for other in fit.others], fit.further)
     return fitting
-
-
-def found_as_data(found: Found) -> dict[str, Any]:
-    """Return a node as plain data."""
-    identity = found.identity._asdict() if found.identity else None
-    state = None if found.state is None else STATE_NAMES[found.state]
-    return {"node_id": found.node_id, "name": found.name, "state": state, "identity": identity}
 
 
 def found_rows(
@@ -390,17 +380,6 @@ class Settings:
     store: bool = False
     activate: Seconds | None = None
 
-    def services(self) -> Iterator[tuple[LssSteps[None], str]]:
-        """Give the services that set it, each with what it has done; raises LocalError."""
-        if self.node_id is not None:
-            yield services.configure_node_id(self.node_id), node_id_words(self.node_id)
-        if self.bit_rate is not None:
-            yield services.configure_bit_rate(self.bit_rate), f"{self.bit_rate} kbit/s"
-        if self.store:
-            yield services.store(), "stored"
-        if self.activate is not None:
-            yield services.activate_bit_rate(self.activate), f"bit rate changes in {texts.text(self.activate)}"
-
 
 def lss(
     action: Literal["find", "set"],
@@ -433,7 +412,7 @@ def lss(
     $ lss set --bit-rate 250 --store --activate 2s --alone -i socketcan -c can0
     """
     known = Devices(library=library).known_library
-    wanted = list(settings.services())  # checked before the first frame goes out
+    wanted = services.settings(**vars(settings))  # checked before the first frame goes out
     if action == "set" and not wanted:
         raise LocalError("nothing to set: give --node-id, --bit-rate, --store or --activate")
     if address := action == "set" and identity and Plugins(packages=packages(package)).for_identity(identity).address:
@@ -484,18 +463,8 @@ def _find(identity: Identity | None, alone: bool, library: Library) -> LssSteps[
         found = yield from services.find_all()
         files = {each: fit.entry.path.name for each in found if (fit := library.find(each))}
         return [one_line(f"{each}  no node-ID  {files.get(each, '')}").rstrip() for each in found]
-    device = yield from _selected(identity, alone)
-    node_id = yield from services.inquire_node_id()
-    return [f"{device}  {node_id_words(node_id)}"]
+    return [(yield from services.inquire(identity, alone))]
 
 
-def _set(identity: Identity | None, alone: bool, wanted: Sequence[tuple[LssSteps[None], str]]) -> LssSteps[list[str]]:
-    device = yield from _selected(identity, alone)
-    for service, _ in wanted:
-        yield from service
-    return [f"{device}  {', '.join(done for _, done in wanted)}"]
-
-
-def _selected(identity: Identity | None, alone: bool) -> LssSteps[str]:
-    found = yield from services.chosen(identity, alone)
-    return str(found or "the only device")
+def _set(identity: Identity | None, alone: bool, wanted: Sequence[services.LssChange]) -> LssSteps[list[str]]:
+    return [(yield from services.set_up(identity, alone, wanted))]

@@ -5,15 +5,15 @@ from __future__ import annotations
 import datetime
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from eurobot_od.check import report
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.report import StepResult, SuiteResult
+from eurobot_od.check.runs import chosen, listed, results_of, run_options
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.cli.devices import Devices, complain_of_repairs, completeness, left_out
@@ -26,11 +26,9 @@ from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.support.files import check_writable
 from eurobot_od.support.progress import in_colour
-from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
-    from eurobot_od.check.conformance.clauses import Tier
-    from eurobot_od.check.conformance.page import DeviceRun
+    from eurobot_od.check.conformance.made import MadeSuites
     from eurobot_od.check.runner import Interrupt
 
 
@@ -95,7 +93,7 @@ class CheckReport:
         elif self.ctt:
             from eurobot_od.check.conformance.page import lines
 
-            for each in checks.made.device_runs(checks.devices.load(), results, ""):
+            for each in checks.made.suites().device_runs(checks.devices.load(), results, ""):
                 print(each.dictionary.name, *lines(each.tests), *report.not_run(each.results), sep="\n")
         else:
             of_made = (*report.slowest(results), *report.not_run(results)) if checks.made.is_wanted else ()
@@ -110,7 +108,7 @@ class CheckReport:
             from eurobot_od.check.conformance.page import text
 
             made = f"{version()}, {datetime.date.today()}"
-            write(self.page, text(self.page, checks.made.device_runs(checks.devices.load(), results, made)))
+            write(self.page, text(self.page, checks.made.suites().device_runs(checks.devices.load(), results, made)))
 
 
 def check(
@@ -142,7 +140,7 @@ def check(
     with left_out() as refused:
         reader = checks.reader(refused)
         if output is not None:
-            write(output, "".join(checks.made.texts(checks.devices.load()).values()))
+            write(output, "".join(checks.made.suites().texts(checks.devices.load()).values()))
             return ExitStatus.FINE
         suites = checks.suites(reader)
     if list:
@@ -216,40 +214,13 @@ class Made:
         """Whether there are such suites."""
         return self.conformance or self.profile is not None
 
-    @property
-    def tier(self) -> Tier:
-        """How far conformance suites may go."""
+    def suites(self) -> MadeSuites:
+        """Return them."""
         from eurobot_od.check.conformance.clauses import Tier
+        from eurobot_od.check.conformance.made import MadeSuites
 
-        return Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
-
-    def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
-        """Make the suites of each device, by what reports call their file; raises LocalError."""
-        from eurobot_od.check.conformance import profiles  # files of suites run without
-        from eurobot_od.check.conformance import suite as chapters
-
-        if self.conformance:
-            make = partial(chapters.text, tier=self.tier)
-        elif self.profile == 401:
-            make = partial(profiles.module_text, reversible=self.reversible, outputs=self.outputs)
-        else:
-            motion = profiles.MotionBounds(*self.motion) if self.motion else None
-            make = partial(profiles.drive_text, reversible=self.reversible, motion=motion)
-        return {file_of(each): make(each) for each in dictionaries}
-
-    def device_runs(
-        self, dictionaries: Iterable[Dictionary], results: Sequence[SuiteResult], made: str
-    ) -> list[DeviceRun]:
-        """Return what there is to say about each device; `made` says by what and when."""
-        from eurobot_od.check.conformance.page import DeviceRun
-
-        of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
-        return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
-
-
-def file_of(device: Dictionary) -> Path:
-    """Return what the file of a device's suites is called."""
-    return Path(f"{device.name}.yaml")
+        tier = Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
+        return MadeSuites(None if self.conformance else self.profile, tier, self.motion, self.outputs)
 
 
 @dataclass(frozen=True)
@@ -301,7 +272,7 @@ class Checks:
     def suites(self, reader: SuiteReader) -> list[Suite]:
         """Read the suites that are asked for; raises YamlError, LocalError."""
         if self.made.is_wanted:
-            read = reader.read_texts(self.made.texts(self.devices.load()))
+            read = reader.read_texts(self.made.suites().texts(self.devices.load()))
         else:
             plugins = self.devices.plugins
             files = [plugins.suite(name) for name in self.files] or [*plugins.shipped_suites().values()]
@@ -311,6 +282,11 @@ class Checks:
                 raise LocalError(f"{device} is a device's file, not a suite; write --conformance --eds 5={device}")
             read = reader.read_files(files)
         return chosen(read, self.tag, self.step)
+
+    @property
+    def is_made(self) -> bool:
+        """Whether the suites are made from the devices' files."""
+        return self.made.is_wanted
 
     def how(self, seed: int) -> str:
         """Say how suites are run, for reports."""
@@ -332,73 +308,19 @@ class Checks:
 
         `reported` has what suites before it have found in a node.
         """
-        from eurobot_od.check.runner import RunOptions
-
         if skipped := self.skips(suite):
             return SuiteResult(suite.file, suite.name, self.how(seed), skipped=skipped)
         # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
-        keeps_going, is_chosen_here = self.keep_going or self.made.is_wanted, partial(is_chosen, self.step)
-        options = RunOptions(keeps_going, is_chosen_here, self.made.is_wanted, interrupt, show, reported)
+        options = run_options(
+            keep_going=self.keep_going,
+            is_made=self.is_made,
+            steps=self.step,
+            interrupt=interrupt,
+            reported=reported,
+            show=show,
+        )
         if self.simulate:
             return self.devices.plugins.simulate(suite, options, self.fault, seed, self.made.profile or 0)
         from eurobot_od.check.on_bus import run_live
 
         return run_live(suite, options, self.bus.open)
-
-
-def is_chosen(texts: Sequence[str], name: str) -> bool:
-    """Tell whether a step's name contains one of some texts; without texts all are chosen."""
-    return not texts or any(text.lower() in name.lower() for text in texts)
-
-
-def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -> list[Suite]:
-    """Return the suites with one of the tags and with one of the steps, all if there are none; raises LocalError."""
-    tagged = [suite for suite in suites if not tags or set(tags) & set(suite.tags)]
-    if not tagged:
-        known = sorted({tag for suite in suites for tag in suite.tags})
-        raise LocalError(f"no suite is tagged {' or '.join(tags)}; tags: {', '.join(known) or 'none'}")
-    found = [suite for suite in tagged if any(is_chosen(steps, step.name) for step in suite.steps)]
-    if steps and not found:
-        raise LocalError(f"no step is named like {' or '.join(steps)}")
-    return found if steps else tagged
-
-
-def listed(suites: Iterable[Suite]) -> Iterator[str]:
-    """Yield a line for each suite."""
-    for suite in suites:
-        where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
-        tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
-        yield one_line(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
-
-
-def results_of(
-    checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, told: CheckReport
-) -> Iterator[SuiteResult]:
-    """Run the suites for all seeds, until an interrupt or until the bus fails.
-
-    Those that cannot be run any more have a result that says why.
-    """
-    from eurobot_od.check.runner import not_run
-
-    gone: dict[tuple[str, ...], str] = {}  # a device that does not come back from a reset is reported once
-    everything = ""
-    for seed in seeds:
-        if everything:
-            return
-        reported = set[Report]()
-        for suite in suites:
-            everything = everything or ("interrupted" if interrupt.requested else "")
-            if everything and not checks.made.is_wanted:
-                return
-            if why := everything or gone.get(suite.nodes, ""):
-                told.heading(suite, f"not run: {why}")
-                yield not_run(suite, checks.how(seed), why)
-                continue
-            told.heading(suite, checks.skips(suite) or checks.how(seed))
-            result = checks.run(suite, seed, interrupt, reported, told.step)
-            told.end(result)
-            yield result
-            if result.error:  # the bus is gone, for all suites that follow
-                everything = f"the bus failed: {result.error}"
-            if checks.made.is_wanted and result.ended:
-                gone[suite.nodes] = f"'{result.ended}' is red in '{result.name}', and nothing else can be asked"

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Sequence
 from io import BytesIO
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -20,6 +21,7 @@ from eurobot_od.cli.options import (
     FrameNames,
     OneDevice,
     Output,
+    Seconds,
     assigned,
     write,
     write_dcf,
@@ -118,6 +120,37 @@ def mcap(
     messages, poses, damage = write_mcap(file, logged, decoder, devices.robot.drawings(decoder.protocol))
     write_whole(output, file.getvalue())
     print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
+
+
+def suite(
+    log: Log,
+    *,
+    node: Annotated[str, Option(metavar="NAME")],
+    begin: Annotated[Seconds, Option("--from")] = 0.0,
+    end: Annotated[Seconds, Option("--to")] = inf,
+    output: Output = None,
+    reading: Reading,
+    devices: Devices,
+    names: FrameNames,
+) -> None:
+    """Write a stretch of a log as a suite of checks for a node, ready to be edited and run by `check`.
+
+    What the node was asked and told becomes steps with its answers, what it sent by itself the ranges and periods that
+    were seen.
+
+    log: log in any format; -: standard input
+    node: the node that the suite is for
+    begin: time of the first frame, from the log's begin (default: all)
+    end: time of the last frame, from the log's begin
+
+    $ export suite run.log --node motor --eds 5=motor.eds -o motor.yaml
+    $ export suite run.log --node motor --from 10s --to 20s --eds 5=motor.eds
+    """
+    from eurobot_od.check.recorded import suite_of
+
+    decoder = decoder_for([log], reading, devices, names)
+    logged = (entry[1:] for _, entry in entries([log], reading))
+    write(output, suite_of(decoder, node, logged, f"{node} as in {Path(log).name}", begin, end))
 
 
 DeviceFile: TypeAlias = Annotated[str, Option(metavar="FILE", is_file=True)]
@@ -350,8 +383,8 @@ def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output
 
 
 export = Forms(
-    "Turn device files into other forms: EDS, DCF, XDD, C, DBC, documents, a Wireshark dissector; logs into MCAP.",
-    {each.__name__: each for each in (c, canopennode, dbc, docs, wireshark, mcap, eds, dcf, xdd, cdcf, bus)},
+    "Turn device files into other forms: EDS, DCF, XDD, C, DBC, Lua, documents; logs into MCAP and suites.",
+    {each.__name__: each for each in (c, canopennode, dbc, docs, wireshark, mcap, suite, eds, dcf, xdd, cdcf, bus)},
 )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
@@ -18,10 +18,11 @@ from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, foreign_network, is_xml
-from eurobot_od.od.values import Address
+from eurobot_od.support.progress import OBJECTS, SHORT, bar
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
+    from eurobot_od.lint.diff import EdsDifference
     from eurobot_od.lint.network import LintedNetwork
     from eurobot_od.plugin import Plugin
 
@@ -282,7 +283,7 @@ def diff(
     $ diff motor.eds drive.eds
     $ diff motor.eds --node 5 -i socketcan -c can0
     """
-    from eurobot_od.lint.diff import compare, compare_live, place, read_device, readable
+    from eurobot_od.lint.diff import compare, place, read_device
 
     if node is not None:
         check_node_id(node)
@@ -293,25 +294,18 @@ def diff(
         node_id = node or device.node_id  # a DCF says for which node it is, an EDS does not
         if node_id is None:
             raise LocalError("nothing to compare with: name a second file, or a live node with --node")
-        found = compare_live(device, *_live(bus, left, node_id, readable(device)))
+        found = _live(bus, left, node_id)
     give(as_json, ({**each._asdict(), "where": place(each.where)} for each in found), map(str, found), indent=1)
     return ExitStatus.FOUND if found else ExitStatus.FINE
 
 
-def _live(
-    bus: BusOptions, file: str, node_id: int, addresses: Iterable[Address]
-) -> tuple[Mapping[Address, bytes | int], int, Container[Address]]:
-    """Read objects of a live node: their bytes, or the abort code; its node-ID; which of them are process data now.
-
-    Raises LocalError, BusError, NoAnswer.
-    """
-    from eurobot_od.client.configure import pdo_numbers, read_bytes
+def _live(bus: BusOptions, file: str, node_id: int) -> list[EdsDifference]:
+    """Compare a file with a live node; raises LocalError, BusError, NoAnswer."""
+    from eurobot_od.client.configure import differences
     from eurobot_od.client.master import Master  # two files are compared without a bus
     from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.support.progress import passing
 
-    with Master(bus.open()) as master, passing(f"node {node_id}", addresses) as passed:
+    with Master(bus.open()) as master, bar(f"node {node_id}", unit=OBJECTS, after=SHORT) as progress:
         dictionary = Dictionary.load(file, node_id)
         master.follow(dictionary)
-        answers = read_bytes(master.node(node_id), passed)
-    return answers, node_id, dictionary.configured(pdo_numbers(answers)).process_data
+        return differences(master.node(node_id), dictionary, progress)

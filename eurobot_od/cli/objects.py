@@ -23,16 +23,15 @@ from eurobot_od.client.drive402 import Drive402, DriveStatus
 from eurobot_od.client.lifeline import GOES_ON, OWN_ID, HeartbeatThread, arm, disarm, free_id
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.motion import AxisAddress
-from eurobot_od.client.program import STANDARD, load
-from eurobot_od.client.streams import History, clear_history, read_history
-from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.client.program import load
+from eurobot_od.client.streams import clear_history, read_history
 from eurobot_od.errors import LocalError, NoAnswer, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.renumbering import renumbered
-from eurobot_od.od.values import MOST_SUBS, NODE_IDS, label
+from eurobot_od.od.values import MOST_SUBS, label
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
 from eurobot_od.support.files import read_whole, write_whole
@@ -104,11 +103,7 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
                 node.download(od.address_of(thing), content, thing.qualname, progress=progress)
             text = od.shown(thing, content)
         else:
-            number = od.parse(thing, value)
-            # Without an EDS nothing gives the type; a device refuses another length than its own (0607 0010).
-            size = len(node.upload(od.address_of(thing))) if not od.is_described(thing) else 0
-            node.download(od.address_of(thing), od.encode(thing, number, size), thing.qualname)
-            text = written(thing, number)
+            text = configuring.write_value(node, thing, od.parse(thing, value))
     print(one_line(f"node {node.node_id}: {od.label(thing)} = {text}"))
 
 
@@ -220,18 +215,8 @@ def emcy(target: Target, *, clear: bool = False, as_json: Json = False, emcy: Em
     words = target.devices.errors(emcy, described).of(node.node_id)
     history = ({**each._asdict(), "text": words(each.code)} for each in found.entries)
     data = {"register": found.register, "history": history}
-    give(as_json, data, _errors_as_text(found, node.node_id, words))
+    give(as_json, data, found.lines(node.node_id, words))
     return ExitStatus.FOUND if found.register else ExitStatus.FINE
-
-
-def _errors_as_text(found: History, node_id: int, words: Callable[[int], str]) -> Iterator[str]:
-    """Yield a history as lines; `words` gives those for a code."""
-    register = ", ".join(found.register_bits) or "no error"
-    rows = [
-        (f"0x{each.code:04X}", words(each.code), f"0x{each.info:04X}" if each.info else "") for each in found.entries
-    ]
-    yield f"node {node_id}: {register} (error register 0x{found.register:02X})"
-    yield from columns(rows) if rows else ["no error remembered"]
 
 
 # Printing
@@ -290,18 +275,16 @@ def configure(
     with target.opened() as node:
         node.master.follow(dictionary)
         plan = configuring.difference(node, dictionary, only)
-        print(summary(plan, node.node_id))
+        print(
+            plan.heading, *columns((od.label(each.thing), " -> ".join(each.texts)) for each in plan.changes), sep="\n"
+        )
         if plan.cannot_be_marked:
             complain("0x1020 is read only in the file: the node is not told when it was configured")
         if dry_run or not plan.changes:
             return ExitStatus.FOUND if plan.changes else ExitStatus.FINE
         node.state(HEARTBEAT_WAIT)  # before the reset, as `apply` brings the node back to the state seen last
         outcome = configuring.apply(node, plan, datetime.now(), stores=not no_store, resets=not no_reset)
-    if outcome.stored:
-        kept = "stored, verified after a reset" if outcome.verified else "stored"
-    else:
-        kept = "not stored" if no_store else "not stored: the node has no 0x1010"
-    print(f"node {node.node_id} configured: {amount(outcome.changed, 'object')} written and read back, {kept}")
+    print(outcome.text(node.node_id, was_to_store=not no_store))
     return ExitStatus.FINE
 
 
@@ -310,15 +293,6 @@ def complain_of_process_data(things: Sequence[ODVariable]) -> None:
     if things:
         named = (f"0x{each.index:04X} {each.qualname.removesuffix(f'.{each.name}')}" for each in things)
         complain(f"left out as process data: {', '.join(dict.fromkeys(named))}")
-
-
-def summary(plan: configuring.ChangePlan, node_id: int) -> str:
-    """Return the difference between the node and the file, a line an object."""
-    file = Path(plan.dictionary.file).name
-    if not plan.changes:
-        return f"node {node_id} already is as {file} says"
-    head = f"node {node_id} differs from {file} in {amount(len(plan.changes), 'object')}:"
-    return "\n".join([head, *columns((od.label(each.thing), " -> ".join(each.texts)) for each in plan.changes)])
 
 
 def store(target: Target) -> None:
@@ -345,11 +319,10 @@ def restore(target: Target, *, reset: bool = False) -> None:
         restored = described.restored_node_id if described else None
         if restored is not None:
             complain(f"the node-ID of node {node.node_id} is a setting, too: from its next reset on it is {restored}")
-        configuring.restore(node)
-        if reset and restored not in (None, *NODE_IDS):  # without a node-ID it sends nothing, not even a boot-up
-            node.command(NmtCommand.RESET_NODE)
-        elif reset:
-            node.reset(booting_as=restored)
+        if reset:
+            configuring.restore_and_reset(node, restored)
+        else:
+            configuring.restore(node)
     when = "has" if reset else "will have, from its next reset on,"
     print(f"node {node.node_id} {when} the defaults of all parameters")
 
@@ -383,6 +356,7 @@ def program(
     *,
     number: Annotated[int, Option("--program", metavar="N", read=whole(1, MOST_SUBS))] = 1,
     no_crc: bool = False,
+    force: bool = False,
 ) -> None:
     """Download a program into a CANopen node, verify and start it (0x1F50, 0x1F51, 0x1F56, 0x1F57).
 
@@ -392,6 +366,7 @@ def program(
     file: the program, as the node's maker delivers it
     number: number of the program in the node, its sub-index (1)
     no_crc: do not compare 0x1F56 with the file: in this device it is not a CRC
+    force: also a file of which the device's package says that it is no program for it
 
     $ program 5 firmware.bin -i socketcan -c can0
     """
@@ -401,10 +376,9 @@ def program(
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:
         described = target.known_description(node)
         identity = described.identity if described else read_identity(node)
-        procedure = target.devices.plugins.for_identity(identity).program
-        loaded = load(node, content, number, not no_crc, progress, described, procedure() if procedure else STANDARD)
-    verified = f"verified by {loaded.crc}" if loaded.crc else "not verified by a CRC"
-    print(f"node {node.node_id}: program {number}: {amount(loaded.size, 'byte')} written, {verified}, started")
+        procedure = target.devices.plugins.procedure(identity, content, force)
+        loaded = load(node, content, number, not no_crc, progress, described, procedure)
+    print(f"node {node.node_id}: program {number}: {loaded.text}")
 
 
 # A drive of CiA 402

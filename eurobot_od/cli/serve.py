@@ -8,25 +8,31 @@ from __future__ import annotations
 import asyncio
 import signal
 import sys
-import tempfile
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
+from eurobot_od.bus import live
 from eurobot_od.bus.live import BITRATE
-from eurobot_od.cli import complain
+from eurobot_od.cli import complain, version
 from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, FrameNames, whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.errors import EurobotError, LocalError
+from eurobot_od.od import DEFAULT
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
+from eurobot_od.support.files import write_whole
 from eurobot_od.traffic.compare import ComparedEntry, Tolerances, compare
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
@@ -35,7 +41,8 @@ from eurobot_od.web.page import Columns, Panel, page, stop_message
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.requests import Requests
-    from eurobot_od.web.session import Session
+    from eurobot_od.web.server import Post
+    from eurobot_od.web.start import Choice, SimulatedChoice
 
 HERE = Address("127.0.0.1", 8014)
 """Where the page is, unless another address is asked for."""
@@ -60,15 +67,17 @@ def serve(
     names: FrameNames,
     bus: BusOptions,
 ) -> None:
-    """Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
+    """Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, settings, checks, events.
 
-    It goes on until Ctrl-C; drives that turn by the page's order are halted first.
+    Without a log or a bus the page begins with what is here: adapters, a simulated bus, logs. It goes on until Ctrl-C;
+    drives that turn by the page's order are halted first.
 
-    logs: one log, or two side by side (default: the bus)
+    logs: one log, or two side by side, or a folder: the workspace of what is recorded and reported (default: the bus)
     control: let the page send, write objects and command nodes
     own_id: node-ID of the heartbeat that drives watch (127, or the next lower one that is not heard)
     listen: address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once
 
+    $ serve --control
     $ serve run.log --eds 5=motor.eds
     $ serve --control --eds 5=motor.eds -i socketcan -c can0
     """
@@ -76,41 +85,178 @@ def serve(
         import aiohttp  # noqa: F401
     if len(logs) > MOST_LOGS:
         raise LocalError(f"a page shows one log, or two side by side, not {len(logs)}")
+    folder = Path(logs[0]) if len(logs) == 1 and Path(logs[0]).is_dir() else None
+    if folder:
+        logs, devices = (), replace(devices, network=str(workspace(folder)))
     if logs and control:
         raise LocalError("--control is for a bus: a log cannot be changed")
-    if control:  # a page that may send may ask, too
-        devices = devices.found_on(bus)
-    decoder = decoder_for(logs, reading, devices, names)
-    bitrate = bus.bitrate or BITRATE
-    diagnosis = partial(Diagnosis, decoder, devices.watchers, bitrate, devices.promised(decoder))
+    page = ServedPage(reading, devices, names, control, own_id, bus.bitrate or BITRATE, folder, PageServer(listen))
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
-            panels = devices.panels(decoder)
-            titles, kept = told_apart(logs), [list[ComparedEntry]() for _ in logs]
-            sources = [
-                _source(log, reading, Columns(name, decoder, bitrate, panels), diagnosis(), panels, own)
-                for log, name, own in zip(logs, titles, kept)
-            ]
-            text = page(" and ".join(titles), sources, panels, **_compared(kept, decoder))
-            asyncio.run(_serve(lambda: text, listen))
+            asyncio.run(page.show_logs(logs))
+        elif live.is_named(bus.interface):
+            asyncio.run(page.show_bus(bus, devices))
         else:
-            from eurobot_od.web.session import Session
+            if devices.files():
+                devices.load_and_complain()  # what is wrong with them is said now, not when a bus is chosen
+            page.begin()
 
-            session = Session(bus.open, decoder, bitrate, devices.panels, diagnosis=diagnosis())
-            asyncio.run(_show_bus(session, bus_name(bus.interface, bus.channel), control, listen, own_id))
+
+WORKSPACE = "library: [devices]\n"
+"""The network file of a new workspace."""
 
 
-async def _serve(text: Callable[[], str], listen: Address, requests: Requests | None = None) -> None:
-    """Serve a page until a signal of `ENDING`; Ctrl-C, which a program in the background may ignore, cancels it."""
-    from eurobot_od.web.server import served  # with aiohttp
+def workspace(folder: Path) -> Path:
+    """Return the network file of a workspace, which is made, with a folder for device files, if there is none."""
+    file, library = folder / DEFAULT, folder / "devices"
+    if not file.exists():
+        library.mkdir(exist_ok=True)
+        write_whole(file, WORKSPACE.encode())
+    return file
 
-    ended = asyncio.Event()
-    for number in ENDING:  # before a page may order anything
-        with suppress(NotImplementedError):  # on Windows
-            asyncio.get_running_loop().add_signal_handler(number, ended.set)
-    async with served(text, AccessRules.at(listen.host), listen.port, requests) as address:
-        print(f"{address}  (Ctrl-C ends it)", flush=True)
-        await ended.wait()
+
+class PageServer:
+    """Serves one page after the other at one address, which is printed once."""
+
+    def __init__(self, listen: Address) -> None:
+        self.rules, self._port, self._is_told = AccessRules.at(listen.host), listen.port, False
+
+    async def serve(
+        self,
+        text: Callable[[], str],
+        requests: Requests | None = None,
+        posts: Mapping[str, Post] = MappingProxyType({}),
+        until: asyncio.Event | None = None,
+    ) -> bool:
+        """Serve a page; return True at an event, False at a signal of `ENDING`.
+
+        Ctrl-C, which a program in the background may ignore, cancels it.
+        """
+        from eurobot_od.web.server import served  # with aiohttp
+
+        ended, left = asyncio.Event(), until or asyncio.Event()
+        for number in ENDING:  # before a page may order anything
+            with suppress(NotImplementedError):  # on Windows
+                asyncio.get_running_loop().add_signal_handler(number, ended.set)
+        async with served(text, self.rules, self._port, requests, posts) as address:
+            self._port = urlsplit(address).port or self._port
+            if not self._is_told:
+                print(f"{address}  (Ctrl-C ends it)", flush=True)
+            self._is_told = True
+            waiting = [asyncio.create_task(each.wait()) for each in (ended, left)]
+            await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+            for each in waiting:
+                each.cancel()
+        return not ended.is_set()
+
+
+@dataclass
+class ServedPage:
+    """What is shown, and how: what the options of `serve` say. `folder` is the workspace, None without one."""
+
+    reading: Reading
+    devices: Devices
+    names: FrameNames
+    control: bool
+    own_id: int
+    bit_rate: int
+    folder: Path | None
+    server: PageServer
+
+    def begin(self) -> None:
+        """Serve the page that begins with nothing, and then what was chosen, again and again."""
+        while (choice := asyncio.run(self._chosen())) is not None:
+            if not asyncio.run(self._show(choice)):
+                return
+
+    async def _chosen(self) -> Choice | None:
+        """Serve the page that begins with nothing; return what was chosen, None at the end."""
+        from eurobot_od.web.start import BusChoice, StartPage
+
+        def try_bus(choice: BusChoice) -> None:
+            BusOptions(interface=choice.interface, channel=choice.channel, bitrate=choice.bit_rate).open().shutdown()
+
+        # Who can reach this machine's own address could run the command as well.
+        may_act = self.control or not self.server.rules.token
+        start = StartPage(self.devices.known_library, self.folder or Path(), may_act, try_bus)
+        await self.server.serve(start.page, posts={"/start": start.answer}, until=start.chosen)
+        return start.choice
+
+    async def _show(self, choice: Choice) -> bool:
+        """Show what was chosen; return whether it was left for the page that begins with nothing."""
+        from eurobot_od.web.start import BusChoice, LogChoice
+
+        if isinstance(choice, LogChoice):
+            return await self.show_logs([str(choice.file)], can_leave=True)
+        if isinstance(choice, BusChoice):
+            chosen = BusOptions(interface=choice.interface, channel=choice.channel, bitrate=choice.bit_rate)
+            return await self.show_bus(chosen, self.devices, can_leave=True)
+        eds = [f"{node_id}={path}" for path, node_id in choice.devices]
+        with _simulated(self.devices, choice) as simulated:
+            return await self.show_bus(simulated, replace(self.devices, eds=[*self.devices.eds, *eds]), can_leave=True)
+
+    async def show_logs(self, logs: Sequence[str], can_leave: bool = False) -> bool:
+        """Serve the page of logs; return whether it was left."""
+        devices, decoder = self.devices, decoder_for(logs, self.reading, self.devices, self.names)
+        panels, titles, kept = devices.panels(decoder), told_apart(logs), [list[ComparedEntry]() for _ in logs]
+        columns = [Columns(name, decoder, self.bit_rate, panels) for name in titles]
+        sources = [
+            _source(log, self.reading, each, self._diagnosis(decoder), panels, own)
+            for log, each, own in zip(logs, columns, kept)
+        ]
+        text = page(" and ".join(titles), sources, panels, leave=can_leave, **_compared(kept, decoder))
+        left, posts = _leaving(can_leave)
+        return await self.server.serve(lambda: text, None, posts, left)
+
+    def _diagnosis(self, decoder: Decoder) -> Diagnosis:
+        return Diagnosis(decoder, self.devices.watchers, self.bit_rate, self.devices.promised(decoder))
+
+    async def show_bus(self, bus: BusOptions, devices: Devices, can_leave: bool = False) -> bool:
+        """Serve the page of a bus; return whether it was left."""
+        from eurobot_od.web.desk import Desk, Equipment
+        from eurobot_od.web.requests import Requests
+        from eurobot_od.web.session import Session
+
+        # A page that may send may ask, too.
+        devices = devices.found_on(bus) if self.control else devices
+        decoder, bitrate = decoder_for((), self.reading, devices, self.names), bus.bitrate or self.bit_rate
+        session = Session(bus.open, decoder, bitrate, devices.panels, diagnosis=self._diagnosis(decoder))
+        networks = devices.plugins.networks()._replace(decoder=devices.decoder_with(self.names))
+        equipment = Equipment(devices.known_library, networks, version(), devices.plugins.procedure)
+        stop, name = stop_message(list(map(type, session.panels))), bus_name(bus.interface, bus.channel)
+        left, posts = _leaving(can_leave)
+        with ExitStack() as stack:
+            stack.callback(session.close)
+            # Without a workspace, what the page records is gone with the page.
+            folder = self.folder or Path(stack.enter_context(TemporaryDirectory(prefix="eurobot-od-")))
+            desk = Desk(session, folder, self.control, stop, self.own_id, equipment)
+            return await self.server.serve(partial(session.page, name, can_leave), Requests(desk), posts, left)
+
+
+def _leaving(can_leave: bool) -> tuple[asyncio.Event, Mapping[str, Post]]:
+    """Return the event of leaving a page, and what answers the request for it."""
+    left = asyncio.Event()
+
+    async def leave(_: str) -> str:
+        left.set()
+        return "{}"
+
+    return left, {"/leave": leave} if can_leave else {}
+
+
+@contextmanager
+def _simulated(devices: Devices, choice: SimulatedChoice) -> Iterator[BusOptions]:
+    """Run simulated devices of the library on a bus of this process, and give the bus."""
+    from eurobot_od.bus.live import Live, open_bus
+    from eurobot_od.device.profiles import simulated_kind
+
+    bus = BusOptions(interface="virtual", channel="simulated")
+    with ExitStack() as stack:
+        for path, node_id in choice.devices:
+            device = devices.worded(Dictionary.load(path, node_id))
+            kind = devices.plugins.kind(device, otherwise=simulated_kind(device))
+            stack.enter_context(Live.node(open_bus(bus.interface, bus.channel), kind(device)))
+        yield bus
 
 
 # Logs
@@ -178,16 +324,3 @@ def bus_name(interface: str | None, channel: str | None) -> str:
     if place:
         return f"Bus at {place.rpartition('@')[2]}"
     return f"Bus {channel or ''}".strip() + (f" ({interface})" if interface else "")
-
-
-async def _show_bus(session: Session, name: str, control: bool, listen: Address, own_id: int) -> None:
-    from eurobot_od.web.requests import Requests  # with aiohttp
-
-    try:
-        # What the page records lies there, and is gone with the page.
-        with tempfile.TemporaryDirectory(prefix="eurobot-od-") as folder:
-            stop = stop_message(list(map(type, session.panels)))
-            requests = Requests(session, Path(folder), control, stop, own_id)
-            await _serve(partial(session.page, name), listen, requests)
-    finally:
-        session.close()

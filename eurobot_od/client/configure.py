@@ -14,6 +14,7 @@ from collections.abc import Collection, Container, Iterable, Iterator, Mapping, 
 from datetime import datetime
 from enum import Enum
 from itertools import chain
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -32,12 +33,16 @@ from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
 from eurobot_od.od.renumbering import ChosenCobIds, renumbered
 from eurobot_od.od.standard import ALL_PARAMETERS, RESTORE, SIGNATURES, STORE, VERIFY_CONFIGURATION
 from eurobot_od.od.values import COB_ID, MAPPING_OFFSET, Address, Value, pdo_of
+from eurobot_od.od.words import written
 from eurobot_od.sdo.client import LONGEST_TEXT
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
+from eurobot_od.support.progress import Progress, unwatched
 from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
+
+    from eurobot_od.lint.diff import EdsDifference
 
 # The order of writes
 
@@ -190,6 +195,14 @@ class ChangePlan(NamedTuple):
     whole: bool = True
     wanted: tuple[tuple[ODVariable, bytes], ...] = ()
 
+    @property
+    def heading(self) -> str:
+        """How many objects differ, in words."""
+        file, node_id = Path(self.dictionary.file).name, self.dictionary.node_id
+        if not self.changes:
+            return f"node {node_id} already is as {file} says"
+        return f"node {node_id} differs from {file} in {amount(len(self.changes), 'object')}:"
+
     def writes(self) -> list[Write]:
         """Return all writes in their order."""
         return in_order({address_of(each.thing): each.after for each in self.changes}, self.present)
@@ -226,6 +239,13 @@ class Configured(NamedTuple):
     changed: int
     stored: bool
     verified: bool = False
+
+    def text(self, node_id: int, was_to_store: bool = True) -> str:
+        """Return it in words; `was_to_store` tells whether the node was asked to store it."""
+        kept = "stored, verified after a reset" if self.verified else "stored"
+        if not self.stored:
+            kept = "not stored: the node has no 0x1010" if was_to_store else "not stored"
+        return f"node {node_id} configured: {amount(self.changed, 'object')} written and read back, {kept}"
 
 
 @Procedure
@@ -338,8 +358,9 @@ async def difference(
     dictionary: Dictionary,
     areas: Collection[DictionaryArea] = tuple(DictionaryArea),
     chosen: ChosenCobIds | None = None,
+    progress: Progress = unwatched,
 ) -> ChangePlan:
-    """Compare a node with a DCF, or with some areas of it, by reading alone.
+    """Compare a node with a DCF, or with some areas of it, by reading alone; `progress` counts its objects.
 
     The DCF may be that of another node of the same kind: what follows the node-ID is that of this node, and `chosen`
     says what becomes of COB-IDs that do not. Raises DictionaryError for a file that is damaged, for another device,
@@ -352,7 +373,10 @@ async def difference(
     if other is not None:
         raise errors.DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
     wanted = [each for each in settings(dictionary) if any(each[0].index in AREAS[one] for one in areas)]
-    present = {address_of(thing): await _present(node, dictionary, thing) for thing, _ in wanted}
+    present = dict[Address, bytes | None]()
+    for number, (thing, _) in enumerate(wanted, start=1):
+        present[address_of(thing)] = await _present(node, dictionary, thing)
+        progress(number, len(wanted))
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
     check_limits(dictionary, (each.thing for each in changes))  # what the node has already needs no write
@@ -383,6 +407,18 @@ async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
     size = data_type(thing).size or None
     most = max(size, EXPEDITED_SIZE) if size else LARGEST
     return (await node.upload.steps(address_of(thing), thing.qualname, most=most, unannounced=LONGEST_TEXT))[:size]
+
+
+@Procedure
+async def write_value(node: RemoteNode, thing: ODVariable, value: Value) -> str:
+    """Write a value, and return it as text; without an EDS the node is asked for the object's length first.
+
+    Raises FieldError for a value that its file does not allow, and as `RemoteNode.download`.
+    """
+    # A device refuses another length than its own (0607 0010), and nothing else gives the type.
+    size = 0 if objects.is_described(thing) else len(await node.upload.steps(address_of(thing)))
+    await node.download.steps(address_of(thing), encode(thing, value, size), thing.qualname)
+    return written(thing, value)
 
 
 async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) -> bytes | None:
@@ -462,6 +498,16 @@ async def read_back(node: RemoteNode, dictionary: Dictionary, wanted: Iterable[t
 async def store(node: RemoteNode) -> None:
     """Have a node store its parameters, so that they survive a reset; raises as `RemoteNode.download`."""
     await node.download.steps((STORE, ALL_PARAMETERS), SIGNATURES[STORE], "Save all parameters", STORE_WAIT)
+
+
+@Procedure
+async def restore_and_reset(node: RemoteNode, restored: int | None = None) -> None:
+    """Have a node restore the defaults, and reset it; `restored` is its node-ID from then on, None for the same."""
+    await restore.steps(node)
+    if restored in (None, *values.NODE_IDS):
+        await node.reset.steps(booting_as=restored)
+    else:  # without a node-ID it sends nothing, not even a boot-up
+        node.command(NmtCommand.RESET_NODE)
 
 
 @Procedure
@@ -561,6 +607,25 @@ async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Add
             found[address] = error.code
             missing |= {address[0]} if error.code == AbortCode.NO_OBJECT else set()
     return found
+
+
+def differences(node: RemoteNode, dictionary: Dictionary, progress: Progress = unwatched) -> list[EdsDifference]:
+    """Compare a node with what its file says: the defaults, or the values of a DCF; raises NoAnswer, BusError.
+
+    `progress` counts the objects that are read.
+    """
+    from eurobot_od.lint import diff, model  # a node is configured without
+
+    device = model.load(dictionary.content, dictionary.file.name)
+    addresses = diff.readable(device)
+
+    def counted() -> Iterator[Address]:
+        for number, address in enumerate(addresses):
+            progress(number, len(addresses))
+            yield address
+
+    answers = read_bytes(node, counted())
+    return diff.compare_live(device, answers, node.node_id, dictionary.configured(pdo_numbers(answers)).process_data)
 
 
 @Procedure

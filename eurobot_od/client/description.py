@@ -7,19 +7,20 @@ own identifiers may look like PDOs of any node.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from eurobot_od.client.master import Master, Procedure, RemoteNode
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.errors import NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, IDENTITY, STORE_FORMAT, STORED_EDS
 from eurobot_od.od.values import NODE_IDS, Address
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LENGTH, ClientCommand, Initiate, ServerCommand, initiate
+from eurobot_od.support.progress import Progress, unwatched
 
 LONGEST_NAME = 1024
 """Most bytes of a device's name: a node that never ends it must not hold whoever looks for nodes."""
@@ -119,6 +120,12 @@ class Found(NamedTuple):
     name: str
     device_type: int | None = None
 
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        state = None if self.state is None else STATE_NAMES[self.state]
+        identity = self.identity._asdict() if self.identity else None
+        return {"node_id": self.node_id, "name": self.name, "state": state, "identity": identity}
+
     @property
     def numbers(self) -> dict[Address, int]:
         """What it has shown of its identity and type, by the addresses of the objects."""
@@ -127,9 +134,17 @@ class Found(NamedTuple):
 
 @Procedure
 async def scan(
-    master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE, listen: float = LISTEN
+    master: Master,
+    node_ids: Iterable[int] = NODE_IDS,
+    pace: float = PACE,
+    listen: float = LISTEN,
+    progress: Progress = unwatched,
+    tell: Callable[[Found], object] = lambda _: None,
 ) -> list[Found]:
-    """Return the nodes that are there, by node-ID. Raises BusError."""
+    """Return the nodes that are there, by node-ID; `tell` is called with each as it is found. Raises BusError.
+
+    `progress` counts the node-IDs that were asked.
+    """
     wanted = sorted(node_ids)
     answered: dict[int, int | None] = {}
 
@@ -141,14 +156,18 @@ async def scan(
             answered[node_id] = None if answer.content is None else int.from_bytes(answer.content, "little")
 
     # All are asked before the first has to answer: one after the other, silent node-IDs would take a minute.
-    for node_id in wanted:
+    for number, node_id in enumerate(wanted, start=1):
         server = master.sdo_server(node_id)
         master.listeners[server.answers] = partial(received, node_id)
         master.send(server.requests, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
         await master.pump.steps(pace)
+        progress(number, len(wanted))
     await master.pump.steps(max(listen - pace * len(wanted), master.answer_wait))
-    there = sorted({*answered, *master.states})
-    return [await _found(master, each, answered.get(each)) for each in there if each in wanted]
+    found = list[Found]()
+    for each in sorted({*answered, *master.states} & set(wanted)):
+        found.append(await _found(master, each, answered.get(each)))
+        tell(found[-1])
+    return found
 
 
 async def _found(master: Master, node_id: int, device_type: int | None) -> Found:

@@ -18,6 +18,7 @@ from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.od import standard
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.values import NODE_IDS
+from eurobot_od.support import texts
 from eurobot_od.support.progress import Progress, unwatched
 
 LSS_LOG = logging.getLogger("eurobot_od.lss")
@@ -362,6 +363,51 @@ def _words(command: int) -> str:
 
 def _number(value: int) -> bytes:
     return value.to_bytes(4, "little")
+
+
+# A device and its settings
+
+
+class LssChange(NamedTuple):
+    """A service that sets something, and what it has done then, in words."""
+
+    steps: LssSteps[None]
+    done: str
+
+
+def settings(
+    node_id: int | None = None, bit_rate: int | None = None, store: bool = False, activate: float | None = None
+) -> list[LssChange]:
+    """Return the services that set what is not None: bit rate in kbit/s, its delay in s; raises LocalError."""
+    found = []
+    if node_id is not None:
+        found.append(LssChange(configure_node_id(node_id), standard.node_id_words(node_id)))
+    if bit_rate is not None:
+        found.append(LssChange(configure_bit_rate(bit_rate), f"{bit_rate} kbit/s"))
+    if store:
+        found.append(LssChange(_configured(standard.Lss.STORE, b""), "stored"))
+    if activate is not None:
+        found.append(LssChange(activate_bit_rate(activate), f"bit rate changes in {texts.text(activate)}"))
+    return found
+
+
+def inquire(identity: Identity | None, alone: bool) -> LssSteps[str]:
+    """Return which node-ID a device has, in words; the device is chosen as by `chosen`."""
+    device = yield from chosen(identity, alone)
+    node_id = yield from inquire_node_id()
+    return f"{device or ONLY}  {standard.node_id_words(node_id)}"
+
+
+def set_up(identity: Identity | None, alone: bool, wanted: Sequence[LssChange]) -> LssSteps[str]:
+    """Set up a device, chosen as by `chosen`, and return what was done, in words."""
+    device = yield from chosen(identity, alone)
+    for each in wanted:
+        yield from each.steps
+    return f"{device or ONLY}  {', '.join(each.done for each in wanted)}"
+
+
+ONLY = "the only device"
+"""The name of a device that nobody has asked who it is."""
 
 
 # The bus

@@ -70,6 +70,7 @@ class DownloadProcedure(NamedTuple):
 
     `unlock` are writes before everything else, in their order. The program goes in parts of at most `part` bytes (0: in
     one transfer); after each of them the object `ready_at` has to become `ready`. `crc` is what 0x1F56 says of it.
+    `objection` says why a file is no program for the device, by its header; empty if it may be one.
     """
 
     unlock: Sequence[tuple[Address, bytes]] = ()
@@ -77,6 +78,7 @@ class DownloadProcedure(NamedTuple):
     ready_at: Address | None = None
     ready: int = 0
     crc: Callable[[bytes], int] | None = None
+    objection: Callable[[bytes], str] = lambda _: ""
 
     def parts(self, content: bytes) -> list[bytes]:
         """Return a program in the parts in which it is sent."""
@@ -92,6 +94,12 @@ class Loaded(NamedTuple):
 
     size: int
     crc: str
+
+    @property
+    def text(self) -> str:
+        """What was done, in words."""
+        verified = f"verified by {self.crc}" if self.crc else "not verified by a CRC"
+        return f"{amount(self.size, 'byte')} written, {verified}, started"
 
 
 @Procedure

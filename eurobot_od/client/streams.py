@@ -32,6 +32,7 @@ from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import plain_name
+from eurobot_od.support.texts import columns
 
 PDO_LOG, EMCY_LOG = logging.getLogger("eurobot_od.pdo"), logging.getLogger("eurobot_od.emcy")
 
@@ -187,6 +188,15 @@ class History(NamedTuple):
     def register_bits(self) -> list[str]:
         """Names of the bits that are set in the register."""
         return [name for bit, name in enumerate(REGISTER_BITS) if self.register >> bit & 1]
+
+    def lines(self, node_id: int, words: Callable[[int], str]) -> Iterator[str]:
+        """Yield it as lines for a person; `words` gives those for a code."""
+        register = ", ".join(self.register_bits) or "no error"
+        rows = [
+            (f"0x{each.code:04X}", words(each.code), f"0x{each.info:04X}" if each.info else "") for each in self.entries
+        ]
+        yield f"node {node_id}: {register} (error register 0x{self.register:02X})"
+        yield from columns(rows) if rows else ["no error remembered"]
 
 
 @Procedure

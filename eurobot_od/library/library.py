@@ -66,12 +66,23 @@ class Fit(NamedTuple):
         also = f"; also of this product: {', '.join(each.path.name for each in self.others)}" if self.others else ""
         return f"{self.entry.path} is for another version: it has {self.difference}{also}" if self.difference else ""
 
+    @property
+    def further(self) -> str:
+        """What is to be said besides the file's name: the doubt, or which other files of the product there are."""
+        others = ", ".join(each.path.name for each in self.others)
+        return self.doubt or (f"also of this product: {others}" if others else "")
+
 
 class Library:
     """Device files in folders; they are looked at when the first one is asked for."""
 
     def __init__(self, folders: Iterable[Path]) -> None:
         self.folders = tuple(folders)
+
+    def look_again(self) -> None:
+        """Forget which files there are: some were added."""
+        for name in ("entries", "_products"):
+            self.__dict__.pop(name, None)
 
     @cached_property
     def entries(self) -> tuple[LibraryEntry, ...]:

@@ -300,8 +300,11 @@ FILES = Path(__file__).with_name("files")
 STYLES = ("uplot.css", "page.css")
 SCRIPTS = (  # in this order: each uses the ones before it
     *("uplot.js", "dom.js", "store.js", "messages.js", "trace.js", "plots.js", "nodes.js", "objects.js", "send.js"),
+    *("settings.js", "checks.js"),
     *("events.js", "drive.js", "page.js"),
 )
+
+START_SCRIPTS = ("dom.js", "start.js")
 
 PART = re.compile(r"\{\{(\w+)\}\}")
 """A place in `page.html` to be filled in."""
@@ -314,20 +317,24 @@ NOTHING = "default-src 'none'; base-uri 'none'; form-action 'none'"
 
 
 def page(
-    title: str, sources: Sequence[Mapping[str, Any]], panels: Sequence[type[Panel]] = (), **settings: object
+    title: str,
+    sources: Sequence[Mapping[str, Any]],
+    panels: Sequence[type[Panel]] = (),
+    scripts: Sequence[str] = SCRIPTS,
+    **settings: object,
 ) -> str:
-    """Return the page that shows some sources; `settings` are for its script."""
+    """Return the page that shows some sources; `settings` are for its scripts."""
     styles = [*(_read(FILES / name) for name in STYLES), *(panel.style for panel in panels)]
-    scripts = [*(_read(FILES / name) for name in SCRIPTS), *(panel.script for panel in panels)]
+    texts = [*(_read(FILES / name) for name in scripts), *(panel.script for panel in panels)]
     shown = [picked(each, "name", "title", "stop", "plan") | {"setup": each.setup()} for each in panels]
     content = {"title": title, "sources": sources, "panels": shown, **settings}
     # By hashes: with 'unsafe-inline', anything that slipped into the page could run as well.
-    allowed = f"script-src {_hashes(scripts)}; style-src {_hashes(styles)}; img-src data: blob:; connect-src 'self'"
+    allowed = f"script-src {_hashes(texts)}; style-src {_hashes(styles)}; img-src data: blob:; connect-src 'self'"
     parts = {
         "policy": f"{NOTHING}; {allowed}",
         "title": escape(title),
         "styles": "\n".join(f"<style>{each}</style>" for each in styles),
-        "scripts": "\n".join(f"<script>{each}</script>" for each in scripts),
+        "scripts": "\n".join(f"<script>{each}</script>" for each in texts),
         # Without `<`, no text from a file or a bus can end the script element that it is in.
         "content": json.dumps(content, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"),
     }

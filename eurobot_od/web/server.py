@@ -1,4 +1,4 @@
-"""The server: the page at `/`, what is new at `/live`, a finished recording at `/recording/NAME`; and nothing else.
+"""The server: the page at `/`, what is new at `/live`, recordings and reports at `/recording/NAME`, `/report/NAME`.
 
 Rule of this file: a browser is sent only what it has room for. Nothing in here waits for a browser except its own task.
 """
@@ -8,10 +8,12 @@ from __future__ import annotations
 import asyncio
 import errno
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+import secrets
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
 from contextlib import asynccontextmanager, closing, nullcontext, suppress
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from aiohttp import WSMsgType, web
@@ -21,12 +23,16 @@ from eurobot_od.web.access import TOKEN, AccessRules
 from eurobot_od.web.connections import LONGEST_SILENCE, Connections
 from eurobot_od.web.page import NOTHING, policy_of
 from eurobot_od.web.requests import Requests
+from eurobot_od.web.views import objects, send
 
 PERIOD = 0.05
 """Seconds between two snapshots."""
 
 LOOK = 0.01
 """Seconds between two looks at the bus: a node's answer waits so long for whoever has asked."""
+
+LOOK_OF_JOB = 0.001
+"""The same while a job runs: it asks thousands of times."""
 
 MOST_OWED = 2
 """Most snapshots that a browser may owe a confirmation for when the next one is due; with more it is left out."""
@@ -63,19 +69,27 @@ HEADERS = {
 }
 """No other page may show, embed or read this one, and nothing runs in an answer that is not the page."""
 
+Post = Callable[[str], Awaitable[str]]
+"""Answers a text with a text."""
+
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @asynccontextmanager
 async def served(
-    page: Callable[[], str], access: AccessRules, port: int, requests: Requests | None = None
+    page: Callable[[], str],
+    access: AccessRules,
+    port: int,
+    requests: Requests | None = None,
+    posts: Mapping[str, Post] = MappingProxyType({}),
 ) -> AsyncIterator[str]:
     """Serve a page as it is when it is asked for, and the bus if it shows one; gives the address.
 
-    With `port` 0 it takes any free port. Raises LocalError if it cannot have the port.
+    `posts` answer texts that are posted to a path. With `port` 0 it takes any free port. Raises LocalError if it cannot
+    have the port.
     """
     logging.getLogger("aiohttp").addHandler(logging.NullHandler())  # its output may contain the token
-    server = _Server(page, access, requests)
+    server = _Server(page, access, requests, posts)
     runner = web.AppRunner(
         server.application(),
         access_log=None,
@@ -162,8 +176,12 @@ def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> Non
 
 
 class _Server:
-    def __init__(self, page: Callable[[], str], access: AccessRules, requests: Requests | None) -> None:
-        self._page, self._access, self._requests = page, access, requests
+    def __init__(
+        self, page: Callable[[], str], access: AccessRules, requests: Requests | None, posts: Mapping[str, Post]
+    ) -> None:
+        self._page, self._access, self._requests, self._posts = page, access, requests, posts
+        self._name = secrets.token_hex(4)
+        """By it a page notices that the server shows another one."""
         self._browsers: set[web.WebSocketResponse] = set()
         self.connections = Connections()
 
@@ -171,9 +189,14 @@ class _Server:
         # The guard is asked before any handler, even about paths that do not exist.
         application = web.Application(middlewares=[self._guard], client_max_size=LONGEST_REQUEST)
         application.router.add_get("/", self._show)
+        if self._posts:
+            application.router.add_get("/shown", self._shown)
+        for path in self._posts:
+            application.router.add_post(path, self._post)
         if self._requests is not None:
             application.router.add_get("/live", self._live)
             application.router.add_get("/recording/{name}", self._recording)
+            application.router.add_get("/report/{name}", self._report)
 
         async def add_headers(_: web.Request, response: web.StreamResponse) -> None:
             for name, value in HEADERS.items():
@@ -191,14 +214,15 @@ class _Server:
         """Return the tasks that run all the time."""
         if self._requests is None:
             return [self._close_silent()]
-        session = self._requests.session
+        desk = self._requests.desk
+        session = desk.session
 
         async def watch() -> None:  # whether or not a browser is connected
             while True:
-                await asyncio.sleep(0 if session.poll() else LOOK)
+                is_behind = session.poll()
+                await asyncio.sleep(0 if is_behind else LOOK if desk.jobs.running is None else LOOK_OF_JOB)
 
-        requests = self._requests
-        return [self._close_silent(), watch(), requests.poll(), requests.send_cyclic()]
+        return [self._close_silent(), watch(), objects.poll(desk), send.send_cyclic(desk)]
 
     async def _close_silent(self) -> None:
         while True:
@@ -208,7 +232,7 @@ class _Server:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         shown = request.query.get(TOKEN) or request.cookies.get(_cookie(request), "")
-        refusal = self._access.refusal(request.headers, shown, upgrade=request.path == "/live")
+        refusal = self._access.refusal(request.headers, shown, upgrade=request.path in ("/live", *self._posts))
         clock = asyncio.get_running_loop().time
         with self.connections.answering(request.protocol, clock, is_known=refusal is None):
             if refusal is not None:
@@ -225,14 +249,20 @@ class _Server:
         response.set_cookie(_cookie(request), self._access.token, httponly=True, samesite="Strict")
         return response
 
+    async def _shown(self, _: web.Request) -> web.StreamResponse:
+        return web.Response(text=self._name)
+
+    async def _post(self, request: web.Request) -> web.StreamResponse:
+        text = await self._posts[request.path]((await request.read()).decode("utf-8", "replace"))
+        return web.Response(text=text, content_type="application/json")
+
     async def _recording(self, request: web.Request) -> web.StreamResponse:
         assert self._requests is not None
-        # Looked up, not joined to the folder's path, so that no name leads out of the folder.
-        known = {each.name: each for each in self._requests.folder.iterdir()}
-        file: Path | None = known.get(request.match_info["name"])
-        if file is None:
-            raise web.HTTPNotFound
-        return web.FileResponse(file, headers={"Content-Disposition": f'attachment; filename="{file.name}"'})
+        return _file_of(self._requests.desk.folder, request)
+
+    async def _report(self, request: web.Request) -> web.StreamResponse:
+        assert self._requests is not None
+        return _file_of(self._requests.desk.reports, request)
 
     # A browser that watches
 
@@ -255,6 +285,15 @@ class _Server:
         return socket
 
 
+def _file_of(folder: Path, request: web.Request) -> web.StreamResponse:
+    # Looked up, not joined to the folder's path, so that no name leads out of the folder.
+    known = {each.name: each for each in folder.iterdir() if each.is_file()}
+    file = known.get(request.match_info["name"])
+    if file is None:
+        raise web.HTTPNotFound
+    return web.FileResponse(file, headers={"Content-Disposition": f'attachment; filename="{file.name}"'})
+
+
 def _cookie(request: web.Request) -> str:
     """Return the name of the cookie with the token; browsers keep one for all ports of a host."""
     assert request.transport is not None
@@ -265,7 +304,7 @@ class _Browser:
     """One browser: what it was sent, what it owes, what it has asked for."""
 
     def __init__(self, socket: web.WebSocketResponse, requests: Requests) -> None:
-        self._socket, self._requests, self._session = socket, requests, requests.session
+        self._socket, self._requests, self._session = socket, requests, requests.desk.session
         self._turn, self._shown = -1, 0
         self._owed: list[int] = []
         self._pending: set[asyncio.Task[None]] = set()
@@ -287,15 +326,14 @@ class _Browser:
         stretch = self._session.history.since(self._shown)
         self._shown = stretch.next
         self._owed.append(self._turn)
-        more = {"control": self._requests.control, "motion": self._requests.drives.data()}
-        return self._session.snapshot(since, stretch, **more)
+        return self._session.snapshot(since, stretch, **self._requests.snapshot_data(since))
 
     async def listen(self) -> None:
         """Take in confirmations and requests until the browser leaves."""
         async for message in self._socket:
             if message.type is not WSMsgType.TEXT:
                 continue
-            self._requests.drives.hear_page(self)
+            self._requests.desk.drives.hear_page(self)
             text: str = message.data
             if text.isdecimal():  # the turn of a snapshot; cut, as int() refuses more than 4300 digits
                 self._owed = [each for each in self._owed if each > int(text[:12])]

@@ -22,7 +22,7 @@ import can
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import BusError, LocalError
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.diagnosis import Diagnosis
@@ -61,11 +61,13 @@ class Tap(can.BusABC):
         self._lock = Lock()
         self._came: Queue[can.Message] = Queue(MOST_WAITING)
 
-    def give(self, frame: Frame) -> None:
+    def give(self, frame: Frame, _time: float) -> None:
         """Pass a frame to the master if it listens to it."""
         if frame.cob_id not in self._wanted or frame.is_remote:
             return
-        message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        self._put(can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False))
+
+    def _put(self, message: can.Message) -> None:
         with suppress(Full):  # only this thread puts anything in
             if self._came.full():
                 with suppress(Empty):  # the master was quicker
@@ -90,6 +92,53 @@ class Tap(can.BusABC):
             return self._came.get(timeout=timeout), False
         except Empty:
             return None, False
+
+
+class JobBus(Tap):
+    """A bus for long work: it receives all that others send, with the times. `gate` may refuse a frame."""
+
+    def __init__(
+        self, send: Callable[[Frame, float], bool], gate: Callable[[Frame], None], left: Callable[[Tap], None]
+    ) -> None:
+        super().__init__(send)
+        self._gate, self._left = gate, left
+        self._own: list[Frame] = []
+        """What was sent, and did not come back yet from the adapter: what it sends is among what it receives."""
+
+    def give(self, frame: Frame, time: float) -> None:
+        """Pass on a frame, unless it is our own."""
+        if frame in self._own:
+            self._own.remove(frame)
+            return
+        message = can.Message(
+            timestamp=time,
+            arbitration_id=frame.cob_id % EXTENDED,
+            is_extended_id=frame.cob_id >= EXTENDED,
+            is_remote_frame=frame.is_remote,
+            dlc=len(frame.data),
+            data=None if frame.is_remote else frame.data,
+        )
+        self._put(message)
+
+    def send_frame(self, frame: Frame) -> None:
+        """Send a frame; raises BusError if the driver does not take it, and what the gate raises."""
+        self._gate(frame)
+        self._own.append(frame)
+        try:
+            super().send_frame(frame)
+        except BusError:
+            self._own.remove(frame)
+            raise
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a message, also a remote frame."""
+        kind = RemoteFrame if msg.is_remote_frame else Frame
+        self.send_frame(kind(msg.arbitration_id, bytes(msg.dlc) if msg.is_remote_frame else bytes(msg.data)))
+
+    def shutdown(self) -> None:
+        """Let go of the adapter."""
+        self._left(self)
+        super().shutdown()
 
 
 POLL_PERIOD = 0.25
@@ -246,7 +295,7 @@ class Session:
         self._source = BusSource(open_bus(), clock, open_bus)
         answers = [SdoChannel.of(each).answers for each in decoder.dictionaries]
         self.tap, self.orders, self.polls = (Tap(self._source.send, answers) for _ in range(3))
-        self._taps = self.tap, self.orders, self.polls
+        self._taps: tuple[Tap, ...] = (self.tap, self.orders, self.polls)
         self.first: Callable[[Frame], bool] = lambda _: False
         self.on_learned: Callable[[Dictionary], object] = lambda _: None
 
@@ -266,6 +315,16 @@ class Session:
         return self._traffic.following.decoder("")
 
     # The bus
+
+    def open_for_job(self, gate: Callable[[Frame], None]) -> JobBus:
+        """Open a bus that shares the adapter and receives everything; each frame that it sends passes the gate."""
+        bus = JobBus(self._source.send, gate, self._leave)
+        bus.trouble = self.trouble
+        self._taps = (*self._taps, bus)  # replaced as a whole: another thread goes through it
+        return bus
+
+    def _leave(self, bus: Tap) -> None:
+        self._taps = tuple(each for each in self._taps if each is not bus)
 
     def poll(self) -> bool:
         """Take in what has come since the last time; tell whether more of it is left for the next call."""
@@ -310,7 +369,7 @@ class Session:
         if isinstance(raw, Frame):
             if not self.first(raw):
                 for tap in self._taps:
-                    tap.give(raw)
+                    tap.give(raw, now)
             self.recording.write(now, raw)
         shown = [key_of(counted), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, wrong(meaning)]
         self.history.add(COMPACT(shown))
@@ -337,10 +396,10 @@ class Session:
 
     # What is shown
 
-    def page(self, name: str) -> str:
-        """Return the page of the bus, with the devices and panels that are known now."""
+    def page(self, name: str, leave: bool = False) -> str:
+        """Return the page of the bus, with the devices and panels known now; `leave`: one may leave it for another."""
         about = {"name": name, "bitrate": self.bitrate, **described(self.decoder)}
-        return page(name, [about], list(map(type, self.panels)), live=True, learned=self.learned)
+        return page(name, [about], list(map(type, self.panels)), live=True, learned=self.learned, leave=leave)
 
     def snapshot(self, since: int, stretch: Stretch = NO_FRAMES, **more: object) -> str:
         """Return as JSON what has changed after a `turn`, -1 for everything, and a stretch of the history."""
@@ -418,6 +477,13 @@ class LogRecording:
         """End the log, if there is one under way."""
         self._write = None
         self._open.close()
+
+    @property
+    def finished(self) -> Path:
+        """The last log, once it has ended; raises LocalError."""
+        if self._file is None or self._write is not None:
+            raise LocalError("there is no finished recording: record first, and stop")
+        return self._file
 
     def state(self) -> dict[str, Any]:
         """Return what the page shows of it."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
+from eurobot_od.web.desk import NO_EQUIPMENT, Desk, Equipment
 from eurobot_od.web.page import Panel, stop_message
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.server import served
@@ -75,12 +76,13 @@ def live_page(
     network: Decoder | None = None,
     panels: tuple[type[Panel], ...] = (),
     port: int = 0,
+    equipment: Equipment = NO_EQUIPMENT,
 ) -> Iterator[Served]:
     """Serve the page of an in-process bus."""
     known = network or plant.decoder()
     session = Session(partial(open_bus, "virtual", channel), known, 500_000, lambda _: panels)
     try:
-        requests = Requests(session, folder, control, stop_message(panels))
+        requests = Requests(Desk(session, folder, control, stop_message(panels), equipment=equipment))
         with serving(partial(session.page, channel), access, requests, port) as address:
             yield Served(address, session)
     finally:

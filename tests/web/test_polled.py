@@ -17,39 +17,39 @@ from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import find_one
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.web import requests as module
-from eurobot_od.web.requests import Requests
+from eurobot_od.web.desk import Desk
 from eurobot_od.web.session import PolledObject, Sample, Session
+from eurobot_od.web.views import objects
 from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.kit import plant
 from tests.web.scene import LONG, channel
 
 
 @pytest.fixture
-def requests(tmp_path: Path) -> Iterator[Requests]:
+def desk(tmp_path: Path) -> Iterator[Desk]:
     """What a page asks on a bus without nodes."""
     session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000)
-    found = Requests(session, tmp_path)
+    found = Desk(session, tmp_path)
     found.master.answer_wait = 0.01
     yield found
     session.close()
 
 
 @pytest.fixture
-def moved(tmp_path: Path) -> Iterator[Requests]:
+def moved(tmp_path: Path) -> Iterator[Desk]:
     """What a page asks of a device whose file has its SDO server elsewhere."""
     server = record(0x1200, "SDO server", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", "0x650"), (2, "UNSIGNED32", "0x6A1"))
     text = DEVICE_TYPE + server + variable("2000", "Speed", "UNSIGNED16", "7")
     dictionary, name = Dictionary.read(text.encode(), Path("moved.eds"), 5), channel()
     session = Session(partial(open_bus, "virtual", name), Decoder([dictionary]), 500_000)
     with open_bus("virtual", name) as bus, Live.node(bus, SimulatedDevice(dictionary)):
-        yield Requests(session, tmp_path)
+        yield Desk(session, tmp_path)
     session.close()
 
 
-def test_an_object_is_read_where_a_file_says_that_the_sdo_server_is(moved: Requests) -> None:
+def test_an_object_is_read_where_a_file_says_that_the_sdo_server_is(moved: Desk) -> None:
     with ThreadPoolExecutor(1) as pool:
-        reading = pool.submit(moved.read, {"node": "moved", "object": "Speed"})
+        reading = pool.submit(objects.read, moved, {"node": "moved", "object": "Speed"})
         while not reading.done():
             moved.session.poll()
     assert reading.result()["value"] == 7
@@ -69,11 +69,11 @@ def test_a_browser_gets_the_values_since_its_turn_and_a_new_one_all_that_are_kep
     assert seen == [[0, 1, 2, 3], [2, 3], []]
 
 
-def test_what_was_read_is_new_also_to_a_browser_that_has_the_present_turn(moved: Requests) -> None:
-    session, key = moved.session, moved.watch({"node": "moved", "object": "Speed"})
+def test_what_was_read_is_new_also_to_a_browser_that_has_the_present_turn(moved: Desk) -> None:
+    session, key = moved.session, objects.watch(moved, {"node": "moved", "object": "Speed"})
 
     async def read_once() -> None:
-        polling = asyncio.create_task(moved.poll())
+        polling = asyncio.create_task(objects.poll(moved))
         while not session.polled[key].samples:
             session.poll()
             await asyncio.sleep(0)
@@ -84,13 +84,13 @@ def test_what_was_read_is_new_also_to_a_browser_that_has_the_present_turn(moved:
     assert value == 7
 
 
-def test_an_object_that_no_page_wants_any_more_is_read_no_more(requests: Requests) -> None:
-    session = requests.session
-    key = requests.watch({"node": "lift", "object": "0x1017"})
+def test_an_object_that_no_page_wants_any_more_is_read_no_more(desk: Desk) -> None:
+    session = desk.session
+    key = objects.watch(desk, {"node": "lift", "object": "0x1017"})
     session.polled[key].wanted_until = session.now
 
     async def poll_once() -> None:
-        polling = asyncio.create_task(requests.poll())
+        polling = asyncio.create_task(objects.poll(desk))
         await asyncio.sleep(0)
         polling.cancel()
 
@@ -98,14 +98,12 @@ def test_an_object_that_no_page_wants_any_more_is_read_no_more(requests: Request
     assert not session.polled
 
 
-def test_when_all_places_are_taken_those_who_have_one_keep_it(
-    requests: Requests, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, "MOST_POLLED", 1)
+def test_when_all_places_are_taken_those_who_have_one_keep_it(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(objects, "MOST_POLLED", 1)
     known = {"node": "lift", "object": "0x1017"}
-    key = requests.watch(known)
-    before = requests.session.polled[key].wanted_until
-    requests.watch(known)
-    assert requests.session.polled[key].wanted_until > before
+    key = objects.watch(desk, known)
+    before = desk.session.polled[key].wanted_until
+    objects.watch(desk, known)
+    assert desk.session.polled[key].wanted_until > before
     with pytest.raises(LocalError, match="1 objects are read again and again already"):
-        requests.watch({"node": "lift", "object": "0x1018:1"})
+        objects.watch(desk, {"node": "lift", "object": "0x1018:1"})

@@ -22,9 +22,10 @@ import pytest
 
 from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.frame import Frame
-from eurobot_od.web import requests, server
+from eurobot_od.web import server
 from eurobot_od.web.access import AccessRules, is_local
 from eurobot_od.web.server import HEADERS, MOST_BROWSERS, MOST_OWED
+from eurobot_od.web.views import send
 from tests.web.scene import LONG, Served, channel, line, live_page
 
 TOKEN = "a-token-that-nobody-guesses"
@@ -333,7 +334,7 @@ def test_what_is_sent_again_and_again_ends_with_stop(tmp_path: Path) -> None:
 
 
 def test_what_no_page_asks_for_any_more_is_sent_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(requests, "SILENT", 0.2)
+    monkeypatch.setattr(send, "SILENT", 0.2)
     name = channel()
     with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
         words = {"id": 1, "do": "cycle", "key": "a", "frame": "123#AB", "period": 10}

@@ -16,7 +16,7 @@ ANSWER, BEAT = Frame(0x582, bytes(8)), Frame(0x702, b"\x05")
 def test_the_master_gets_answers_and_nothing_else() -> None:
     tap = Tap(lambda *_: True)
     for frame in (BEAT, ANSWER, Frame(0x100, bytes(5))):
-        tap.give(frame)
+        tap.give(frame, 0.0)
     first, second = tap.recv(0), tap.recv(0)
     assert first is not None
     assert (first.arbitration_id, bytes(first.data), second) == (*ANSWER, None)
@@ -25,7 +25,7 @@ def test_the_master_gets_answers_and_nothing_else() -> None:
 
 def test_answers_come_from_where_a_file_has_moved_them() -> None:
     tap = Tap(lambda *_: True, [0x6A1])
-    tap.give(Frame(0x6A1, bytes(8)))
+    tap.give(Frame(0x6A1, bytes(8)), 0.0)
     message = tap.recv(0)
     assert message is not None
     assert message.arbitration_id == 0x6A1
@@ -35,7 +35,7 @@ def test_answers_come_from_where_a_file_has_moved_them() -> None:
 def test_what_nobody_takes_makes_room_for_what_is_newer() -> None:
     tap = Tap(lambda *_: True)
     for number in range(MOST_WAITING + 2):
-        tap.give(Frame(ANSWER.cob_id, number.to_bytes(8, "little")))
+        tap.give(Frame(ANSWER.cob_id, number.to_bytes(8, "little")), 0.0)
     waiting = []
     while (message := tap.recv(0)) is not None:
         waiting.append(int.from_bytes(message.data, "little"))

@@ -117,3 +117,37 @@ function kept(name, otherwise, storage = localStorage) {  // what this browser, 
 function keep(name, value, storage = localStorage) {
   try { storage.setItem(`canopen-page ${name}`, JSON.stringify(value)); } catch { /* it is full */ }
 }
+
+// Files for the server, and the page that it shows; `connection` is the bus's, or that of the page that begins with nothing
+
+const PART = 30000;                         // bytes of a file that are sent at once
+async function upload(file) {               // send a file to the server, and return its name there
+  const bytes = new Uint8Array(await file.arrayBuffer());
+  for (let at = 0; at === 0 || at < bytes.length; at += PART) {
+    const data = btoa(String.fromCharCode(...bytes.subarray(at, at + PART)));
+    await connection.ask({do: "file", name: file.name, at, data});
+  }
+  return file.name;
+}
+function dropZone(words, take, accept = "") {  // a button for a file, on which one can also be dropped
+  const input = h("input", {type: "file", hidden: true, accept, onchange: () => { if (input.files.length) take(input.files[0]); input.value = ""; }});
+  const button = h("button", {type: "button", class: "drop", onclick: () => input.click(),
+    ondragover: event => { event.preventDefault(); button.classList.add("over"); }, ondragleave: () => button.classList.remove("over"),
+    ondrop: event => { event.preventDefault(); button.classList.remove("over"); if (event.dataTransfer.files.length) take(event.dataTransfer.files[0]); }}, words);
+  return h("span", {}, button, input);
+}
+const DEVICE_FILES = ".eds,.dcf,.xdd,.xdc,.xml";
+const loudly = promise => promise.catch(error => toast(error.message, true));
+const quietly = promise => promise.catch(() => undefined);
+
+let shownPage = "";                         // what the server shows: this page, until it says otherwise
+function watchServer() {                    // loads the page anew once the server shows another one
+  const look = async () => {
+    const shown = await fetch("/shown").then(answer => answer.ok ? answer.text() : "").catch(() => "");
+    if (shown && shownPage && shown !== shownPage) { location.hash = ""; location.reload(); return; }
+    shownPage ||= shown;
+    setTimeout(look, SERVER_LOOK);
+  };
+  look();
+}
+const SERVER_LOOK = 1000;                   // ms between two looks

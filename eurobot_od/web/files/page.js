@@ -8,6 +8,8 @@ const VIEWS = [                             // in the order of their tabs; `if`:
   {name: "nodes", title: "Nodes", make: nodesView},
   {name: "objects", title: "Objects", make: objectsView, if: live},
   {name: "send", title: "Send", make: sendView, if: live, control: true},
+  {name: "settings", title: "Settings", make: settingsView, if: live},
+  {name: "checks", title: "Checks", make: checksView, if: live},
   {name: "drives", title: "Drives", make: drivesView, if: driven.length > 0},
   {name: "events", title: "Events", make: eventsView},
   {name: "diagnosis", title: "Diagnosis", make: diagnosisView, if: live || content.sources.some(each => each.diagnosis)},
@@ -15,6 +17,11 @@ const VIEWS = [                             // in the order of their tabs; `if`:
 ];
 const TABLES = 100;                         // ms between two updates of tables and numbers
 
+function leaveButton() {                    // back to the page that begins with nothing
+  const button = h("button", {id: "leave", onclick: () => loudly(fetch("/leave", {method: "POST"}).then(answer => answer.json()).then(said => { if (said.error) throw new Error(said.error); }))},
+    live ? "Disconnect" : "Close");
+  return content.leave ? [button] : [];
+}
 function recordButton() {
   const button = h("button", {id: "record", onclick: () => quietly(connection.state?.recording.on
     ? request({do: "stop recording"}, "recorded") : request({do: "record"}, "recording"))}, "Record");
@@ -36,7 +43,7 @@ function statusLine() {
   const text = h("span"), load = h("span", {class: live ? "more" : ""}), life = lifeSign();
   const freeze = h("button", {id: "freeze", "aria-pressed": "false", title: "hold what is shown: f", onclick: () => toggleFreeze()}, "Freeze");
   const record = recordButton();
-  const element = h("div", {class: "status", role: "status", "aria-live": "off"}, life.element, text, load, ...(live ? [freeze, ...record.elements] : []));
+  const element = h("div", {class: "status", role: "status", "aria-live": "off"}, life.element, text, load, ...(live ? [freeze, ...record.elements] : []), ...leaveButton());
   return {element, show(time) {
     const [worst] = sources.map(each => lifeOf(each, time)).sort((one, two) => WORST.indexOf(one.life) - WORST.indexOf(two.life));
     life.set(worst.life, worst.text);
@@ -108,12 +115,16 @@ class Tabs {                                // which view is shown; a panel has 
     }, this.made[place].element));
     this.wide = matchMedia("(min-width: 1200px)");
     this.wide.addEventListener("change", () => this.layout());
+    addEventListener("popstate", () => {    // back and forward lead from view to view
+      const named = all.find(view => `#${view.name}` === location.hash);
+      if (named) { this.current = named; this.layout(); }
+    });
     this.current = all.find(view => `#${view.name}` === location.hash) || (live && this.wide.matches ? all.find(view => !view.panel) : all[0]);
   }
   get shown() { return this.tabs.filter(tab => !tab.hidden); }
   choose(view) {
+    if (view !== this.current) history.pushState(null, "", `#${view.name}`);
     this.current = view;
-    history.replaceState(null, "", `#${view.name}`);
     this.layout();
   }
   key(event, place) {
@@ -191,6 +202,7 @@ function start() {
     }
     requestAnimationFrame(frame);
   }
+  if (content.leave) watchServer();
   if (live) {
     connection.open();
     // What this page moves stops when nobody looks at it, also what was sent raw.

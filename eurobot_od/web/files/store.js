@@ -277,9 +277,14 @@ const connection = {
       stale = true;
       for (const {fail} of this.waiting.values()) fail(new Error(NO_SERVER));
       this.waiting.clear();
-      setTimeout(() => this.open(), this.pause);
+      setTimeout(() => this.again(), this.pause);
       this.pause = Math.min(2 * this.pause, 5000);
     };
+  },
+  again() {                                 // not where the server shows another page by now: that has no bus
+    if (!content.leave) { this.open(); return; }
+    fetch("/shown").then(answer => answer.text()).then(shown => { if (shown === shownPage) this.open(); })
+      .catch(() => setTimeout(() => this.again(), this.pause));
   },
   hear(said) {
     if ("re" in said) {
@@ -293,6 +298,7 @@ const connection = {
     if (!this.up) this.begin(said);
     Object.assign(this, {up: true, control: said.control, state: said});
     sources[0].take(said);
+    takeJobs(said.jobs);
     clock.received = performance.now();
     this.socket.send(String(said.turn));    // confirmed: a browser that owes too many is left out
     stale = true;
@@ -307,6 +313,7 @@ const connection = {
     const recorded = this.state?.session !== said.session && this.state?.recording.on && this.state.recording.file;
     if (recorded) toast(`the server was started again: the recording ${recorded} has ended and is gone`, true);
     sources[0].forget();
+    jobs.clear();
     clock.frozen = null;
     this.pause = 500;
   },
@@ -329,7 +336,39 @@ async function request(what, done) {        // ask, and show the outcome as a to
     throw error;
   }
 }
-const quietly = promise => promise.catch(() => undefined);
+
+// Long work, which runs beside the page: one at a time for each bus, the same in all browsers
+
+const jobs = new Map();                     // the last one of each name
+const isRunning = job => Boolean(job) && ["running", "ending"].includes(job.state);
+const runningJob = () => [...jobs.values()].find(isRunning);
+function takeJobs(said) {
+  for (const {first, rows, ...each} of said) {
+    const known = jobs.get(each.name), former = known?.number === each.number ? known.rows.slice(0, first) : [];
+    jobs.set(each.name, {...each, rows: [...former, ...rows]});
+  }
+}
+function jobWords(job) {                    // how far it is, or how it has ended
+  if (!job) return "";
+  const far = job.total ? `${job.done} of ${job.total}` : job.done ? String(job.done) : "";
+  if (job.error) return `${job.title}: ${job.error}`;
+  if (isRunning(job)) return [job.title, job.state === "ending" ? "is ending" : far].filter(Boolean).join(": ");
+  return job.state === "ended" ? `${job.title} was ended` : "";
+}
+function jobBar(...names) {                 // of a view: the progress of its jobs, and what went wrong
+  const bar = h("progress", {hidden: true, "aria-label": "progress"}), words = h("span", {class: "hint", role: "status"});
+  const end = h("button", {hidden: true, onclick: () => quietly(request({do: "end job"}))}, "End");
+  return {element: h("span", {class: "job"}, bar, words, end), show() {
+    const [job] = names.map(name => jobs.get(name)).filter(Boolean).sort((one, two) => two.number - one.number);
+    const runs = isRunning(job);
+    show(bar, runs);
+    show(end, runs && connection.control);
+    if (runs && job.total) { bar.max = job.total; bar.value = job.done; } else bar.removeAttribute("value");
+    say(words, jobWords(job));
+    words.classList.toggle("is-wrong", Boolean(job?.error));
+    return job;
+  }};
+}
 
 // How alive a node is: in words, by a sign, and by a colour, the same in every view
 
@@ -361,7 +400,8 @@ function lifeOf(source, time) {             // the worst of all nodes that were 
 }
 function allNodes(source) {                 // nodes that no file describes are heard as well
   const unknown = source.health.filter(each => !source.nodes.some(node => node.name === each.name));
-  return [...source.nodes, ...unknown.map(each => ({name: each.name, id: Number(each.name.replace("node ", "")), identity: null, file: ""}))];
+  const heard = unknown.map(each => ({name: each.name, id: Number(each.name.replace("node ", "")), identity: null, file: ""}));
+  return [...source.nodes, ...heard].sort((one, two) => one.id - two.id);
 }
 function isLost(source, row, time) {        // whether all who send it are lost
   const message = source.messages.get(row.name), senders = message ? message.senders : row.nodes;

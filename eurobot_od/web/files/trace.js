@@ -18,9 +18,15 @@ const TIMES = {                             // how a frame's time is written: (f
 };
 let timeForm = "Relative";
 
-function identifierTest(text) {             // `185`, or a range `180-1FF`, in hexadecimal digits
-  const [low, high = low] = text.trim().split("-").map(each => parseInt(each, 16));
-  return id => id !== null && id % EXTENDED >= low && id % EXTENDED <= high;
+function identifierTest(text) {             // `180,200`, `180-1FF`, `!080`, in hexadecimal digits; throws what it does not understand
+  const parts = text.split(/[,\s]+/).filter(Boolean).map(part => {
+    const found = /^(!?)(?:0x)?([\da-f]+)(?:-(?:0x)?([\da-f]+))?$/i.exec(part);
+    if (!found) throw new Error(`“${part}” is no identifier: write 180, 180-1FF, or !080 for all others`);
+    return {isOut: found[1] === "!", low: parseInt(found[2], 16), high: parseInt(found[3] ?? found[2], 16)};
+  });
+  const wanted = parts.filter(each => !each.isOut), others = parts.filter(each => each.isOut);
+  const within = (id, each) => id % EXTENDED >= each.low && id % EXTENDED <= each.high;
+  return id => id !== null && (!wanted.length || wanted.some(each => within(id, each))) && !others.some(each => within(id, each));
 }
 const FILTERS = {                           // what a frame must have, by the name of the control
   node: value => frame => frame.row.nodes.includes(value),
@@ -28,7 +34,8 @@ const FILTERS = {                           // what a frame must have, by the na
   identifier: value => { const fits = identifierTest(value); return frame => fits(frame.row.id); },
   text: value => {
     const wanted = value.toLowerCase();
-    return frame => `${frame.row.name} ${frame.text} ${frame.wrong} ${frame.data}`.toLowerCase().includes(wanted);
+    // Bytes are found as they are shown, and without blanks between them.
+    return frame => `${frame.row.name} ${frame.text} ${frame.wrong} ${octets(frame.data).join(" ")} ${frame.data}`.toLowerCase().includes(wanted);
   },
 };
 
@@ -40,12 +47,12 @@ class Trace {
     this.box = h("div", {class: "frames", tabindex: 0, role: "region", "aria-label": `frames of ${source.name}`,
       onscroll: () => this.scrolled(), onkeydown: event => this.key(event)}, this.head(), this.space);
     this.count = h("span", {class: "hint", role: "status", "aria-live": "off"});
-    this.element = h("div", {class: "trace"}, this.tools(), this.box);
+    this.element = h("div", {class: several ? "trace" : "trace one-channel"}, this.tools(), this.box);
   }
   head() { return h("div", {class: "line head", "aria-hidden": "true"}, ...["Time s", "Channel", "ID", "Len", "Data", "Message", "Meaning"].map(each => h("span", {}, each))); }
   tools() {
     const input = (name, words, size) => h("input", {type: "search", size, placeholder: words, "aria-label": `frames with this ${words}`,
-      oninput: event => this.filter(name, event.target.value)});
+      oninput: event => this.filter(name, event.target.value.trim(), event.target)});
     const times = h("select", {"aria-label": "times", onchange: () => { timeForm = times.value; this.draw(); }},
       ...Object.keys(TIMES).map(each => h("option", {}, each)));
     this.nodes = this.choice("node", "all nodes");
@@ -69,8 +76,14 @@ class Trace {
       if (![...select.options].some(each => each.value === name)) select.append(h("option", {value: name}, name));
     }
   }
-  filter(name, value) {
-    if (value) this.chosen[name] = value; else delete this.chosen[name];
+  filter(name, value, input) {              // one that is not understood filters nothing, and says so
+    const {[name]: _, ...others} = this.chosen;
+    this.misread = "";
+    try {
+      FILTERS[name](value);
+      this.chosen = value ? {...others, [name]: value} : others;
+    } catch (error) { this.misread = error.message; this.chosen = others; }
+    input?.setAttribute("aria-invalid", String(this.misread !== ""));
     this.refilter();
   }
   refilter() {
@@ -145,7 +158,8 @@ class Trace {
     while (this.rows.children.length > shown.length) this.rows.lastChild.remove();
     shown.forEach((each, place) => this.fill(this.rows.children[place], each, this.found[first + place - 1]));
     const {missed, dropped} = this.source, {length} = this.found;
-    say(this.count, [`${length} ${length === 1 ? "frame" : "frames"}`, Object.keys(this.chosen).length ? `of ${this.source.frames.length}` : "",
+    this.count.classList.toggle("is-wrong", Boolean(this.misread));
+    say(this.count, [this.misread, `${length} ${length === 1 ? "frame" : "frames"}`, Object.keys(this.chosen).length ? `of ${this.source.frames.length}` : "",
       this.source.frames[0]?.number > 0 && live ? `kept since ${this.source.frames[0].time.toFixed(1)} s` : "",
       missed && !dropped ? `${missed} missed: this browser was too slow` : ""].filter(Boolean).join(", "));
   }

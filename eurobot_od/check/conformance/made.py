@@ -1,0 +1,53 @@
+"""The suites that are made from device files: which ones, and how far they may go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from eurobot_od.check.conformance import profiles
+from eurobot_od.check.conformance import suite as chapters
+from eurobot_od.check.conformance.clauses import Tier
+from eurobot_od.check.conformance.page import DeviceRun
+from eurobot_od.check.report import SuiteResult
+from eurobot_od.od import cia401
+from eurobot_od.od.dictionary import Dictionary
+
+
+class MadeSuites(NamedTuple):
+    """Suites by CiA 301, or by a device `profile` (401, 402), up to a `tier`.
+
+    Those of 402 also move the motor by `motion`, a distance and a velocity in the drive's units; those of 401 also
+    switch the `outputs`.
+    """
+
+    profile: int | None = None
+    tier: Tier = Tier.READING
+    motion: tuple[int, int] | None = None
+    outputs: bool = False
+
+    def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
+        """Make the suites of each device, by what reports call their file; raises LocalError."""
+        is_reversible = self.tier is not Tier.READING
+        if self.profile is None:
+            make = partial(chapters.text, tier=self.tier)
+        elif self.profile == cia401.PROFILE:
+            make = partial(profiles.module_text, reversible=is_reversible, outputs=self.outputs)
+        else:
+            motion = profiles.MotionBounds(*self.motion) if self.motion else None
+            make = partial(profiles.drive_text, reversible=is_reversible, motion=motion)
+        return {file_of(each): make(each) for each in dictionaries}
+
+    def device_runs(
+        self, dictionaries: Iterable[Dictionary], results: Sequence[SuiteResult], made: str
+    ) -> list[DeviceRun]:
+        """Return what there is to say about each device; `made` says by what and when."""
+        of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
+        return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
+
+
+def file_of(device: Dictionary) -> Path:
+    """Return what the file of a device's suites is called."""
+    return Path(f"{device.name}.yaml")

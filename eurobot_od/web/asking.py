@@ -1,0 +1,45 @@
+"""A request of the page: how it is done, whether it takes control, and what its fields must be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from enum import Enum
+from typing import Any, NamedTuple
+
+from eurobot_od.errors import LocalError
+
+Arguments = Mapping[str, Any]
+"""The fields of a request besides its name; `who` is the browser that asks."""
+
+
+class Way(Enum):
+    """How a request is done."""
+
+    AT_ONCE = "in the session's own thread"
+    SENDS = "beside all others: it waits for the driver at most"
+    ORDERS = "in its own turn: what moves drives after all other orders to them, and past all questions"
+    ASKS = "after all others that ask: a node has to answer"
+
+
+class PageRequest(NamedTuple):
+    """The function of a request, how it is done, and whether it acts on bus or disk, which takes control."""
+
+    function: Callable[[Any, Arguments], Any]
+    way: Way = Way.ASKS
+    acts: bool = False
+
+
+def text_of(said: Arguments, name: str) -> str:
+    """Return a field that has to be a text; raises LocalError."""
+    value = said.get(name)
+    if not isinstance(value, str):
+        raise LocalError(f"{name} is missing, or not a text")
+    return value
+
+
+def whole_of(said: Arguments, name: str) -> int:
+    """Return a field that has to be a whole number; raises LocalError."""
+    value = said.get(name)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise LocalError(f"{name} is missing, or not a whole number")
+    return value

@@ -1,0 +1,157 @@
+"""Requests of the view Checks: suites that are made from a device's file, or written, are run on the bus."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from eurobot_od.check import report
+from eurobot_od.check.conformance import page
+from eurobot_od.check.conformance.clauses import Tier
+from eurobot_od.check.conformance.made import MadeSuites
+from eurobot_od.check.format import SuiteReader
+from eurobot_od.check.recorded import suite_of
+from eurobot_od.check.report import StepResult, SuiteResult
+from eurobot_od.check.runner import Interrupt, single_steps
+from eurobot_od.check.runs import OnBus, compared, results_of
+from eurobot_od.check.suite import Suite
+from eurobot_od.errors import LocalError, look_up
+from eurobot_od.od import cia401, cia402
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import unheard
+from eurobot_od.support.files import write_whole
+from eurobot_od.support.texts import encodable
+from eurobot_od.traffic import formats
+from eurobot_od.web.asking import Arguments, PageRequest, Way, text_of
+from eurobot_od.web.desk import Desk
+from eurobot_od.web.jobs import Job
+
+TIERS = {each.value: each for each in Tier}
+
+PROFILES = {"CiA 301": None, "CiA 401": cia401.PROFILE, "CiA 402": cia402.PROFILE}
+"""Suites that are made from a device's file, by the standard that they are about."""
+
+BUS = Path("bus")
+"""What suites call the devices of the page."""
+
+SUITE_FILES = ("*.yaml", "*.yml")
+
+
+def suites_here(desk: Desk, _: Arguments) -> list[str]:
+    """Return the files of suites that lie in the folder of the page."""
+    return sorted(each.name for pattern in SUITE_FILES for each in (desk.folder / "suites").glob(pattern))
+
+
+def suite_of_recording(desk: Desk, said: Arguments) -> str:
+    """Make the last recording a suite of a node, as `export suite` does; returns its file's name."""
+    log = desk.session.recording.finished
+    node = text_of(said, "node")
+    with log.open("rb") as file:
+        text = suite_of(desk.session.decoder, node, (each[1:] for each in formats.entries(file)), f"{node} as recorded")
+    target = desk.folder / "suites" / f"{node}-{log.stem}.yaml"
+    target.parent.mkdir(exist_ok=True)
+    write_whole(target, encodable(text).encode())
+    return target.name
+
+
+def begin_check(desk: Desk, said: Arguments) -> int:
+    """Run suites, as `check` does, and keep the reports."""
+    device = desk.device(desk.node_id(text_of(said, "node")))
+    if device is None:
+        raise LocalError("no file describes this node, so nothing is known that could be checked")
+    steps = [each for each in (said.get("steps"),) if isinstance(each, str) and each]
+    made, texts, reason = _wanted(desk, said, device)
+    desk.confirm(said, reason)
+    suites = _reader(desk).read_texts(texts)
+    work = _Check(desk, device, made, suites, steps).run
+    return desk.start("check", f"the check of {device.name}", work)
+
+
+def _wanted(desk: Desk, said: Arguments, device: Dictionary) -> tuple[MadeSuites | None, dict[Path, str | None], str]:
+    """Return what suites are made, their texts, and why they may move something."""
+    name = text_of(said, "suites")
+    if name in PROFILES:
+        tier = look_up("tier", text_of(said, "tier"), TIERS)
+        made = MadeSuites(PROFILES[name], tier)
+        does = "resets and starts" if tier is Tier.REVERSIBLE else "resets, starts and stores in"
+        reason = "" if tier is Tier.READING else f"it {does} {device.name}, and writes to it: what hangs on it may move"
+        return made, dict(made.texts([device])), reason
+    file = look_up("suite", name, {each: desk.folder / "suites" / each for each in suites_here(desk, {})})
+    return None, {file: None}, f"{name} sends to {device.name} what it says: what hangs on it may move"
+
+
+def _reader(desk: Desk) -> SuiteReader:
+    """Return the reader of suites for the devices of the bus; a suite that names a dialect is for that."""
+    known = desk.equipment.networks
+    networks = known._replace(
+        find=lambda dialect: known.find(dialect) if dialect else BUS,
+        load=lambda path: desk.session.decoder.dictionaries if path == BUS else known.load(path),
+        refused=unheard,
+    )
+    return SuiteReader(networks)
+
+
+class _Check:
+    """One run: what it tells as it goes on, and its reports."""
+
+    def __init__(
+        self, desk: Desk, device: Dictionary, made: MadeSuites | None, suites: Sequence[Suite], steps: Sequence[str]
+    ) -> None:
+        self._desk, self._device, self._made, self._suites, self._steps = desk, device, made, suites, steps
+        self._total = sum(1 for suite in suites for each in suite.steps for _ in single_steps(each, each.name))
+        self._done = 0
+
+    def run(self, job: Job) -> dict[str, Any]:
+        """Run the suites; returns the summary, the reports, and how the run differs from the last one."""
+        self._job, interrupt = job, Interrupt()
+        job.at_end = interrupt.request
+        how = OnBus(job.open, self._made is not None, self._steps)
+        results = [*results_of(how, self._suites, [1], interrupt, self)]
+        notes = [*report.changed(results), *report.remarks(results), *report.not_run(results)]
+        return {"summary": report.summary(results), "notes": notes} | self._kept(results)
+
+    # What hears of the run (`runs.Told`)
+
+    def heading(self, suite: Suite, how: str) -> None:
+        """Enter that a suite begins."""
+        self._job.row({"suite": report.heading(suite, how)})
+
+    def step(self, step: StepResult) -> None:
+        """Enter a step, with its reason and its last frames."""
+        lines = list(report.reason_lines(step.reason)) if step.reason is not None else []
+        self._done += 1
+        self._job.progress(self._done, max(self._total, self._done))
+        self._job.row({"step": step.name, "status": step.status.value, "seconds": round(step.seconds, 4), "why": lines})
+
+    def end(self, result: SuiteResult) -> None:
+        """Do nothing: the page counts the steps."""
+
+    # Reports
+
+    def _kept(self, results: Sequence[SuiteResult]) -> dict[str, Any]:
+        """Write the reports, and return their names, and what has changed since the last run of the same suites."""
+        what = "suites" if self._made is None else f"cia{self._made.profile or 301}"
+        stem, now = f"{self._device.name}-{what}", datetime.datetime.now()
+        data = report.as_data(results)
+        before = sorted(self._desk.reports.glob(f"{stem}-*.json"))
+        changes = compared(json.loads(before[-1].read_text("utf-8")), data) if before else []
+        texts = {"json": json.dumps(data, indent=1), "xml": report.junit(results)}
+        if self._made is not None:
+            made = f"{self._desk.equipment.made_by}, {now.date()}".strip(", ")
+            (run,) = self._made.device_runs([self._device], results, made)
+            texts["html"] = page.text(Path("report.html"), [run])
+            texts["txt"] = "\n".join([run.dictionary.name, *page.lines(run.tests), ""])
+        files = [Path(f"{stem}-{now:%Y%m%d-%H%M%S}.{suffix}") for suffix in texts]
+        for file, text in zip(files, texts.values()):
+            write_whole(self._desk.reports / file, encodable(text).encode())
+        return {"files": [each.name for each in files], "before": before[-1].stem if before else "", "changes": changes}
+
+
+REQUESTS = {
+    "suites": PageRequest(suites_here, Way.AT_ONCE),
+    "suite of recording": PageRequest(suite_of_recording, Way.SENDS, acts=True),
+    "check": PageRequest(begin_check, Way.AT_ONCE, acts=True),
+}
