@@ -17,8 +17,8 @@ class NodeCard {
     Object.assign(this, {source, node});
     this.life = lifeSign();
     this.state = h("span");
-    this.errors = h("ol", {class: "errors", "aria-label": `EMCY of ${node.name}`});
-    this.remembered = h("ol", {class: "errors", hidden: true, "aria-label": `errors that ${node.name} remembers`});
+    this.errors = h("ol", {class: "errors", tabindex: 0, "aria-label": `EMCY of ${node.name}`});
+    this.remembered = h("ol", {class: "errors", tabindex: 0, hidden: true, "aria-label": `errors that ${node.name} remembers`});
     this.control = h("div", {class: "buttons", hidden: true}, ...NMT.map(command => nmtButton(command, node.name, command)));
     this.element = h("section", {class: "card"},
       h("h2", {}, node.name, h("small", {}, ` node ${node.id}`)),
@@ -55,7 +55,7 @@ class ScanTable {                           // the nodes of the bus, each as it 
   constructor() {
     this.bar = jobBar("scan");
     this.rows = h("tbody");
-    this.missing = h("p", {class: "is-wrong", hidden: true});
+    this.missing = h("p", {hidden: true});
     this.table = h("table", {class: "found", hidden: true, "aria-label": "nodes found"}, heading("Node", "Name", "State", "Identity", "File"), this.rows);
     this.start = h("button", {class: "main", onclick: () => quietly(this.scan())}, "Scan");
     this.element = h("div", {}, h("div", {class: "tools"}, this.start, this.bar.element), this.table, this.missing);
@@ -72,6 +72,7 @@ class ScanTable {                           // the nodes of the bus, each as it 
     if (job.state === "done" && !job.rows.length) this.rows.append(h("tr", {}, h("td", {colspan: 5}, "no node answers")));
     const missing = job.result?.missing || [];
     show(this.missing, missing.length > 0);
+    this.missing.classList.toggle("is-wrong", missing.length > 0);
     say(this.missing, `missing: ${missing.join(", ")}`);
   }
   async scan() {                            // a device of which a file is known then is shown by it

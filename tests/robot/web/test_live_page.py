@@ -456,7 +456,7 @@ def test_any_network_without_a_field_has_the_rest(tmp_path: Path, window: Page) 
         window.open(served.address)
         window.wait("connection.control")
         assert window.run("[...document.querySelectorAll('[role=tab]')].map(each => each.textContent)") == [
-            "Messages", "Trace", "Plots", "Nodes", "Objects", "Send", "Events", "Diagnosis",
+            "Messages", "Trace", "Plots", "Nodes", "Objects", "Send", "Settings", "Checks", "Events", "Diagnosis",
         ]  # fmt: skip
         window.wait("!document.querySelector('#stop').hidden")
         window.click("#stop")
