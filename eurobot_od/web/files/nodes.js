@@ -18,14 +18,14 @@ class NodeCard {
     this.life = lifeSign();
     this.state = h("span");
     this.errors = h("ol", {class: "errors", tabindex: 0, "aria-label": `EMCY of ${node.name}`});
-    this.remembered = h("ol", {class: "errors", tabindex: 0, hidden: true, "aria-label": `errors that ${node.name} remembers`});
+    this.remembered = h("ol", {class: "remembered", tabindex: 0, hidden: true, "aria-label": `errors that ${node.name} remembers`});
     this.control = h("div", {class: "buttons", hidden: true}, ...NMT.map(command => nmtButton(command, node.name, command)));
     this.element = h("section", {class: "card"},
       h("h2", {}, node.name, h("small", {}, ` node ${node.id}`)),
       h("p", {class: "state"}, this.life.element, " ", this.state),
       h("p", {class: "hint"}, `${identityText(node.identity || [null, null, null, null])}; ${node.file || "no file"}`),
       h("h3", {}, "EMCY"), this.errors, this.remembered,
-      live ? h("div", {class: "buttons"}, h("button", {onclick: () => quietly(this.remember())}, "Error history")) : null, this.control);
+      live ? h("p", {}, h("button", {onclick: () => quietly(this.remember())}, "Error history")) : null, this.control);
   }
   async remember() {
     const {lines} = await request({do: "errors", node: this.node.name});
