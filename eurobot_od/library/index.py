@@ -22,6 +22,7 @@ from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import SUFFIXES, completed, read
 from eurobot_od.od.identity import Identity
+from eurobot_od.support.files import UNREADABLE
 
 VERSION = 1
 """Version of the index's form; bump it when a file would be described otherwise."""
@@ -135,7 +136,7 @@ def _read(folder: Path) -> Rows:
     """Return the rows of an index; none if it is missing, damaged, or of another version."""
     import json  # most commands start without a library
 
-    with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+    with suppress(OSError, *UNREADABLE, TypeError, AttributeError):
         content: Mapping[str, Any] = json.loads(file_of(folder).read_bytes())
         fields = len(LibraryEntry._fields) + 1
         rows = content["files"] if content["version"] == VERSION else {}

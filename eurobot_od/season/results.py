@@ -11,6 +11,7 @@ import hashlib
 import json
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from enum import Enum
 from functools import cache, partial
 from operator import attrgetter
@@ -21,7 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eurobot_od.errors import LocalError
-from eurobot_od.support.files import write_whole
+from eurobot_od.support.files import UNREADABLE, write_whole
 from eurobot_od.support.texts import encodable
 
 # Results as rows of Parquet and back: named tuples and data classes, by the types of their fields. What comes back is
@@ -141,6 +142,15 @@ def _read(opened: pq.ParquetFile) -> pa.Table | None:
     return pa.Table.from_batches(batches, opened.schema_arrow)
 
 
+def _settings(file: Path, text: str) -> dict[str, Any]:
+    """Return the settings of a campaign; raises LocalError for a file that holds none."""
+    with suppress(*UNREADABLE):
+        found = json.loads(text)
+        if isinstance(found, dict):
+            return found
+    raise LocalError(f"{file}: these are not the settings of a campaign")
+
+
 SETTINGS = "campaign.json"
 ITEM = "item"
 """The column that says which item a row is the result of."""
@@ -168,7 +178,7 @@ class Results(Generic[ResultT]):
             raise LocalError(f"{folder} holds a campaign already: --resume goes on with it")
         elif (before := said.read_text(encoding="utf-8")) != text:
             # The first difference is enough to see which campaign it is.
-            was, is_ = json.loads(before), json.loads(text)
+            was, is_ = _settings(said, before), json.loads(text)
             name = next(key for key in sorted({*was, *is_}) if was.get(key) != is_.get(key))
             what = f"{name} was {was.get(name)!r}, and is {is_.get(name)!r}"
             raise LocalError(f"{folder} holds a campaign with other settings: {what}")

@@ -31,7 +31,7 @@ import pyarrow.parquet as pq
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.season.results import verified
 from eurobot_od.support import texts
-from eurobot_od.support.files import write_whole
+from eurobot_od.support.files import UNREADABLE, write_whole
 from eurobot_od.support.texts import encodable, first_free
 
 if TYPE_CHECKING:
@@ -248,7 +248,7 @@ class ArchivedRun(NamedTuple):
                 row = row.append_column(DATE, pa.nulls(len(row), DATE.type))
             rows = pa.Table.from_arrays(row.select(schema.names).columns, schema=schema)
             return cls(rows, seals)
-        except (ValueError, TypeError, AttributeError, LookupError):  # damaged: not as `archive` writes them
+        except (*UNREADABLE, TypeError, AttributeError):  # damaged: not as `archive` writes them
             return None
 
 

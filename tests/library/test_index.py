@@ -86,7 +86,8 @@ def test_a_file_is_read_again_only_when_it_has_changed(tmp_path: Path, reads: li
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[]", b'{"version": 1, "files": {"one.eds": [1]}}', b'{"version": 0, "files": {}}']
+    "content",
+    [b"", b"{", b"[" * 100_000, b"[]", b'{"version": 1, "files": {"one.eds": [1]}}', b'{"version": 0, "files": {}}'],
 )
 def test_a_damaged_index_is_made_anew(tmp_path: Path, reads: list[str], content: bytes) -> None:
     folder = library_of(tmp_path / "lib", one=device_text())

@@ -24,7 +24,7 @@ pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 
 import pyarrow.parquet as pq
 
-from eurobot_od.season.results import Results
+from eurobot_od.season.results import SETTINGS, Results
 from tests.cli.processes import PATIENCE
 from tests.season.clusters import Cluster, two_workers
 
@@ -167,6 +167,13 @@ def test_a_folder_holds_one_campaign(settings: dict[str, str], resume: bool, com
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("x")
     with pytest.raises(LocalError, match="is not empty, and holds no campaign"):
+        kept(tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "[" * 100_000, '{"a": '], ids=["nothing", "a list", "deep", "cut off"])
+def test_settings_that_are_none_are_one_line(text: str, tmp_path: Path) -> None:
+    (tmp_path / SETTINGS).write_text(text)
+    with pytest.raises(LocalError, match=r"campaign\.json: these are not the settings of a campaign$"):
         kept(tmp_path, resume=True)
 
 

@@ -18,7 +18,7 @@ from eurobot_od.pdo.kinds import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import FAULT_OUTCOME, Caption, GotoFault, Outcome, Score, TeamColour
-from eurobot_od.support.files import read_whole, write_whole
+from eurobot_od.support.files import UNREADABLE, read_whole, write_whole
 
 
 class PathPoint(NamedTuple):
@@ -270,7 +270,7 @@ def read_truth(log: Path, start: float = 0.0) -> Truth:
         data = json.loads(read_whole(file))
         if data["log"] == _digest(log):
             return _truth(data).later(start)
-    except (FileError, ValueError, KeyError, TypeError) as error:
+    except (FileError, *UNREADABLE, TypeError, AttributeError) as error:
         raise LocalError(f"{file}: not what `match --log` writes: {error}") from error
     raise LocalError(f"{file}: of another log than {log.name}; its points are left out")
 
