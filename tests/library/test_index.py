@@ -85,9 +85,12 @@ def test_a_file_is_read_again_only_when_it_has_changed(tmp_path: Path, reads: li
     assert ([each.product for each in entries(folder)], reads[3:]) == ([33], [])
 
 
+DEEP = pytest.param(b"[" * 100_000, id="nested deeply")
+
+
 @pytest.mark.parametrize(
     "content",
-    [b"", b"{", b"[" * 100_000, b"[]", b'{"version": 1, "files": {"one.eds": [1]}}', b'{"version": 0, "files": {}}'],
+    [b"", b"{", DEEP, b"[]", b'{"version": 1, "files": {"one.eds": [1]}}', b'{"version": 0, "files": {}}'],
 )
 def test_a_damaged_index_is_made_anew(tmp_path: Path, reads: list[str], content: bytes) -> None:
     folder = library_of(tmp_path / "lib", one=device_text())

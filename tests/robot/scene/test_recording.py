@@ -202,6 +202,7 @@ def test_a_log_that_is_no_file_has_nothing_beside_it(tmp_path: Path) -> None:
     [
         "",
         "[]",
+        pytest.param("[" * 100_000, id="nested deeply"),
         "{}",
         '{"log": 5}',
         "\x00\xff",
