@@ -32,7 +32,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
-from eurobot_od.support.files import write_whole
+from eurobot_od.support.files import read_whole, write_whole
 from eurobot_od.traffic.compare import ComparedEntry, Tolerances, compare
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
@@ -56,12 +56,34 @@ MOST_DIFFERENCES = 5000
 """Most differences of two logs that a page lists."""
 
 
+SHORTEST_TOKEN = 16
+"""Least characters of a token that is not made here."""
+
+
+def _origin(text: str) -> str:
+    """Read an origin; raises LocalError."""
+    found = urlsplit(text)
+    if found.scheme not in ("http", "https") or not found.hostname or f"{found.scheme}://{found.netloc}" != text:
+        raise LocalError(f"{text} is not an origin, such as https://bench.example")
+    return text
+
+
+def _token(file: Path) -> str:
+    """Read a token; raises FileError, LocalError."""
+    token = read_whole(file).decode("utf-8", "replace").strip()
+    if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.replace("-", "").replace("_", "").isalnum():
+        raise LocalError(f"{file}: a token has at least {SHORTEST_TOKEN} letters, digits, - and _")
+    return token
+
+
 def serve(
     logs: Sequence[Log] = (),
     *,
     reading: Reading,
     control: bool = False,
     listen: Annotated[Address, Option(metavar="HOST:PORT", read=parse_address)] = HERE,
+    origin: Annotated[str, Option(metavar="URL", read=_origin)] = "",
+    token_file: Annotated[Path | None, Option(metavar="FILE")] = None,
     own_id: Annotated[int, Option(metavar="N", read=whole(1, 127, what="a node-ID"))] = OWN_ID,
     devices: Devices,
     names: FrameNames,
@@ -76,6 +98,8 @@ def serve(
     control: let the page send, write objects and command nodes
     own_id: node-ID of the heartbeat that drives watch (127, or the next lower one that is not heard)
     listen: address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once
+    origin: what browsers call it behind a proxy, such as https://bench.example; takes a token
+    token_file: file with the token, of at least 16 characters (default: a new one at each start)
 
     $ serve --control
     $ serve run.log --eds 5=motor.eds
@@ -90,7 +114,10 @@ def serve(
         logs, devices = (), replace(devices, network=str(workspace(folder)))
     if logs and control:
         raise LocalError("--control is for a bus: a log cannot be changed")
-    page = ServedPage(reading, devices, names, control, own_id, bus.bitrate or BITRATE, folder, PageServer(listen))
+    rules = AccessRules.at(listen.host, origin, _token(token_file) if token_file else "")
+    page = ServedPage(
+        reading, devices, names, control, own_id, bus.bitrate or BITRATE, folder, PageServer(rules, listen.port)
+    )
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
             asyncio.run(page.show_logs(logs))
@@ -118,8 +145,8 @@ def workspace(folder: Path) -> Path:
 class PageServer:
     """Serves one page after the other at one address, which is printed once."""
 
-    def __init__(self, listen: Address) -> None:
-        self.rules, self._port, self._is_told = AccessRules.at(listen.host), listen.port, False
+    def __init__(self, rules: AccessRules, port: int) -> None:
+        self.rules, self._port, self._is_told = rules, port, False
 
     async def serve(
         self,
@@ -139,7 +166,7 @@ class PageServer:
             with suppress(NotImplementedError):  # on Windows
                 asyncio.get_running_loop().add_signal_handler(number, ended.set)
         async with served(text, self.rules, self._port, requests, posts) as address:
-            self._port = urlsplit(address).port or self._port
+            self._port = self._port or urlsplit(address).port or 0
             if not self._is_told:
                 print(f"{address}  (Ctrl-C ends it)", flush=True)
             self._is_told = True

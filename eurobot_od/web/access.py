@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from ipaddress import ip_address
 from typing import Any, NamedTuple, Self
+from urllib.parse import urlsplit
 
 from eurobot_od.support.connections import is_token
 
@@ -36,22 +37,33 @@ class Denial(NamedTuple):
 
 
 class AccessRules(NamedTuple):
-    """What a request must match: the `host` that the server listens at, and its `token`, if it has one."""
+    """What a request must match: the `host` that the server listens at, and its `token`, if it has one.
+
+    `origin` is what browsers call it where a proxy stands before it, such as `https://bench.example`.
+    """
 
     host: str = "127.0.0.1"
     token: str = ""
+    origin: str = ""
 
     @classmethod
-    def at(cls, host: str) -> Self:
-        """Return the rules of a server at a host: who can reach its loopback address could run the command as well."""
-        return cls(host, "" if is_local(host) else secrets.token_urlsafe(24))
+    def at(cls, host: str, origin: str = "", token: str = "") -> Self:
+        """Return the rules of a server at a host; without a `token` one is made where others can reach it.
+
+        Who can reach the loopback address could run the command as well, unless a proxy lets others in.
+        """
+        is_open = origin or not is_local(host)
+        return cls(host, token or (secrets.token_urlsafe(24) if is_open else ""), origin)
 
     def address(self, listening: Sequence[Any]) -> str:
         """Return the address to type into a browser for a server at a socket's address."""
+        asked = f"?{TOKEN}={self.token}" if self.token else ""
+        if self.origin:
+            return f"{self.origin}/{asked}"
         host, port, *_ = listening  # IPv6 has two more numbers
         host = EVERYWHERE.get(host, host)
         named = f"[{host}]" if ":" in host else host
-        return f"http://{named}:{port}/" + (f"?{TOKEN}={self.token}" if self.token else "")
+        return f"http://{named}:{port}/{asked}"
 
     def refusal(self, headers: Mapping[str, str], shown: str, upgrade: bool = False) -> Denial | None:
         """Return why a request is refused, None if it is not; `shown` is the token that came with it.
@@ -62,9 +74,10 @@ class AccessRules(NamedTuple):
         named = HOST.fullmatch(host)
         name = named["name"].lower() if named else ""
         # Any address will do: another page's host name can be made to resolve to this machine, an address cannot.
-        if not name or (name not in (LOCAL_NAME, self.host.lower()) and not _is_address(name.strip("[]"))):
+        ours = (LOCAL_NAME, self.host.lower(), *([urlsplit(self.origin).hostname] if self.origin else []))
+        if not name or (name not in ours and not _is_address(name.strip("[]"))):
             return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
-        if origin != f"http://{host}" and (upgrade or origin is not None):
+        if origin not in (f"http://{host}", self.origin or "-") and (upgrade or origin is not None):
             return Denial(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
         if self.token and not is_token(shown, self.token):
             return Denial(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")

@@ -46,6 +46,9 @@ def test_logs_are_called_by_what_tells_them_apart(logs: list[str], names: list[s
         (["--listen", "127.0.0.1:99999"], 2, "127.0.0.1:99999 is not HOST:PORT"),
         (["-i", "nothing"], 3, "cannot open the nothing bus"),
         (["--eds", "no.eds"], 2, "no.eds"),
+        (["--origin", "bench.example"], 2, "bench.example is not an origin, such as https://bench.example"),
+        (["--origin", "https://bench.example/page"], 2, "is not an origin"),
+        (["--token-file", "no.token"], 2, "no.token"),
     ],
 )
 def test_what_is_refused(

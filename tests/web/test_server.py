@@ -498,6 +498,8 @@ def test_a_connection_that_says_nothing_harms_nobody(local: Served) -> None:
 
 
 LOCAL, OPEN = AccessRules(), AccessRules("0.0.0.0", "right")
+BENCH = "https://bench.example"
+PROXIED = AccessRules("127.0.0.1", "right", BENCH)
 
 
 @pytest.mark.parametrize(
@@ -510,6 +512,8 @@ LOCAL, OPEN = AccessRules(), AccessRules("0.0.0.0", "right")
         (LOCAL, {"Host": "127.0.0.1:8014", "Origin": "http://127.0.0.1:8014"}, "", True),
         (OPEN, {"Host": "192.0.2.7:8014"}, "right", False),  # an address in figures is nobody's name
         (AccessRules("robot.local", "right"), {"Host": "robot.local:8014"}, "right", False),
+        (PROXIED, {"Host": "bench.example", "Origin": BENCH}, "right", True),
+        (PROXIED, {"Host": "127.0.0.1:8014", "Origin": BENCH}, "right", True),  # a proxy that says its own Host
     ],
 )
 def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgrade: bool) -> None:
@@ -533,6 +537,9 @@ def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgr
         (OPEN, {"Host": "192.0.2.7:8014"}, "räight", False, 401, "missing or wrong"),
         (OPEN, {"Host": "192.0.2.7:8014"}, "right\udcff", False, 401, "missing or wrong"),  # a byte that is not text
         (OPEN, {"Host": "evil.example"}, "right", False, 403, "is not this server"),
+        (PROXIED, {"Host": "bench.example", "Origin": BENCH}, "", True, 401, "missing or wrong"),
+        (PROXIED, {"Host": "bench.example", "Origin": "https://evil.example"}, "right", True, 403, "another page"),
+        (PROXIED, {"Host": "bench.example"}, "right", True, 403, "another page"),
     ],
 )
 def test_refused(
@@ -547,6 +554,8 @@ def test_only_loopback_needs_no_token() -> None:
     assert [is_local(each) for each in ("127.0.0.1", "127.1.2.3", "::1", "localhost")] == [True] * 4
     assert [is_local(each) for each in ("0.0.0.0", "::", "192.0.2.7", "robot.local")] == [False] * 4
     assert AccessRules.at("::1").token == ""
+    assert AccessRules.at("::1", "https://bench.example").token  # whom a proxy lets in, nobody knows
+    assert AccessRules.at("0.0.0.0", token="mine").token == "mine"
     assert len({AccessRules.at("0.0.0.0").token for _ in range(3)} - {""}) == 3  # a new one at each start
 
 
@@ -557,6 +566,7 @@ def test_only_loopback_needs_no_token() -> None:
         (OPEN, ("0.0.0.0", 8014), "http://127.0.0.1:8014/?token=right"),  # a browser can go to no 0.0.0.0
         (OPEN, ("::", 8014, 0, 0), "http://[::1]:8014/?token=right"),  # two more numbers in IPv6
         (LOCAL, ("fe80::1", 80, 0, 2), "http://[fe80::1]:80/"),
+        (PROXIED, ("127.0.0.1", 8014), "https://bench.example/?token=right"),
     ],
 )
 def test_the_address_to_type(access: AccessRules, listening: tuple[object, ...], address: str) -> None:
