@@ -179,6 +179,12 @@ def test_the_end_of_the_server_waits_for_what_a_job_puts_back(tmp_path: Path) ->
     assert job.result == "f401"
 
 
+def test_no_job_begins_while_something_moves_by_the_page_s_order(bench: Bench) -> None:
+    bench.desk.drives.post([Frame(0x123)])
+    with pytest.raises(LocalError, match="the scan: a drive moves by the page's order, or is being stopped"):
+        bench.desk.start("scan", "the scan", lambda _: None)
+
+
 START = Frame(0x000, b"\x01\x02")
 
 
