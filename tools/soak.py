@@ -96,15 +96,17 @@ STRANGER = """
 import sys, time
 import can
 with can.Bus(interface=sys.argv[1], channel=sys.argv[2]) as bus:
-    message, begin, sent = can.Message(arbitration_id=0x6F1, data=bytes(8), is_extended_id=False), time.monotonic(), 0
+    short = can.Message(arbitration_id=0x6F1, data=bytes(8), is_extended_id=False)
+    long = can.Message(arbitration_id=0x123457F0, data=bytes(8))  # which ends like that of the numbered frames
+    begin, sent = time.monotonic(), 0
     while True:
         due = (time.monotonic() - begin) * int(sys.argv[3])
         while sent < due:
-            bus.send(message)
+            bus.send(long if sent % 2 else short)
             sent += 1
         time.sleep(0.001)
 """
-"""A program of somebody else, with python-can alone."""
+"""A program of somebody else, with python-can alone: it sends frames of 11 and of 29 bits by turns."""
 
 PERIOD = 0.05
 """Seconds between two numbered frames."""
