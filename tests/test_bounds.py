@@ -87,6 +87,7 @@ VALUES = partial(ten_times, bound=yaml_places.MOST_VALUES, part=b"1,", begin=b"[
 FED: dict[str, tuple[str, Callable[[Path], None], str]] = {
     "bytes of an EDS": ("lint a.eds", sparse, "larger than 16 MB"),
     "sections of an EDS": ("lint a.eds", sections, "1000000 sections, and 100000 are the most"),
+    "sections of a nodelist": ("show --network a.cpj", sections, "1000000 sections, and 100000 are the most"),
     "lines of an EDS": ("show --eds 5=a.eds", LINES, "lines, and 500000 are the most"),
     "tags of an XDD": ("lint a.xdd", TAGS, "tags, and 600000 are the most"),
     "values of YAML": ("show --network a.yaml", VALUES, "more than 500000"),

@@ -17,7 +17,7 @@ from typing import Annotated, NamedTuple
 
 from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.document import parse
+from eurobot_od.od.document import parse, read_bytes
 from eurobot_od.od.formats import files_in
 from eurobot_od.od.maker import MakersUnit, MakersWords, ObjectWords, plain_shapes
 from eurobot_od.od.patches import BUS_FILES, NODE_OF_BUS
@@ -49,7 +49,7 @@ def read_network(path: str | Path) -> NetworkFile:
     read = READERS.get(Path(path).suffix.lower())
     if read is None:
         raise FileError(path, f"not a network: neither a folder nor one of {', '.join(READERS)}")
-    found = read(read_whole(path).decode("utf-8", "replace"), str(path))
+    found = read(read_bytes(path).decode("utf-8", "replace"), str(path))
     if len(found.nodes) > len(NODE_IDS):
         raise FileError(path, f"{len(found.nodes)} nodes, and a network has {len(NODE_IDS)} at most")
     return found
