@@ -119,7 +119,7 @@ def verified(file: Path, schema: pa.Schema | None = None) -> pa.Table | None:
         # Not `read_table`: what it imports takes longer than to read a file.
         with pq.ParquetFile(file, page_checksum_verification=True) as opened:
             table = _read(opened)
-    except (OSError, ValueError, pa.ArrowException):
+    except (OSError, *UNREADABLE, pa.ArrowException):
         return None
     return table if table is None or schema is None or table.schema.equals(schema) else None
 

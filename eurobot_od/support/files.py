@@ -18,7 +18,7 @@ from glob import escape
 from pathlib import Path
 from typing import BinaryIO
 
-from eurobot_od.errors import EurobotError, FileError, meant
+from eurobot_od.errors import FileError, meant
 from eurobot_od.support.texts import described
 
 MOST = 16 << 20
@@ -76,17 +76,6 @@ def why_unreadable(error: BaseException) -> str:
     if isinstance(error, MemoryError):
         return "the file needs more memory than there is"
     return "the file is nested too deeply" if isinstance(error, RecursionError) else f"unreadable: {described(error)}"
-
-
-@contextmanager
-def reading(file: str | Path) -> Iterator[None]:
-    """Turn what a reader raises that has no place for it into a FileError of the file."""
-    try:
-        yield
-    except EurobotError:
-        raise
-    except UNREADABLE as error:
-        raise FileError(file, why_unreadable(error)) from error
 
 
 def write_whole(file: Path, content: bytes) -> None:
