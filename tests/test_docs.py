@@ -246,6 +246,11 @@ def test_every_page_is_listed() -> None:
     assert pages - {"docs/pages.md"} <= {f"docs/{each}" for each in listed}
 
 
+def test_every_command_is_in_the_table_of_first_steps() -> None:
+    table = PAGES["docs/first-steps.md"].partition("## All commands")[2].partition("\n## ")[0]
+    assert [each for each in cli.COMMANDS if f"`{each}`" not in table] == []
+
+
 def test_few_blocks_cannot_run_and_each_says_why() -> None:
     blocks = [each for page in BLOCKS.values() for each in page if each.language in ("console", "python")]
     assert sum(not each.runs for each in blocks) <= 0.25 * len(blocks)
