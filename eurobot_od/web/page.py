@@ -300,7 +300,7 @@ FILES = Path(__file__).with_name("files")
 STYLES = ("uplot.css", "page.css")
 SCRIPTS = (  # in this order: each uses the ones before it
     *("uplot.js", "dom.js", "store.js", "messages.js", "trace.js", "plots.js", "nodes.js", "objects.js", "send.js"),
-    *("settings.js", "checks.js"),
+    *("settings.js", "checks.js", "layouts.js"),
     *("events.js", "drive.js", "page.js"),
 )
 

@@ -17,7 +17,7 @@ from eurobot_od.errors import EurobotError, LocalError, look_up
 from eurobot_od.web.asking import Arguments, PageRequest, Way
 from eurobot_od.web.desk import Desk
 from eurobot_od.web.drives import LOOK, MayMove, MotionThread
-from eurobot_od.web.views import checks, drives, files, nodes, objects, send, settings
+from eurobot_od.web.views import checks, drives, files, layouts, nodes, objects, send, settings
 
 
 def diagnosis(desk: Desk, _: Arguments) -> dict[str, Any]:
@@ -48,6 +48,7 @@ REQUESTS: Mapping[str, PageRequest] = {
     **objects.REQUESTS,
     **checks.REQUESTS,
     **files.REQUESTS,
+    **layouts.REQUESTS,
     **nodes.REQUESTS,
     **send.REQUESTS,
     **settings.REQUESTS,

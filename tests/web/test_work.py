@@ -167,3 +167,17 @@ def test_back_and_forward_lead_from_view_to_view(window: Page, scene: Scene) -> 
     window.wait(f"{seen} === 'tab-nodes'")
     window.run("history.forward()")
     window.wait(f"{seen} === 'tab-trace'")
+
+
+def test_a_link_and_a_layout_show_the_same_view_with_its_filters(window: Page, scene: Scene) -> None:
+    opened(window, scene, "trace?identifier=705,706")
+    box = "document.querySelector(\"#view-trace input[aria-label='frames with this identifier']\")"
+    window.wait(f"{box}.value === '705,706'")
+    words = {"do": "keep layout", "name": "heartbeats"}
+    window.run(f"connection.ask({{...{json.dumps(words)}, layout: presentLayout()}})")
+    opened(window, scene, "messages")
+    window.run("document.querySelector('#tab-messages').click()")
+    window.click("#layouts")
+    window.wait("document.querySelector('dialog .layouts button')?.textContent === 'heartbeats'")
+    window.click("dialog .layouts button")
+    window.wait(f"document.querySelector('#tab-trace[aria-selected=true]') && {box}.value === '705,706'")

@@ -43,7 +43,7 @@ function statusLine() {
   const text = h("span"), load = h("span", {class: live ? "more" : ""}), life = lifeSign();
   const freeze = h("button", {id: "freeze", "aria-pressed": "false", title: "hold what is shown: f", onclick: () => toggleFreeze()}, "Freeze");
   const record = recordButton();
-  const element = h("div", {class: "status", role: "status", "aria-live": "off"}, life.element, text, load, ...(live ? [freeze, ...record.elements] : []), ...leaveButton());
+  const element = h("div", {class: "status", role: "status", "aria-live": "off"}, life.element, text, load, ...(live ? [freeze, ...record.elements, new Layouts().button] : []), ...leaveButton());
   return {element, show(time) {
     const [worst] = sources.map(each => lifeOf(each, time)).sort((one, two) => WORST.indexOf(one.life) - WORST.indexOf(two.life));
     life.set(worst.life, worst.text);
@@ -116,10 +116,10 @@ class Tabs {                                // which view is shown; a panel has 
     this.wide = matchMedia("(min-width: 1200px)");
     this.wide.addEventListener("change", () => this.layout());
     addEventListener("popstate", () => {    // back and forward lead from view to view
-      const named = all.find(view => `#${view.name}` === location.hash);
+      const named = all.find(view => `#${view.name}` === location.hash.split("?")[0]);
       if (named) { this.current = named; this.layout(); }
     });
-    this.current = all.find(view => `#${view.name}` === location.hash) || (live && this.wide.matches ? all.find(view => !view.panel) : all[0]);
+    this.current = all.find(view => `#${view.name}` === location.hash.split("?")[0]) || (live && this.wide.matches ? all.find(view => !view.panel) : all[0]);
   }
   get shown() { return this.tabs.filter(tab => !tab.hidden); }
   choose(view) {

@@ -48,6 +48,7 @@ class Trace {
       onscroll: () => this.scrolled(), onkeydown: event => this.key(event)}, this.head(), this.space);
     this.count = h("span", {class: "hint", role: "status", "aria-live": "off"});
     this.element = h("div", {class: several ? "trace" : "trace one-channel"}, this.tools(), this.box);
+    this.named();
   }
   head() { return h("div", {class: "line head", "aria-hidden": "true"}, ...["Time s", "Channel", "ID", "Len", "Data", "Message", "Meaning"].map(each => h("span", {}, each))); }
   tools() {
@@ -57,6 +58,7 @@ class Trace {
       ...Object.keys(TIMES).map(each => h("option", {}, each)));
     this.nodes = this.choice("node", "all nodes");
     this.messages = this.choice("message", "all messages");
+    this.inputs = {node: this.nodes, message: this.messages, identifier: input("identifier", "identifier", 10), text: input("text", "text", 12)};
     this.pauser = h("button", {"aria-pressed": "false", onclick: () => this.follow(!this.following)}, "Pause");
     const fixer = h("button", {"aria-pressed": "false", title: "one line for each message, or all frames", onclick: () => {
       this.fixed = !this.fixed;
@@ -65,11 +67,22 @@ class Trace {
     }}, "Fixed");
     const other = (words, act) => h("button", {onclick: act}, words);
     return h("div", {class: "tools"}, live ? this.pauser : null, fixer, this.nodes, this.messages,
-      input("identifier", "identifier", 10), input("text", "text", 12), times, radixChoice(),
+      this.inputs.identifier, this.inputs.text, times, radixChoice(),
       other("Copy", () => this.copy()), other("CSV", () => this.export("csv")), other("Log", () => this.export("log")), this.count);
   }
   choice(name, all) {
     return h("select", {"aria-label": name, onchange: event => this.filter(name, event.target.value)}, h("option", {value: ""}, all));
+  }
+  named() {                                 // the filters that the address names: `#trace?identifier=180,200`
+    const [view, words] = location.hash.split("?");
+    if (view !== "#trace" || !words) return;
+    for (const [name, value] of new URLSearchParams(words)) {
+      if (!(name in FILTERS)) continue;
+      const input = this.inputs[name];
+      if (input.tagName === "SELECT") this.offer(input, [value]);
+      input.value = value;
+      try { FILTERS[name](value); this.chosen[name] = value; } catch { input.setAttribute("aria-invalid", "true"); }
+    }
   }
   offer(select, names) {                    // new nodes and messages are entered as they are heard
     for (const name of names) {
@@ -84,6 +97,8 @@ class Trace {
       this.chosen = value ? {...others, [name]: value} : others;
     } catch (error) { this.misread = error.message; this.chosen = others; }
     input?.setAttribute("aria-invalid", String(this.misread !== ""));
+    const words = new URLSearchParams(this.chosen).toString();
+    history.replaceState(null, "", words ? `#trace?${words}` : "#trace");
     this.refilter();
   }
   refilter() {
