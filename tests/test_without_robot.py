@@ -38,7 +38,7 @@ WAYS = {
     "folder": ([], NETWORK),
     "somebody's folder": ([], f"{NETWORK}robot: ./somebodys\n"),
 }
-NEEDS_A_FILE = {"show", "check", "node", "dump", "export-dcf", "configure", "export"}
+NEEDS_A_FILE = {"show", "check", "node", "dump", "configure", "export"}
 """What asks for a device's file where there is none; all else works by number."""
 
 FOUND = {
@@ -50,7 +50,7 @@ FOUND = {
     "lss": "no device without a node-ID answers",
     "doctor": "robot eurobot2014: ",
 }
-SILENT = ("configure", "make-eds", "diff", "export-dcf", "sync", "time")
+SILENT = ("configure", "make-eds", "diff", "sync", "time")
 """What prints nothing when all is well."""
 
 ABOUT_ROBOTS = {("doctor",), ("--help",), ("node", "--help"), ("faults",), ("query", "season"), ("completion", "bash")}

@@ -85,7 +85,7 @@ def commands(devices: Sequence[str]) -> Iterator[tuple[str, ...]]:
         ("write", "5", "0x1017", "500"),
         ("dump", "5"),
         ("pdo", "5"),
-        ("export-dcf", "5", "-o", "motor.dcf"),
+        ("dump", "5", "-o", "motor.dcf"),
         ("configure", "5", "motor.dcf"),
         ("store", "5"),
         ("restore", "5"),

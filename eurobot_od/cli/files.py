@@ -153,6 +153,8 @@ def suite(
     write(output, suite_of(decoder, node, logged, f"{node} as in {Path(log).name}", begin, end))
 
 
+IN_THE_NETWORK = "a network's file says `modules` and `patch` of each node"
+
 DeviceFile: TypeAlias = Annotated[str, Option(metavar="FILE", is_file=True)]
 
 
@@ -253,6 +255,7 @@ def xdd(file: DeviceFile, *, output: Output = None, device: OneDevice) -> None:
         return
     if output is None:
         raise LocalError("of a network -o names the folder that the files are written to")
+    device.refuse(IN_THE_NETWORK)
     texts: dict[str, str] = {}
     for each in read_network(file).nodes:
         # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
@@ -270,6 +273,7 @@ def cdcf(
     output: Output = None,
     eds: Annotated[str | None, Option(metavar="[NODE-ID=]FILE", is_file=True)] = None,
     clone: Clone,
+    device: OneDevice,
 ) -> None:
     """Write the concise DCF of a DCF, or show what a concise DCF writes.
 
@@ -284,6 +288,7 @@ def cdcf(
     """
     # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
     if is_network(file):
+        device.refuse(IN_THE_NETWORK)
         made = {each.name or Path(each.file).stem: concise(each, clone) for each in read_network(file).nodes}
         if output is not None:
             output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
@@ -292,7 +297,8 @@ def cdcf(
                 print(f"{name}:")
             write_concise(*each, output / f"{name}.cdcf" if output else None)
     elif Path(file).suffix.lower() in SUFFIXES:
-        write_concise(*concise(node_file(file), clone), output)
+        node = node_file(file)._replace(modules=device.module, patch=device.patch)
+        write_concise(*concise(node, clone), output)
     elif output is not None:
         raise LocalError(f"{file} is not a DCF: what a concise DCF writes is printed, without -o")
     else:

@@ -118,6 +118,8 @@ def lint(
     files = files or _of_robot(loading.named(robot_name), network)
     if not files:
         raise LocalError("no files to check: name EDS, DCF or XDD files, folders of them, or a --robot")
+    if network or fix:
+        device.refuse("a network file says them itself, and `export eds` writes the file with both")
     if fix:  # one by one: a whole folder is not rewritten by mistake
         return _fix(files, output)
     unreadable: list[DictionaryError] = []

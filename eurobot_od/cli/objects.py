@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.devices import HEARTBEAT_WAIT, Target, left_out, object_names
-from eurobot_od.cli.options import Clone, EmcyFiles, Json, Output, Seconds, give, whole, write_dcf
+from eurobot_od.cli.options import Clone, EmcyFiles, Json, Seconds, give, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
 from eurobot_od.client.description import read_identity
@@ -107,19 +107,43 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
     print(one_line(f"node {node.node_id}: {od.label(thing)} = {text}"))
 
 
-def dump(target: Target, *, as_json: Json = False) -> None:
-    """Print all readable objects of a CANopen node with their values.
+def dump(
+    target: Target,
+    *,
+    output: Annotated[Path | None, Option("-o", metavar="FILE", either="form")] = None,
+    as_json: Annotated[Json, Option(either="form")] = False,
+) -> ExitStatus:
+    """Print all readable objects of a CANopen node with their values, or write the node's DCF.
 
-    An object that the node refuses is listed with the reason.
+    An object that the node refuses is listed with the reason. The DCF is the EDS with the values that the parameters
+    have now. What no line of it can hold, and every DOMAIN, is written to files beside it, which `configure` reads
+    back. Exit status 1 if the node refuses parameters, which are left out.
+
+    output: DCF to write
 
     $ dump 5 --eds motor.eds -i socketcan -c can0
     $ dump 5 --json --eds motor.eds -i socketcan -c can0
+    $ dump 5 --eds motor.eds -o motor.dcf -i socketcan -c can0
     """
     with target.opened() as node:
         dictionary = target.needed_description(node)
+        if output:
+            return _write_dcf_of(node, dictionary, output, target.bus.bitrate or BITRATE)
         with passing(f"node {node.node_id}", configuring.readable(dictionary)) as things:
             readings = list(configuring.read_all(node, things))
     print_readings(readings, as_json)
+    return ExitStatus.FINE
+
+
+def _write_dcf_of(node: RemoteNode, dictionary: Dictionary, output: Path, bit_rate: int) -> ExitStatus:
+    present = dictionary.configured(configuring.pdo_parameters(node, dictionary))
+    with passing(f"node {node.node_id}", configuring.parameters(present)) as things:
+        dcf, left_out = configuring.dcf_of_node(node, dictionary, bit_rate // 1000, output.stem, things)
+    write_dcf(output, dcf)
+    complain_of_process_data(configuring.process_data(present))
+    for thing, _, reason in left_out:
+        complain(f"left out {od.label(thing)}: {reason}")
+    return ExitStatus.FOUND if left_out else ExitStatus.FINE
 
 
 def pdo(
@@ -325,29 +349,6 @@ def restore(target: Target, *, reset: bool = False) -> None:
             configuring.restore(node)
     when = "has" if reset else "will have, from its next reset on,"
     print(f"node {node.node_id} {when} the defaults of all parameters")
-
-
-def export_dcf(target: Target, *, output: Output = None) -> ExitStatus:
-    """Write the DCF of a live CANopen node: its EDS with the values that its parameters have now.
-
-    What no line of a DCF can hold, and every DOMAIN, is written to files beside it, which `configure` reads back. Exit
-    status 1 if the node refuses objects of its EDS, which are left out.
-
-    $ export-dcf 5 --eds motor.eds -o motor.dcf -i socketcan -c can0
-    """
-    with target.opened() as node:
-        dictionary = target.needed_description(node)
-        present = dictionary.configured(configuring.pdo_parameters(node, dictionary))
-        stem = output.stem if output else dictionary.name
-        with passing(f"node {node.node_id}", configuring.parameters(present)) as things:
-            dcf, left_out = configuring.dcf_of_node(
-                node, dictionary, (target.bus.bitrate or BITRATE) // 1000, stem, things
-            )
-    write_dcf(output, dcf)
-    complain_of_process_data(configuring.process_data(present))
-    for thing, _, reason in left_out:
-        complain(f"left out {od.label(thing)}: {reason}")
-    return ExitStatus.FOUND if left_out else ExitStatus.FINE
 
 
 def program(

@@ -209,6 +209,11 @@ class OneDevice:
         node_id = named.node_id or NODE_IDS[0]
         return Dictionary.load(named.file, node_id, modules=self.module, patch=self.patch)
 
+    def refuse(self, reason: str) -> None:
+        """Raise LocalError with a reason if anything is to be laid over a file, where that cannot be done."""
+        if self.module or self.patch:
+            raise LocalError(f"--module and --patch are for one device's file: {reason}")
+
 
 # What is printed, and files that are written
 

@@ -342,7 +342,7 @@ def check_file(
     # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
     # depend on it.
     if intended is None:
-        what = f"incomplete: no NodeID in [{COMMISSIONING}]; a DCF has one, such as `export-dcf` writes"
+        what = f"incomplete: no NodeID in [{COMMISSIONING}]; a DCF has one, such as `dump -o` writes"
         raise errors.DictionaryError(dictionary.file, None, what)
     if intended != node_id:
         raise errors.DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")

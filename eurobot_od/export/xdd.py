@@ -15,7 +15,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from eurobot_od.od import formats
+from eurobot_od.od import formats, xdd
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import BIT_RATES, Section
@@ -29,7 +29,7 @@ NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that cannot be in an XML file (XML 1.0, production 2)."""
 
 SAME_ACCESS = ("const", "ro", "wo", "rw")
-MAPPED_ACCESS = {access: split for split, access in formats.MAPPED_ACCESS.items()}
+MAPPED_ACCESS = {access: split for split, access in xdd.MAPPED_ACCESS.items()}
 """Access types of an EDS that XDD splits into access and mapping."""
 
 COMMISSIONED = {
@@ -41,10 +41,10 @@ COMMISSIONED = {
 }
 """Attributes of a commissioned device, their keys in a DCF, and the value without such a key."""
 
-PARAMETER_ACCESS = {access: name for name, access in formats.PARAMETER_ACCESS.items()} | {NO_ACCESS: "noAccess"}
+PARAMETER_ACCESS = {access: name for name, access in xdd.PARAMETER_ACCESS.items()} | {NO_ACCESS: "noAccess"}
 """Access of a parameter by that of an EDS."""
 
-PARAMETER_TYPES = {code: name for name, code in reversed(formats.SIMPLE_TYPES.items())}
+PARAMETER_TYPES = {code: name for name, code in reversed(xdd.SIMPLE_TYPES.items())}
 """Data types of the application process by CANopen's code: of several, the first."""
 
 NO_DAY = "1970-01-01"
@@ -79,7 +79,7 @@ def _parameter_id(index: int, sub: int | None = None) -> str:
 
 def _properties(section: Section) -> list[Element]:
     """Return what an object says by CANopenNode's own properties."""
-    entries = (each for key, each in section.entries.items() if key.startswith(formats.PROPERTY.lower()))
+    entries = (each for key, each in section.entries.items() if key.startswith(xdd.PROPERTY.lower()))
     return [_element("co:property", {"name": each.key, "value": each.value}) for each in entries]
 
 
@@ -248,7 +248,7 @@ class _XddWriter:
             "accessType": access if access in SAME_ACCESS else None,
             "uniqueIDRef": _parameter_id(variable.index, variable.sub) if self._is_parameter(variable) else None,
             "PDOmapping": mapping if variable.is_mappable else "no",
-            **{name: self._value(variable, key.lower()) for name, key in formats.VALUES.items()},
+            **{name: self._value(variable, key.lower()) for name, key in xdd.VALUES.items()},
             "denotation": variable.section.text("denotation") or None,
             "objFlags": f"{flags.value:04X}" if flags and 0 <= flags.value <= 0xFFFF else None,
         }

@@ -7,14 +7,15 @@ look at any file; `normal` decides what a file must have to be used.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
 from eurobot_od.od import values
-from eurobot_od.od.document import COMMISSIONING, TYPED, Document, Entry, Section
+from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, TYPED, Document, Entry, Section
+from eurobot_od.od.standard import MANDATORY
 from eurobot_od.od.values import MappingEntry, Multiplex, Number, PdoDirection, PdoRecords, parse_number
 
 
@@ -60,6 +61,20 @@ def parse_section_name(name: str) -> SectionName | None:
         return None
     index, sub, list_name = match.groups()
     return SectionName(int(index, 16), int(sub, 16) if sub else -1, list_name.lower() if list_name else "")
+
+
+def listed(indices: Iterable[int]) -> dict[str, list[int]]:
+    """Return objects by the list that each belongs to (CiA 306-1, 4.6.1)."""
+    lists: dict[str, list[int]] = {name: [] for name in OBJECT_LISTS}
+    for index in indices:
+        lists[OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]].append(index)
+    return lists
+
+
+def list_entries(indices: Sequence[int]) -> dict[str, str]:
+    """Return the entries of a list of objects."""
+    numbered = {str(number): f"0x{index:04X}" for number, index in enumerate(indices, start=1)}
+    return {"SupportedObjects": str(len(indices)), **numbered}
 
 
 class DescribedVariable:

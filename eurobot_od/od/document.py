@@ -11,16 +11,15 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from codecs import BOM_UTF8
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from eurobot_od.errors import DictionaryError, FileError
 from eurobot_od.support.files import read_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
-from collections.abc import Mapping
 
 LONGEST = 254
 """Most characters of a key and its value together (CiA 306: shorter than 255)."""
@@ -79,6 +78,15 @@ class Remark(NamedTuple):
     what: str
 
 
+class Placed(Protocol):
+    """What stands somewhere in a file: in a line and a column, both from 1."""
+
+    @property
+    def line(self) -> int: ...
+    @property
+    def column(self) -> int: ...
+
+
 class Entry(NamedTuple):
     """`key=value`, as written but without blanks around either; `line` and `column` (of the value) count from 1."""
 
@@ -118,6 +126,16 @@ class Section(NamedTuple):
     def without_lines(self) -> Section:
         """Return the section for another file, in which its lines are those of something else."""
         return self._replace(line=0, entries={key: each._replace(line=0) for key, each in self.entries.items()})
+
+
+BREAKS = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
+
+
+def section_at(name: str, at: Placed, entries: Mapping[str, str]) -> Section:
+    """Return a section that stands where a file of any form says what is in it."""
+    # A line end in a value, which XML can have, would make two lines of an EDS.
+    lines = {key: BREAKS.sub(" ", value).strip() for key, value in entries.items()}
+    return Section(name, at.line, at.column, {}).saying(**lines)
 
 
 class Document(NamedTuple):

@@ -16,7 +16,14 @@ from typing import TypeAlias
 from eurobot_od.errors import DictionaryError, LocalError, look_up
 from eurobot_od.od import document as cia306
 from eurobot_od.od import formats, values
-from eurobot_od.od.description import DescribedDevice, DescribedRecords, SectionName, parse_section_name
+from eurobot_od.od.description import (
+    DescribedDevice,
+    DescribedRecords,
+    SectionName,
+    list_entries,
+    listed,
+    parse_section_name,
+)
 from eurobot_od.od.document import Document, Entry, Section
 from eurobot_od.od.patches import ObjectPatch, Patch, address_in, patched, read_patch, section_name
 from eurobot_od.od.values import MAPPING_OFFSET, MappingEntry, PdoDirection
@@ -273,12 +280,14 @@ def _with_lists(before: Document, after: Document) -> Document:
     """Return a document whose lists of objects, and numbers of PDOs, have what is new, and have not what is gone."""
     there, wanted = (DescribedDevice(each).objects.keys() for each in (before, after))
     sections = dict(after.sections)
-    for name, indices in formats.listed(sorted(wanted)).items():
+    for name, indices in listed(sorted(wanted)).items():
         old = sections.get(name.lower())
-        listed = [number.value for each in old.numbered() if (number := values.parse_number(each.value))] if old else []
-        new = [each for each in listed if each in wanted or each not in there]
-        new += [each for each in indices if each not in there and each not in listed]
-        if new != listed:
+        present = (
+            [number.value for each in old.numbered() if (number := values.parse_number(each.value))] if old else []
+        )
+        new = [each for each in present if each in wanted or each not in there]
+        new += [each for each in indices if each not in there and each not in present]
+        if new != present:
             sections[name.lower()] = _list_of(old or Section(name, 0, 1, {}), new)
     info = sections.get("deviceinfo")
     for direction, key in PDO_COUNTS.items() if info else ():
@@ -292,4 +301,4 @@ def _with_lists(before: Document, after: Document) -> Document:
 
 def _list_of(section: Section, indices: Sequence[int]) -> Section:
     entries = {key: each for key, each in section.entries.items() if not key.isdecimal()}
-    return section._replace(entries=entries).saying(**formats.list_entries(indices))
+    return section._replace(entries=entries).saying(**list_entries(indices))

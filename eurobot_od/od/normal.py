@@ -22,7 +22,15 @@ from typing import NamedTuple
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document as cia306
 from eurobot_od.od import formats, values
-from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
+from eurobot_od.od.description import (
+    SIMPLE,
+    DescribedDevice,
+    DescribedObject,
+    DescribedVariable,
+    ObjectCode,
+    list_entries,
+    listed,
+)
 from eurobot_od.od.document import STRAY, UNKNOWN, Document, Entry, Odd, Section, code_page, parse
 from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.patches import Patch, patched, with_settings
@@ -405,14 +413,14 @@ class _Writer:
         sections = {name: self._device.section(name.lower()) for name in cia306.OBJECT_LISTS}
         entries = {name: section.numbered() if section else () for name, section in sections.items()}
         numbers = {name: filter(None, (parse_number(e.value) for e in found)) for name, found in entries.items()}
-        listed = {name: [each.value for each in found] for name, found in numbers.items()}
+        present = {name: [each.value for each in found] for name, found in numbers.items()}
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
         # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
-        if sorted(index for indices in listed.values() for index in indices) != sorted(there):
-            listed = formats.listed(sorted(there))
+        if sorted(index for indices in present.values() for index in indices) != sorted(there):
+            present = listed(sorted(there))
         for name, section in sections.items():
             self._head(name, section)
-            rows = formats.list_entries(listed[name])
+            rows = list_entries(present[name])
             if section and {key.lower(): parse_number(text) for key, text in rows.items()} != {
                 key: parse_number(entry.value) for key, entry in section.entries.items()
             }:

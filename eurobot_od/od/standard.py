@@ -111,6 +111,9 @@ SRDOS = range(0x1301, 0x1341)
 SRDO_DIRECTION, SRDO_DATA, SRDO_INVERTED = 1, 5, 6
 """Sub-indices of such a record: 0 for one that is not valid; the COB-IDs of its two frames."""
 
+PDO_SETTINGS = ("COB-ID", "Transmission type", "Inhibit time", "Compatibility entry", "Event timer", "SYNC start value")
+"""Communication parameters of a PDO from sub-index 1 on; in CompactPDO a bit for each says that it is there."""
+
 PROGRAM_DATA, PROGRAM_CONTROL, PROGRAM_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
 """Program download (CiA 302-3): a program is a sub-index of each."""
 
@@ -144,14 +147,15 @@ KNOWN = (
     Known((0x1000, 0x1002), (0,), UNSIGNED32, READ_ONLY),
     Known((0x1001,), (0,), UNSIGNED8, READ_ONLY),
     Known((0x1003,), DATA_SUBS, UNSIGNED32, READ_ONLY),
-    Known((0x1005, 0x1006, 0x1007, 0x1012, 0x1014, 0x1F80), (0,), UNSIGNED32),
+    Known((0x1005, 0x1006, 0x1007, 0x1012, 0x1013, 0x1014, 0x1F80), (0,), UNSIGNED32),
     Known((0x1008, 0x1009, 0x100A), (0,), VISIBLE_STRING, READ_ONLY),
     Known((0x100C, 0x1015, 0x1017), (0,), UNSIGNED16),
     Known((0x100D, 0x1019), (0,), UNSIGNED8),
-    Known((0x1010, 0x1011, 0x1016), DATA_SUBS, UNSIGNED32),
+    Known((0x1010, 0x1011, 0x1016, 0x1028), DATA_SUBS, UNSIGNED32),
     Known((0x1018,), range(1, 5), UNSIGNED32, READ_ONLY),
     Known((0x1020,), (1, 2), UNSIGNED32, ("rw",)),
     Known(range(0x1200, 0x1300), (1, 2), UNSIGNED32),
+    Known(range(0x1200, 0x1300), (3,), UNSIGNED8),
     Known((0x1021,), (0,), values.DOMAIN, READ_ONLY),
     Known((0x1029,), DATA_SUBS, UNSIGNED8),
     *(

@@ -151,6 +151,39 @@ def test_of_a_network_each_node_has_a_file(form: str, tmp_path: Path, monkeypatc
     assert sorted(each.name for each in Path("made").iterdir()) == [f"left.{form}", f"right.{form}"]
 
 
+@pytest.mark.parametrize("form", ["canopennode", "eds", "dcf", "xdd", "cdcf"])
+def test_a_patch_counts_in_each_form_of_one_device(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    values = ", ".join(f"{key}: 0x1F3" for key in ("DefaultValue", "ParameterValue"))
+    Path("ours.yaml").write_text(f"0x1017: {{{values}}}\n")
+    made = Path("made/OD.c" if form == "canopennode" else "made")
+    run(capsys, "export", form, f"5={SERVO_DCF}", "--patch", "ours.yaml", "-o", "made")
+    numbers = (b"0x1F3", b"499", (0x1F3).to_bytes(2, "little"))
+    assert any(each in made.read_bytes() for each in numbers), made.read_bytes()[:2000]
+
+
+OF_A_NETWORK = [
+    ("export xdd", ["export", "xdd", "net.yaml", "-o", "made"]),
+    ("export cdcf", ["export", "cdcf", "net.yaml", "-o", "made"]),
+    ("lint --network", ["lint", "--network", "net.yaml"]),
+    ("lint --fix", ["lint", "--fix", LIFT, "-o", "made"]),
+]
+
+
+@pytest.mark.parametrize("words", [row[1] for row in OF_A_NETWORK], ids=[row[0] for row in OF_A_NETWORK])
+def test_a_patch_that_cannot_count_is_refused(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("net.yaml").write_text(f"nodes: {{left: {{file: {LIFT}, node_id: 5}}}}")
+    Path("ours.yaml").write_text("0x1017: {ParameterValue: 250}\n")
+    said = run(capsys, *words, "--patch", "ours.yaml")
+    assert (said.status, "--module and --patch are for one device's file" in said.err) == (2, True)
+    assert not Path("made").exists()
+
+
 def test_a_dcf_is_made_without_a_device(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     patch, file = tmp_path / "ours.yaml", tmp_path / "arm.dcf"
     patch.write_text("0x1017: {ParameterValue: 250}\n")

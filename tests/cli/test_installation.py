@@ -95,8 +95,7 @@ def test_each_shell_has_a_script_with_every_command(scripts: dict[str, str]) -> 
 def test_it_has_the_options_of_every_command(scripts: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     for command in COMMANDS:
         name = f"_shtab_eurobot_od_{command.replace('-', '_')}_option_strings"
-        # `export dcf` has the same name in the script as `export-dcf`, which stands behind it and so counts.
-        *_, options = re.findall(rf"^{name}=\((.*)\)", scripts["bash"], re.MULTILINE)
+        (options,) = re.findall(rf"^{name}=\((.*)\)", scripts["bash"], re.MULTILINE)
         assert set(re.findall(r"--[a-z-]+", options)) == set(LONG.findall(run(capsys, command, "--help").out)), command
 
 

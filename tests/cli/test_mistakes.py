@@ -117,7 +117,7 @@ MISTAKES = {
     "an EDS as a configuration": (
         "configure|2|lift.eds|-i|virtual",
         2,
-        "lift.eds: incomplete: no NodeID in [DeviceComissioning]; a DCF has one, such as `export-dcf` writes",
+        "lift.eds: incomplete: no NodeID in [DeviceComissioning]; a DCF has one, such as `dump -o` writes",
     ),
     "an EDS as a suite": (
         "check|lift.eds|--simulate",

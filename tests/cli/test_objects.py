@@ -59,7 +59,7 @@ def lift(run: Run) -> Iterator[str]:
 
 
 @pytest.mark.parametrize(
-    "words", [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/lift.dcf"), ("diff", str(LIFT), "--node", "2")]
+    "words", [("dump", "2"), ("dump", "2", "-o", "{folder}/lift.dcf"), ("diff", str(LIFT), "--node", "2")]
 )
 def test_a_terminal_sees_how_far_it_is_with_the_objects(
     lift: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -323,7 +323,7 @@ def test_commands_talk_to_a_moved_sdo_server_where_the_file_says(
     assert run(channel, "read", "5", "0x2000")[0] == 1  # without the file nobody knows where it is
     assert run(channel, "write", "5", "Speed", "9", "--eds", file)[0] == 0
     assert run(channel, "read", "5", "Speed", "--eds", f"5={file}")[1].split()[-1] == "9"
-    assert run(channel, "export-dcf", "5", "-o", str(own), "--eds", file)[0] == 0
+    assert run(channel, "dump", "5", "-o", str(own), "--eds", file)[0] == 0
     own.write_text(own.read_text().replace("ParameterValue=9", "ParameterValue=11"))
     assert run(channel, "configure", "5", str(own), "--no-store", "--no-reset")[0] == 0
     assert run(channel, "read", "5", "Speed", "--eds", f"5={file}")[1].split()[-1] == "11"
@@ -344,7 +344,7 @@ def test_errors_are_asked_for_where_a_file_says_that_the_sdo_server_is(run: Run,
     assert "node 5 refused to read 0x1001:0" in run(channel, "emcy", "5", "--eds", file)[2]
 
 
-# export-dcf, configure, store, restore
+# the DCF of a node, configure, store, restore
 
 
 @pytest.fixture
@@ -398,9 +398,8 @@ def test_the_dcf_of_a_live_node(run: Run, lift: str, tmp_path: Path) -> None:
     file = tmp_path / "live.dcf"
     names = "0x2000 Move to, 0x2001 Halt cause, 0x2011 Weight, 0x2020 Order"
     said = f"eurobot-od: left out as process data: {names}\n"
-    assert run(lift, "export-dcf", "2", "-o", str(file)) == (0, "", said)
+    assert run(lift, "dump", "2", "-o", str(file)) == (0, "", said)
     assert Dictionary.load(file).default((0x1017, 0)) == 10
-    assert run(lift, "export-dcf", "2") == (0, file.read_text(), said)
     assert run(lift, "configure", "2", str(file), "--dry-run")[0] == 0
 
 
@@ -409,11 +408,8 @@ def test_what_no_line_can_hold_stands_in_a_file_beside_the_dcf(run: Run, tmp_pat
     eds.write_bytes(in_normal_form((LIFT.read_text() + FILES).encode())[0])  # which lists the object, too
     with stock_lift(eds) as (channel, node):
         node.set_data(0x200E, 0, b"a\nb")
-        words = (channel, "export-dcf", "2", "--eds", str(eds))
-        assert run(*words, "-o", str(file))[0] == 0
+        assert run(channel, "dump", "2", "--eds", str(eds), "-o", str(file))[0] == 0
         assert (tmp_path / "live-200E-0.bin").read_bytes() == b"a\nb"
-        said = "eurobot-od: the DCF needs files beside it (lift-200E-0.bin): write it by -o FILE\n"
-        assert run(*words) == (2, "", said)
         node.set_data(0x200E, 0, b"c")
         change = "node 2 differs from live.dcf in 1 object:\n0x200E:0 Script  63 -> 61 0A 62\n"
         assert run(channel, "configure", "2", str(file), "--dry-run") == (1, change, "")

@@ -32,11 +32,10 @@ from typing import Any, NamedTuple
 import yaml
 
 from eurobot_od.od import values
-from eurobot_od.od.description import ObjectCode
+from eurobot_od.od.description import ObjectCode, list_entries, listed
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.fingerprints import ALL_NAME, FINGERPRINTS, OBJECT_NAME, MappedPart, fingerprint, of_all, of_pdo
-from eurobot_od.od.formats import list_entries, listed
 from eurobot_od.od.make import NOWHERE, DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
 from eurobot_od.od.meanings import HEAD as MEANINGS_HEAD
 from eurobot_od.od.meanings import NO_MEANING

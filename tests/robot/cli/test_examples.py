@@ -26,7 +26,7 @@ NEEDS = {
 SET_UP = """\
 match --log run.log
 match --log again.log
-export-dcf 5 --eds motor.eds -o motor.dcf -i socketcan -c can0
+dump 5 --eds motor.eds -o motor.dcf -i socketcan -c can0
 """
 """What makes the files that the examples are about."""
 
