@@ -105,9 +105,9 @@ class LintedDevice(DescribedDevice):
         for name, section in self.object_sections:
             head = self.objects[name.object_index].section
             if name.list == "value" and head:
-                variable = DescribedVariable(name.object_index, 1, head)
-                given = (each for key, each in section.entries.items() if key != "nrofentries")
-                found += [(variable, "parametervalue", each) for each in given]
+                subs = (key for key in section.entries if key.isdecimal() and len(key) < 4)
+                variables = ((DescribedVariable(name.object_index, int(key), head), key) for key in subs)
+                found += [(variable, "parametervalue", section.entries[key]) for variable, key in variables]
         return [
             GivenValue(variable, variable.type, key, entry, variable.read(entry.value))
             for variable, key, entry in found

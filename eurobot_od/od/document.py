@@ -78,7 +78,7 @@ class Remark(NamedTuple):
     what: str
 
 
-class Placed(Protocol):
+class HasPlace(Protocol):
     """What stands somewhere in a file: in a line and a column, both from 1."""
 
     @property
@@ -131,7 +131,7 @@ class Section(NamedTuple):
 BREAKS = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
-def section_at(name: str, at: Placed, entries: Mapping[str, str]) -> Section:
+def section_at(name: str, at: HasPlace, entries: Mapping[str, str]) -> Section:
     """Return a section that stands where a file of any form says what is in it."""
     # A line end in a value, which XML can have, would make two lines of an EDS.
     lines = {key: BREAKS.sub(" ", value).strip() for key, value in entries.items()}

@@ -17,7 +17,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.description import parse_section_name
-from eurobot_od.od.document import WIDE_MARKS, Document, Odd, Oddity, Remark, Section, section_at
+from eurobot_od.od.document import WIDE_MARKS, Document, HasPlace, Odd, Oddity, Remark, Section, section_at
 from eurobot_od.od.standard import PDO_SETTINGS, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, PdoDirection, parse_number
 from eurobot_od.support.files import UNREADABLE, why_unreadable
@@ -170,22 +170,27 @@ def _compact_pdos(document: Document) -> Iterator[Section]:
     mask = parse_number(info.text("compactpdo")) if info else None
     if info is None or mask is None or mask.value <= 0:
         return
+    at = info.at("compactpdo")
     for direction, key in COUNTS.items():
         count = parse_number(info.text(key))
         # The count is that of all PDOs, with those that have sections of their own; the others get the free numbers.
         described = [each for each in values.COMMUNICATION_RECORDS[direction] if f"{each:04x}" in document.sections]
         missing = (each for each in values.COMMUNICATION_RECORDS[direction] if each not in described)
         for index, _ in zip(missing, range((count.value if count else 0) - len(described))):
-            yield from _record(info, index, direction.name, mask.value)
+            yield from _record(at, index, direction.name, mask.value)
             mapping, title = index + values.MAPPING_OFFSET, f"{direction.name} mapping parameter"
             if f"{mapping:04x}" not in document.sections:
-                yield section_at(f"{mapping:04X}", info, {"ParameterName": title, "ObjectType": "0x9"})
-                yield _variable(info, f"{mapping:04X}sub0", "Mapped objects", values.UNSIGNED8, "0")
+                yield _head(at, mapping, title, 1)
+                yield _variable(at, f"{mapping:04X}sub0", "Mapped objects", values.UNSIGNED8, "0")
 
 
-def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Section]:
+def _head(at: HasPlace, index: int, title: str, count: int) -> Section:
+    return section_at(f"{index:04X}", at, {"ParameterName": title, "ObjectType": "0x9", "SubNumber": str(count)})
+
+
+def _record(at: HasPlace, index: int, direction: str, mask: int) -> Iterator[Section]:
     present = {sub: each for sub, each in enumerate(PDO_SETTINGS, start=1) if mask >> sub - 1 & 1}
-    yield section_at(f"{index:04X}", at, {"ParameterName": f"{direction} communication parameter", "ObjectType": "0x9"})
+    yield _head(at, index, f"{direction} communication parameter", len(present) + 1)
     yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
     for sub, name in present.items():
         # The first four PDOs have a COB-ID from the pre-defined connection set (CiA 301, 7.3.3), later ones have none.
@@ -194,9 +199,9 @@ def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Sect
         yield _variable(at, f"{index:04X}sub{sub}", name, known_type(index, sub) or values.UNSIGNED32, default)
 
 
-def _variable(at: Section, name: str, title: str, type_: DataType, default: str) -> Section:
-    entries = {"ParameterName": title, "DataType": f"0x{type_.code:04X}", "AccessType": "rw", "DefaultValue": default}
-    return section_at(name, at, entries)
+def _variable(at: HasPlace, name: str, title: str, type_: DataType, default: str) -> Section:
+    entries = {"ParameterName": title, "DataType": f"0x{type_.code:04X}", "AccessType": "rw"}
+    return section_at(name, at, entries | ({"DefaultValue": default} if default else {}))
 
 
 # Numbers and values as every tool reads them, whatever an editor has written

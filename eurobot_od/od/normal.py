@@ -494,8 +494,12 @@ class _Writer:
                 self._line(entry, f"ObjectType={number}" if right else type_text)
             elif key == "subnumber":
                 self._line(entry, f"SubNumber={count}")
-            elif not each.compact or key not in COMPACT_KEYS:
+            elif key not in COMPACT_KEYS:
                 self._entry(each.index, None, key, entry, None)
+            elif not each.compact:
+                what = f"[{section.name}]: {entry.key} made a comment: it is of the sub-indices"
+                self._changes.append(Change(entry.line, what))
+                self._line(entry, f";{entry.key}={entry.value}")
         for member in members:
             self._variable(f"{each.index:04X}sub{member.sub:X}", member, each)
 

@@ -82,7 +82,7 @@ ALIKE = 4
 """Bit of a structure whose sub-indices from 1 on are all described by one entry: an array."""
 
 
-class Member(NamedTuple):
+class SubRow(NamedTuple):
     """What is said of one sub-index, or of `count` that are alike."""
 
     name: str
@@ -98,7 +98,7 @@ class Row(NamedTuple):
     indices: range
     name: str
     is_array: bool
-    members: Sequence[Member]
+    members: Sequence[SubRow]
 
 
 def _rows(mapping: XmlElement) -> Iterator[Row]:
@@ -110,9 +110,9 @@ def _rows(mapping: XmlElement) -> Iterator[Row]:
         yield Row(indices, _text(said.get("name")), bool(structure & ALIKE), members)
 
 
-def _member(said: Mapping[str, XmlElement]) -> Member:
+def _member(said: Mapping[str, XmlElement]) -> SubRow:
     name, type_, access, pdo = (_text(said.get(key)) for key in ("name", "type", "access", "pdo"))
-    return Member(name, type_, access, pdo == "1", max(1, _whole(said.get("nbmax"))))
+    return SubRow(name, type_, access, pdo == "1", max(1, _whole(said.get("nbmax"))))
 
 
 COMPUTED = re.compile(r"(?P<words>[^%]*?)\s*(?:0x)?%.*\[.*\]")
@@ -178,7 +178,7 @@ def _of_standard(index: int, count: int) -> Row:
         is_counted = count and not sub and index not in (standard.ERROR_FIELD, *values.MAPPINGS)
         type_ = known.type if known else values.UNSIGNED8 if count and not sub else None
         access = "ro" if is_fixed or is_counted else "rw"
-        members.append(Member(each, str(type_.code) if type_ else "", access, index in MAPPABLE))
+        members.append(SubRow(each, str(type_.code) if type_ else "", access, index in MAPPABLE))
     return Row(range(index, index + 1), name, index in ARRAYS, members)
 
 
@@ -211,7 +211,7 @@ def _object(index: int, each: XmlElement, rows: Sequence[Row]) -> Iterator[Secti
         yield section_at(f"{name}sub{sub:X}", one, said | ({} if sub else {"DefaultValue": str(len(subs))}))
 
 
-def _variable(index: int, sub: int, each: XmlElement, said: Sequence[Member]) -> dict[str, str]:
+def _variable(index: int, sub: int, each: XmlElement, said: Sequence[SubRow]) -> dict[str, str]:
     """Return the entries of a variable, as far as something is said of it."""
     entries = {"ObjectType": "0x7", "DefaultValue": _value(index, _text(each))}
     for member in said:

@@ -128,3 +128,11 @@ def test_a_file_of_another_encoding_is_written_in_utf_8_and_said_so_at_its_begin
 def test_the_objects_of_connected_modules_are_written_in_place_of_their_section() -> None:
     made = normal(Path(__file__).with_name("samples").joinpath("coupler.eds").read_bytes(), modules=["1"])
     assert made.has_modules
+
+
+def test_what_only_a_sub_index_can_say_is_a_comment_in_its_record() -> None:
+    head = "[2000]\nParameterName=Axis\nObjectType=9\nSubNumber=1\nAccessType=rw\n"
+    text = f"{head}[2000sub0]\nParameterName=Count\nDataType=5\nAccessType=ro\n"
+    data, changes = in_normal_form(text.encode())
+    assert b"\n;AccessType=rw\n" in data
+    assert (5, "[2000]: AccessType made a comment: it is of the sub-indices") in [each[:2] for each in changes]

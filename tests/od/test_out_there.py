@@ -460,6 +460,15 @@ def test_compact_pdos_are_there_as_if_they_were_written_out() -> None:
     assert data_type(timer) == DATA_TYPES[0x06]
 
 
+def test_compact_pdos_are_one_repair_in_the_line_that_asks_for_them() -> None:
+    text = BASE.replace("[DeviceInfo]\n", COMPACT_PDO, 1)
+    _, changes = in_normal_form(text.encode(), "a.eds")
+    line = text.splitlines().index("CompactPDO=0x13") + 1
+    assert [each for each in changes if each.line in (line, line - 1)] == [
+        (line, "CompactPDO written out", True, False)
+    ]
+
+
 @pytest.mark.parametrize("mask", ["0", "-1", "", "x"])
 def test_without_a_mask_no_compact_pdo_is_there(mask: str) -> None:
     said = COMPACT_PDO.replace("CompactPDO=0x13", f"CompactPDO={mask}")
