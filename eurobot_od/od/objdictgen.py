@@ -83,13 +83,13 @@ ALIKE = 4
 
 
 class SubRow(NamedTuple):
-    """What is said of one sub-index, or of `count` that are alike."""
+    """What is said of one sub-index, or of so many that are alike."""
 
     name: str
     type: str
     access: str
     is_mappable: bool = False
-    count: int = 1
+    repeated: int = 1
 
 
 class Row(NamedTuple):
@@ -198,7 +198,7 @@ def _about(root: XmlElement, attributes: Mapping[str, XmlElement], identity: Seq
 def _object(index: int, each: XmlElement, rows: Sequence[Row]) -> Iterator[Section]:
     subs, name = _subs(each), f"{index:04X}"
     row = next((row for row in rows if index in row.indices), None) or _of_standard(index, len(subs))
-    members = [member for member in row.members for _ in range(member.count)]
+    members = [member for member in row.members for _ in range(member.repeated)]
     title = _named(row.name, row.indices.index(index) + 1)
     if each.attributes.get("type") not in COLLECTIONS:
         yield section_at(name, each, _variable(index, 0, each, members[:1]) | {"ParameterName": title})

@@ -86,4 +86,4 @@ def test_what_is_missing_is_named(section: str, old: str, new: str, words: str) 
 def test_a_value_of_a_compact_array_is_said_with_its_sub_index() -> None:
     text = "[2000]\nParameterName=A\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=3\n[2000Value]\n2=256\n"
     (found,) = (each for each in lint(text.encode(), "a.eds") if each.code == "E435")
-    assert (found.line, found.text) == (8, "2=256 of 0x2000 sub 2 is outside UNSIGNED8")
+    assert (found.line, found.message) == (8, "2=256 of 0x2000 sub 2 is outside UNSIGNED8")
