@@ -130,23 +130,24 @@ class _XddWriter:
         reference = _texts({"ISO15745Part": "1", "ISO15745Edition": "1", "ProfileTechnology": "CANopen"})
         head = [*_texts(named), _element("ISO15745Reference", {}, *reference)]
         body = {"xsi:type": f"co:ProfileBody_{class_id}_CANopen", "formatName": "CANopen", "formatVersion": "1.0"}
-        # As CiA 306 writes them: `11-23-2013`, `09:45PM`.
-        day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
         version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))  # UNSIGNED8 in CiA 306
         origin = {
             "fileName": self._dictionary.file.with_suffix(".xdd").name,
             "fileCreator": self._file("fileinfo", "createdby"),
-            "fileCreationDate": day.date().isoformat() if day else NO_DAY,
-            "fileCreationTime": time.time().isoformat() if time else None,
+            "fileCreationDate": NO_DAY,
             "fileVersion": version.group() if version else "0",
+            "fileModifiedBy": self._file("fileinfo", "modifiedby") or None,
         }
-        parts = _element("ProfileHeader", {}, *head), _element("ProfileBody", {**body, **origin}, *content)
+        moments = dict((*self._moments("Creation"), *self._moments("Modification")))
+        parts = _element("ProfileHeader", {}, *head), _element("ProfileBody", {**body, **origin, **moments}, *content)
         return _element("co:ISO15745Profile", {}, *parts)
 
-    def _moment(self, key: str, form: str) -> datetime | None:
-        with suppress(ValueError):
-            return datetime.strptime(self._file("fileinfo", key), form)
-        return None
+    def _moments(self, what: str) -> Iterator[tuple[str, str]]:
+        """Give day and time of a file's creation or modification, which CiA 306 writes `11-23-2013` and `09:45PM`."""
+        for key, form, part in (("Date", "%m-%d-%Y", datetime.date), ("Time", "%I:%M%p", datetime.time)):
+            with suppress(ValueError):
+                read = datetime.strptime(self._file("fileinfo", f"{what}{key}".lower()), form)
+                yield f"file{what}{key}", part(read).isoformat()
 
     def _device_parts(self) -> list[Element]:
         # Numbers are decimal: CANopenEditor reads no others here.
@@ -238,18 +239,25 @@ class _XddWriter:
             listed.append(_element("CANopenSubObject", {**named, **self._variable(each)}))
         if _properties(described.place):
             attributes["uniqueIDRef"] = _parameter_id(index)
+        attributes |= self._remarks(DescribedVariable(index, 0, described.place))
         return _element("CANopenObject", {**attributes, "subNumber": str(len(listed))}, *listed)
 
     def _variable(self, variable: DescribedVariable) -> dict[str, str | None]:
         access, mapping = MAPPED_ACCESS.get(variable.access, (variable.access, "optional"))
-        flags = variable.number("objflags")
         return {
             "dataType": self._type(variable),
             "accessType": access if access in SAME_ACCESS else None,
             "uniqueIDRef": _parameter_id(variable.index, variable.sub) if self._is_parameter(variable) else None,
             "PDOmapping": mapping if variable.is_mappable else "no",
             **{name: self._value(variable, key.lower()) for name, key in xdd.VALUES.items()},
-            "denotation": variable.section.text("denotation") or None,
+            **self._remarks(variable),
+        }
+
+    def _remarks(self, each: DescribedVariable) -> dict[str, str | None]:
+        """Return what an object of any kind, and a sub-index, may say."""
+        flags = each.number("objflags")
+        return {
+            "denotation": each.section.text("denotation") or None,
             "objFlags": f"{flags.value:04X}" if flags and 0 <= flags.value <= 0xFFFF else None,
         }
 

@@ -218,7 +218,7 @@ def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
 INHERITED = ("dataType", "accessType", "PDOmapping")
 """What an array says for its members in `_project.xml`."""
 
-HEAD = ("ParameterName", "ObjectType")
+HEAD = ("ParameterName", "ObjectType", "ObjFlags", "Denotation")
 """What an object with sub-indices says for all of them."""
 
 PROPERTY = "CO_"

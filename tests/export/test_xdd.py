@@ -10,6 +10,7 @@ import pytest
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.export import xdd
+from eurobot_od.od import formats
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import NODE_ID, Value, parse_number
@@ -224,3 +225,34 @@ def test_any_names_are_well_formed() -> None:
 def test_a_file_that_is_no_eds_is_refused() -> None:
     with pytest.raises(DictionaryError, match=r"odd\.dcf: not an EDS"):
         odd("")
+
+
+CHANGED = """\
+[FileInfo]
+ModifiedBy=Somebody
+ModificationDate=05-28-2014
+ModificationTime=05:05PM
+[2000]
+ParameterName=Axis
+ObjectType=9
+SubNumber=1
+ObjFlags=0x2
+Denotation=Left
+[2000sub0]
+ParameterName=Count
+DataType=5
+AccessType=ro
+"""
+
+
+@pytest.mark.parametrize(
+    ("section", "said"),
+    [
+        ("fileinfo", {"modifiedby": "Somebody", "modificationdate": "05-28-2014", "modificationtime": "05:05PM"}),
+        ("2000", {"objflags": "0x0002", "denotation": "Left"}),
+    ],
+    ids=["who changed the file, and when", "what an object with sub-indices says"],
+)
+def test_it_comes_back_as_it_went(section: str, said: dict[str, str]) -> None:
+    made = formats.read(xdd.xdd_text(Dictionary.read(CHANGED.encode(), Path("a.eds"), 1)).encode())
+    assert {key: made.text(section, key) for key in said} == said
