@@ -50,7 +50,7 @@ COMMANDS = {
     "diff": "compare two EDS, DCF or XDD files, or one with a live node",
     "edit": "change an EDS or DCF: set, add, rename, remove, map, insert a profile",
     "export": "turn EDS, DCF and XDD files into other forms, such as the C of CANopenNode",
-    "make-eds": "make EDS files from a protocol table, or check them against it",
+    "make-eds": "make EDS files from a table of a device or a network, or check them",
     "devices": "list the library of device files, or add files to it",
     "scan": "list the CANopen nodes of a bus",
     "read": "read objects of a CANopen node, by number or name",

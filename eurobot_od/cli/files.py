@@ -403,15 +403,15 @@ def make_eds(
 ) -> ExitStatus:
     """Make EDS files from a table: of one device, or of a network's protocol.
 
-    The table of a device makes its EDS (docs/idea-to-firmware.md); that of a protocol a folder for each dialect, with a
-    file for each node, and the network file.
+    The table of a device makes its EDS (docs/idea-to-firmware.md); that of a network (docs/eds.md) a folder for each
+    dialect, with a file for each node, and the network file.
 
-    table: YAML with `device:`, or in the form of eds/protocol.yaml
-    output: folder to put the dialects' folders in
+    table: YAML of a device (`device:`), or of a network (`nodes:`)
+    output: folder for the EDS, or for the folders of the dialects
     check: write nothing; list the files that differ, with exit status 1 if any do
     same_revision: write changed bits or codes of messages although the dialect's revision_number is as before
 
-    $ make-eds eds/protocol.yaml -o made
+    $ make-eds thermometer.yaml -o .
     $ make-eds eds/protocol.yaml -o made --check
     """
     from eurobot_od.od.make import read_table

@@ -250,7 +250,7 @@ def test_whatever_a_library_raises_becomes_one_line(error: type[Exception], monk
     def raises(*_: object) -> None:
         raise error("a\nb")
 
-    monkeypatch.setattr(formats, "parse_xml", raises)
+    monkeypatch.setattr("eurobot_od.od.xml_tree.read_xml", raises)
     with pytest.raises(DictionaryError, match=r"^a.xdd: .*line 1: no XML of a device description \(.+\)$"):
         Dictionary.read(XDD.encode(), Path("a.xdd"), 5)
     monkeypatch.setattr("eurobot_od.od.dictionary._imported", raises)

@@ -62,6 +62,7 @@ def test_the_help_ends_with_them(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.usefixtures("bus")
 def test_they_run(shell: Shell) -> None:
     Path("network.yaml").write_text("nodes:\n  motor: {file: motor.eds, node_id: 5}\n")
+    Path("thermometer.yaml").write_text("device: {product: Thermometer}\n")
     shutil.copy("eurobot_od/robot/match/strategy.py", "mine.py")
     for line in SET_UP.splitlines():
         assert shell.run(f"{cli.PROGRAM} {line}")[0] == 0, line
