@@ -11,7 +11,6 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from datetime import datetime
-from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -20,7 +19,7 @@ from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedVariable
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import BIT_RATES, Section
 from eurobot_od.od.units import RAW, UnitScale, digits, own_scale_of
-from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NO_ACCESS, NODE_IDS, PdoDirection
+from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NO_ACCESS, PdoDirection
 
 SCHEMA = "http://www.canopen.org/xml/1.1"
 INSTANCE = "http://www.w3.org/2001/XMLSchema-instance"
@@ -49,11 +48,6 @@ PARAMETER_TYPES = {code: name for name, code in reversed(xdd.SIMPLE_TYPES.items(
 
 NO_DAY = "1970-01-01"
 """The date of a file that has none, as the schema requires one."""
-
-
-def load(file: str | Path) -> Dictionary:
-    """Read an EDS or DCF; raises DictionaryError. Any node-ID will do, as values keep `$NODEID`."""
-    return Dictionary.load(file, NODE_IDS[0])
 
 
 def xdd_text(dictionary: Dictionary) -> str:

@@ -83,9 +83,9 @@ def comments() -> UnitSource:
 
 def xdd() -> UnitSource:
     file_with("Unit=degC\nFactor=0.1\nOffset=-40\n")
-    from eurobot_od.export.xdd import load, xdd_text
+    from eurobot_od.export.xdd import xdd_text
 
-    Path("motor.xdd").write_text(xdd_text(load("motor.eds")), encoding="utf-8")
+    Path("motor.xdd").write_text(xdd_text(Dictionary.load("motor.eds", 1)), encoding="utf-8")
     return UnitSource(("--eds", "5=motor.xdd"))
 
 

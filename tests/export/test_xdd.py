@@ -89,7 +89,7 @@ def test_it_says_of_every_object_what_the_file_says(file: Path) -> None:
 
 def test_the_node_id_stays_a_parameter() -> None:
     file = plant.FILES.folder() / "lift.eds"
-    text = xdd.xdd_text(xdd.load(file))
+    text = xdd.xdd_text(Dictionary.load(file, 1))
     assert objects(text)[0x1014, 0].get("defaultValue") == f"{NODE_ID}+0x80"
     assert text == xdd.xdd_text(Dictionary.load(file, NODE))
 

@@ -12,8 +12,8 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od.export.xdd import load as load_any
 from eurobot_od.export.xdd import xdd_text
+from eurobot_od.od.dictionary import Dictionary
 
 CLEAN = (Path(__file__).parent / "samples" / "clean.eds").read_text("ascii")
 COMPACT = """
@@ -59,7 +59,7 @@ def _configured(text: str) -> str:
     return text + COMMISSIONING
 
 
-XML = xdd_text(load_any(Path(__file__).parent / "samples" / "clean.eds")).replace("made.xdd", "clean.xdd")
+XML = xdd_text(Dictionary.load(Path(__file__).parent / "samples" / "clean.eds", 1)).replace("made.xdd", "clean.xdd")
 XML_2007 = next(number for number, line in enumerate(XML.splitlines(), start=1) if 'index="2007"' in line)
 XML_END = next(number for number, line in enumerate(XML.splitlines(), start=1) if "</ApplicationLayers>" in line)
 COUPLER = (Path(__file__).parents[1] / "od" / "samples" / "coupler.eds").read_text("ascii")

@@ -15,7 +15,6 @@ import pytest
 from eurobot_od.cli import main
 from eurobot_od.device.objects import Objects
 from eurobot_od.errors import DictionaryError
-from eurobot_od.export.xdd import load as load_any
 from eurobot_od.export.xdd import xdd_text
 from eurobot_od.lint.diff import compare
 from eurobot_od.lint.model import load
@@ -42,12 +41,12 @@ FILES = [
     *sorted(ROOT.glob("docs/*.dcf")),
 ]
 CLEAN = ROOT / "tests" / "lint" / "samples" / "clean.eds"
-XDD = xdd_text(load_any(CLEAN))
+XDD = xdd_text(Dictionary.load(CLEAN, 1))
 
 
 @pytest.mark.parametrize("file", FILES)
 def test_an_eds_made_an_xdd_and_an_eds_again_is_the_same_device_with_the_same_values(file: Path) -> None:
-    loaded = load_any(file)
+    loaded = Dictionary.load(file, 1)
     made = xdd_text(loaded).encode()
     back, changes = in_normal_form(made, "made.xdd")
     device, unusable = load(file.read_bytes(), file.name), loaded.left_out
