@@ -95,10 +95,10 @@ def edit(
     output: the file to write (default: the same file)
     dry_run: show the difference, and write nothing
 
-    $ edit motor.eds set 2100 DefaultValue=5 HighLimit=100
+    $ edit motor.eds set 0x1017 DefaultValue=500 HighLimit=5000
     $ edit motor.eds add 2102 "Filter time" type=UNSIGNED16 access=rw default=20
-    $ edit motor.eds map TPDO1 0x6041 "Motor.Speed"
-    $ edit motor.eds insert profile 402 --dry-run
+    $ edit motor.eds map TPDO1 "Motor.Speed" 0x6064
+    $ edit motor.eds insert profile 301 --dry-run
     """
     if len(words) < verb.needed:
         raise LocalError(f"write {verb.form}")

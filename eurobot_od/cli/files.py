@@ -412,6 +412,7 @@ def make_eds(
     same_revision: write changed bits or codes of messages although the dialect's revision_number is as before
 
     $ make-eds thermometer.yaml -o .
+    $ make-eds eds/protocol.yaml -o made
     $ make-eds eds/protocol.yaml -o made --check
     """
     from eurobot_od.od.make import read_table
