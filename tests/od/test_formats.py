@@ -19,7 +19,6 @@ from eurobot_od.export.xdd import xdd_text
 from eurobot_od.lint.diff import compare
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import lint
-from eurobot_od.od import formats
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import Odd
 from eurobot_od.od.formats import plain_value, read
