@@ -13,6 +13,7 @@ from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od import description, values
 from eurobot_od.od.description import COMPOSED, SIMPLE, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import LIMITS, OF_VARIABLE, VALUES, Entry, Section
+from eurobot_od.od.formats import decimal_subs
 from eurobot_od.od.standard import DATA_SUBS, KNOWN, Known
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED32, Number, is_standard_number, parse_number
 
@@ -167,7 +168,10 @@ def highest_sub(device: LintedDevice) -> Violations:
     """A constant sub-index 0 is the highest sub-index."""
     # sub 0 of 0x1003 counts the errors there are, that of a mapping what is mapped
     counting = [range(0x1003, 0x1004), *values.MAPPING_RECORDS.values()]
+    in_decimal = {name[:4] for name in decimal_subs(device.document)}  # which W121 says
     for each, _ in _composed(device):
+        if f"{each.index:04x}" in in_decimal:
+            continue
         zero, highest = each.subs.get(0), max((sub for sub in each.subs if sub != 0xFF), default=0)
         value = zero.value if zero and not zero.is_writable else None  # one that is writable counts what is in use
         if zero and value and highest and value.value != highest and not any(each.index in i for i in counting):

@@ -87,3 +87,11 @@ def test_a_value_of_a_compact_array_is_said_with_its_sub_index() -> None:
     text = "[2000]\nParameterName=A\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=3\n[2000Value]\n2=256\n"
     (found,) = (each for each in lint(text.encode(), "a.eds") if each.code == "E435")
     assert (found.line, found.message) == (8, "2=256 of 0x2000 sub 2 is outside UNSIGNED8")
+
+
+def test_sub_indices_counted_in_decimal_are_said_once() -> None:
+    head = "[2000]\nParameterName=A\nObjectType=8\nSubNumber=11\n"
+    member = "[2000sub{}]\nParameterName=x\nObjectType=7\nDataType=5\nAccessType=ro\nDefaultValue={}\n"
+    text = head + "".join(member.format(sub, "" if sub else 10) for sub in range(11))
+    found = [each.code for each in lint(text.encode(), "a.eds")]
+    assert ("W121" in found, "E415" in found) == (True, False)
