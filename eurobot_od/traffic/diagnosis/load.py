@@ -6,12 +6,12 @@ counted as the longest of their length; only where that would be too much they a
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from eurobot_od.bus import bits_together, longest_frame
-from eurobot_od.frame import EXTENDED, MOST_BYTES, Frame, RemoteFrame, identifier_text
+from eurobot_od.bus import frame_bits, longest_frame
+from eurobot_od.frame import EXTENDED, MOST_BYTES, Frame, identifier_text
 from eurobot_od.od import values
 from eurobot_od.traffic.diagnosis.incidents import ObservedBus, Occurrences
 from eurobot_od.traffic.diagnosis.rules import BusRule
@@ -24,7 +24,7 @@ MAIN = 0.3
 """Share of the load from which one identifier is named as the one that fills the bus."""
 
 MOST = 1 << 15
-"""Frames of one identifier in a span: more than any bus carries, so that the log has no times."""
+"""Frames in a span: more than any bus carries, so that the log has no times."""
 
 LONGEST = {
     is_extended: [longest_frame(length, is_extended) for length in range(MOST_BYTES + 1)]
@@ -37,19 +37,14 @@ LONGEST = {
 class LoadSpan:
     """A span over which the load is judged: `seconds` long, with the shares that are too much and their rules.
 
-    The present one `began` at a time in s, where it was `seen`; `data` are its frames by identifier.
+    The present one `began` at a time in s, where it was `seen`, and with which of the frames that are kept.
     """
 
     seconds: float
     limits: Sequence[tuple[float, BusRule]]
     began: float = 0.0
     seen: Occurrences = field(default_factory=Occurrences)
-    data: defaultdict[int, list[bytes]] = field(default_factory=lambda: defaultdict(list))
-
-    def at_most(self) -> int:
-        """Return the bits of its frames if they were the longest of their lengths."""
-        longest = {cob_id: LONGEST[bool(cob_id & EXTENDED)].__getitem__ for cob_id in self.data}
-        return sum(sum(map(longest[cob_id], map(len, data))) for cob_id, data in self.data.items())
+    first: int = 0
 
 
 class BusLoad:
@@ -57,54 +52,60 @@ class BusLoad:
 
     def __init__(self, bus: ObservedBus, bit_rate: int) -> None:
         self._bus, self._bit_rate, self.due = bus, bit_rate, 0.0
-        self._burst = LoadSpan(0.05, ((0.99, BusRule.LOAD_BURST),))
         full = (ALL, BusRule.LOAD_HIGH), (0.9, BusRule.LOAD_FULL), (0.8, BusRule.LOAD_HIGH)
-        self._second = LoadSpan(1.0, full)
+        self._spans = LoadSpan(1.0, full), LoadSpan(0.05, ((0.99, BusRule.LOAD_BURST),))
+        self._frames: list[Frame] = []
 
     def take(self, frame: Frame) -> None:
-        """Count a frame; a remote one takes as long as one without data."""
-        cob_id, content = frame[0], b"" if frame.__class__ is RemoteFrame else frame[1]
-        self._burst.data[cob_id].append(content)
-        data = self._second.data[cob_id]
-        data.append(content)
-        if len(data) > MOST:
-            self._burst.data.clear()
-            self._second.data.clear()
+        """Count a frame."""
+        self._frames.append(frame)
+        if len(self._frames) > MOST:
+            self._drop(len(self._frames))
 
     def judge(self, time: float) -> None:
         """Compare the load of the spans that are over at a time in s with what is too much."""
-        for span in (self._second, self._burst):
+        for span in self._spans:
             if time - span.began >= span.seconds:
                 self._judge(span)
                 self._begin(span, time)
 
     def restart(self, time: float) -> None:
         """Begin all spans anew: nothing was recorded for a while."""
-        for span in (self._second, self._burst):
+        for span in self._spans:
             self._begin(span, time)
 
     def _begin(self, span: LoadSpan, time: float) -> None:
-        span.began, span.seen = time, Occurrences.once(self._bus.at())
-        span.data.clear()
-        self.due = min(each.began + each.seconds for each in (self._second, self._burst))
+        span.began, span.seen, span.first = time, Occurrences.once(self._bus.at()), len(self._frames)
+        self._drop(min(each.first for each in self._spans))
+        self.due = min(each.began + each.seconds for each in self._spans)
+
+    def _drop(self, number: int) -> None:
+        """Forget so many of the first frames."""
+        del self._frames[:number]
+        for each in self._spans:
+            each.first = max(each.first - number, 0)
 
     def _judge(self, span: LoadSpan) -> None:
+        frames = self._frames[span.first :]
         (*_, (least, _)), most = span.limits, self._bit_rate * span.seconds
-        if span.at_most() <= least * most:
+        if sum(LONGEST[frame[0] >= EXTENDED][len(frame[1])] for frame in frames) <= least * most:
             return
-        bits = {cob_id: bits_together(cob_id, data) for cob_id, data in span.data.items()}
+        bits = Counter[int]()
+        for frame in frames:
+            bits[frame[0]] += frame_bits(frame)
         share = sum(bits.values()) / most
-        if rule := next((rule for most, rule in span.limits if most < share), None):
+        if rule := next((rule for limit, rule in span.limits if limit < share), None):
             wrong = "; more than all: the bus is faster, -b says its bit rate" if share > ALL else ""
-            text = f"a load of {share:.0%} of {self._bit_rate / 1000:g} kbit/s{wrong}{self._culprit(span, bits)}"
+            text = f"a load of {share:.0%} of {self._bit_rate / 1000:g} kbit/s{wrong}{self._culprit(frames, bits)}"
             self._bus.found(rule, "", text, seen=span.seen)
 
-    def _culprit(self, span: LoadSpan, bits: Mapping[int, int]) -> str:
+    def _culprit(self, frames: Sequence[Frame], bits: Mapping[int, int]) -> str:
         """Return who fills the bus; empty if it is no single identifier."""
         cob_id, whole = max(bits, key=bits.__getitem__), sum(bits.values())
         if bits[cob_id] < MAIN * whole:
             return ""
-        meaning, owner = self._bus.decoder(Frame(cob_id, span.data[cob_id][0])), values.owner(cob_id, DEFAULT_PDOS)
+        meaning = self._bus.decoder(next(each for each in frames if each.cob_id == cob_id))
+        owner = values.owner(cob_id, DEFAULT_PDOS)
         guess = f"likely node {owner.node_id(cob_id)}" if owner and not meaning.nodes else ""
         name = ", ".join(filter(None, (meaning.name, meaning.sender or " ".join(meaning.nodes[:1]) or guess)))
         return f"; {bits[cob_id] / whole:.0%} of it is 0x{identifier_text(cob_id)}{f' ({name})' if name else ''}"

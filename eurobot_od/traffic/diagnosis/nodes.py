@@ -333,12 +333,16 @@ class NodesWatcher(Watcher):
             self.bus.found(BusRule.HEARTBEAT_LATE, node.name, text)
         if not period or len(intervals) < 2 * SURE:
             return
+        is_paired = abs((last + intervals[-2]) / period - 1) < UNEVEN and beats.is_paired(period)
+        is_changed = beats.period and abs(last / period - 1) > CHANGED
+        if not (is_paired or is_changed):
+            return
         shortest, longest = min(intervals), max(intervals)
         uneven = longest > (1 + CHANGED) * shortest
-        if (uneven or beats.observed) and beats.is_paired(period):
+        if is_paired and (uneven or beats.observed):
             if not beats.is_of_two:
                 self._two(node, f"two series of heartbeats, each every {brief(period)}", "heartbeats")
-        elif beats.period and not uneven and (shortest / period - 1 > CHANGED or 1 - longest / period > CHANGED):
+        elif is_changed and not uneven and (shortest / period - 1 > CHANGED or 1 - longest / period > CHANGED):
             text = f"a heartbeat every {brief(last)}, with 0x1017 = {period * 1000:g} ms"
             self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text)
 
