@@ -82,7 +82,7 @@ def _differences(job: Job, master: Master, target: SetNode) -> dict[str, Any]:
 
 
 def begin_saving(desk: Desk, said: Arguments) -> int:
-    """Save what a node is set to as a DCF, as `export-dcf` does."""
+    """Save what a node is set to as a DCF, as `dump -o` does."""
     return _start(desk, "settings", "the DCF of", _target(desk, said), partial(_save, desk))
 
 
