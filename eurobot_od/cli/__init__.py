@@ -56,7 +56,7 @@ COMMANDS = {
     "read": "read objects of a CANopen node, by number or name",
     "write": "write one object of a CANopen node",
     "dump": "print all objects of a CANopen node, or write its DCF",
-    "pdo": "list the PDOs that a CANopen node has now, or map objects into one",
+    "pdo": "list the PDOs that a CANopen node has now, map objects into one, switch one on or off",
     "configure": "configure a CANopen node from a DCF",
     "store": "have a CANopen node store its parameters",
     "restore": "have a CANopen node restore the defaults of its parameters",

@@ -31,7 +31,7 @@ from eurobot_od.od.cia402 import MODE_WORDS
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.renumbering import renumbered
-from eurobot_od.od.values import MOST_SUBS, label
+from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, MOST_SUBS, NOT_VALID, label
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
 from eurobot_od.support.files import read_whole, write_whole
@@ -148,40 +148,51 @@ def _write_dcf_of(node: RemoteNode, dictionary: Dictionary, output: Path, bit_ra
 
 def pdo(
     target: Target,
-    action: Literal["map"] | None = None,
+    action: Literal["map", "enable", "disable"] | None = None,
     name: Annotated[str | None, Option(metavar="PDO")] = None,
     objects: Annotated[Sequence[Object], Option(metavar="OBJECT")] = (),
     *,
     as_json: Json = False,
 ) -> None:
-    """List the PDOs that a CANopen node has now: identifier, on or off, type and mapping; or map objects into one.
+    """List the PDOs that a CANopen node has now: identifier, on or off, type and mapping; or change one.
 
     `map TPDO2 Motion.Speed ...` switches the PDO off, maps the objects in their order, switches it on if it was, and
     reads back (CiA 301, 7.5.2.36 and 7.5.2.38). Without an EDS objects have the names of CiA 301, 401 and 402, or none.
 
-    action: map other objects into a PDO (default: list all PDOs)
+    action: map other objects into a PDO, or switch it on or off (default: list all PDOs)
     name: such as TPDO2
     objects: what to map, in its order: names or INDEX:SUB
 
     $ pdo 5 --eds motor.eds -i socketcan -c can0
     $ pdo 5 map TPDO1 Motor.Speed --eds motor.eds -i socketcan -c can0
+    $ pdo 5 enable TPDO1 --eds motor.eds -i socketcan -c can0
     """
     with target.opened() as node:
         dictionary = target.needed_description(node) if action else target.description(node)
         found = _learned(node) if dictionary is None else _present_pdos(node, dictionary)
         if action and dictionary:
             known = {each.key: each for each in found}
-            if not (name and objects):
-                raise LocalError(
-                    f"map into which PDO, and what? Write `map TPDO1 OBJECT...`; known: {', '.join(known)}"
-                )
+            if not name or bool(objects) is not (action == "map"):
+                form = "map TPDO1 OBJECT..." if action == "map" else f"{action} TPDO1"
+                raise LocalError(f"{action} which PDO, and what? Write `{form}`; known: {', '.join(known)}")
             chosen = known.get(name.upper().replace(" ", ""))
             if chosen is None:
                 raise UnknownName("PDO", name, known)
             mapped = [od.find_one(each, dictionary.objects) for each in objects]
-            configuring.map_objects(node, dictionary, chosen, mapped)
+            settings = {} if mapped else {COB_ID: _switched(node, chosen, on=action == "enable")}
+            configuring.map_objects(node, dictionary, chosen, mapped or None, settings)
             found = [each for each in _present_pdos(node, dictionary) if each.index == chosen.index]
+            if action == "map" and not chosen.valid:
+                complain(f"{chosen.title} stays off; `pdo {node.node_id} enable {chosen.key}` switches it on")
     give(as_json, map(_pdo_as_data, found), columns(map(_pdo_row, found)))
+
+
+def _switched(node: RemoteNode, pdo: Pdo, *, on: bool) -> int:
+    """Return the COB-ID that switches a PDO on or off; raises LocalError for one without an identifier."""
+    number = int.from_bytes(node.upload((pdo.index, COB_ID)), "little")
+    if on and not number & BASE_IDENTIFIER:
+        raise LocalError(f"{pdo.title} has no identifier; write 0x{pdo.index:04X}:1 with one")
+    return number & ~NOT_VALID if on else number | NOT_VALID
 
 
 def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:

@@ -300,6 +300,12 @@ def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixtur
         assert said.complaint.endswith("unknown PDO 'TPDO9'; did you mean TPDO1?")
         said = run(capsys, "pdo", "5", "map", "TPDO1", "--eds", motor, *bus)
         assert said.complaint.endswith("Write `map TPDO1 OBJECT...`; known: RPDO1, TPDO1")
+        off = run(capsys, "pdo", "5", "disable", "TPDO1", "--eds", motor, *bus)
+        assert off.out.split()[:4] == ["TPDO", "1", "0x185", "off"]
+        said = run(capsys, "pdo", "5", "map", "TPDO1", "Motor.Speed", "--eds", motor, *bus)
+        assert said.complaint.endswith("TPDO 1 stays off; `pdo 5 enable TPDO1` switches it on")
+        on = run(capsys, "pdo", "5", "enable", "TPDO1", "--eds", motor, *bus)
+        assert on.out.split()[:4] == ["TPDO", "1", "0x185", "on"]
         device.send_signal(signal.SIGTERM)
 
 

@@ -22,6 +22,7 @@ NEEDS = {
     "world": "somebody who ends it",
     "lint --robot": "a robot of that name",
     "configure": "a node 6",
+    "export suite": "a log with a motor",
 }
 """Begins of the examples that do not run here, and what they would need."""
 
