@@ -90,7 +90,7 @@ def in_known_encoding(data: bytes) -> tuple[bytes, str | None]:
     """
     marked = next((name for mark, name in BY_MARK.items() if data.startswith(mark)), None)
     declared = DECLARED_ENCODING.match(data)
-    if marked or declared is None:
+    if declared is None:  # as behind any mark
         return data, marked
     name = declared[2].decode("ascii")
     try:
