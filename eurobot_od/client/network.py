@@ -448,9 +448,14 @@ class Network(NetworkOfDevices[RemoteDevice]):
 
     # As canopen calls them
 
-    def connect(self, channel: Channel = None, interface: BusName = None, bitrate: int | None = None) -> Self:
-        """Open a bus for a network that was made without one: `open`, with the arguments of canopen."""
-        self._begin(ThreadedMaster(_feed(interface, channel, bitrate)))
+    def connect(
+        self, channel: Channel = None, interface: BusName = None, bitrate: int | None = None, bustype: BusName = None
+    ) -> Self:
+        """Open a bus for a network that was made without one: `open`, with the arguments of canopen.
+
+        `bustype` is the name that `interface` had before python-can 4.2.
+        """
+        self._begin(ThreadedMaster(_feed(interface or bustype, channel, bitrate)))
         return self
 
     disconnect = close
@@ -464,6 +469,22 @@ class Network(NetworkOfDevices[RemoteDevice]):
     def nodes(self) -> dict[int, RemoteDevice]:
         """The devices that were added, by node-ID."""
         return {each.node_id: each for each in self}
+
+    def keys(self) -> list[int]:
+        """The node-IDs of the devices that were added."""
+        return [*self.nodes]
+
+    def values(self) -> list[RemoteDevice]:
+        """The devices that were added."""
+        return [*self]
+
+    def items(self) -> list[tuple[int, RemoteDevice]]:
+        """The devices that were added, with their node-IDs."""
+        return [*self.nodes.items()]
+
+    def __contains__(self, node: int | str | RemoteDevice) -> bool:
+        """Whether a device was added, by its node-ID or name."""
+        return any(node in (each.node_id, each.name, each) for each in self)
 
     def add_node(
         self, node: int | RemoteDevice, object_dictionary: DeviceFile = None, upload_eds: bool = False

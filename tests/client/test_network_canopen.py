@@ -248,6 +248,8 @@ def booted(network: SimulatedNetwork) -> object:
     [
         (lambda n: n[5].sdo is n[5], True),
         (lambda n: n.nodes[5].id, 5),
+        (lambda n: (n.keys(), n.values() == [n[5]], n.items() == [(5, n[5])]), ([5], True, True)),
+        (lambda n: (5 in n, 6 in n, n[5] in n), (True, False, True)),
         (lambda n: n[5].object_dictionary is n[5].od, True),
         (lambda n: n[n[5]] is n[5], True),
         (lambda n: n[5].sdo.upload(0x1018, 1), b"\0\0\0\0"),
