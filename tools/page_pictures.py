@@ -1,4 +1,4 @@
-"""Makes the pictures of docs/page.md: a simulated match as a page, and a live robot, in a headless Chromium.
+"""Makes the pictures of the page for docs/: a simulated match, a live robot, and a file, in a headless Chromium.
 
 They show the page as it is, driven as its tests drive it.
 """
@@ -18,8 +18,11 @@ from eurobot_od.frame import Frame  # noqa: E402
 from eurobot_od.robot.match.stage import play_simulated  # noqa: E402
 from eurobot_od.robot.model.options import MatchOptions  # noqa: E402
 from eurobot_od.robot.scene.files import draw  # noqa: E402
+from eurobot_od.web.editor import EditableFile, FileEditor  # noqa: E402
+from eurobot_od.web.page import page as html_page  # noqa: E402
 from tests.robot.web.scene import live_page, robot  # noqa: E402
 from tests.web.browser import Page, running  # noqa: E402
+from tests.web.scene import serving  # noqa: E402
 
 SIZE = (1400, 860)
 SHOWN = 57.0
@@ -59,9 +62,22 @@ def live_picture(page: Page, address: str) -> None:
     page.wait(f"{ROW}.columns[0].at(-1) > 900")
 
 
+def files_picture(page: Page) -> None:
+    """Show a motor's file, with an object and a mapping entry chosen."""
+    editor = FileEditor(lambda: [EditableFile(ROOT / "docs" / "motor.eds", "named")], control=True)
+    with serving(lambda: html_page("motor.eds", [], editor=True), editor=editor) as address:
+        page.open(address)
+        page.wait("document.querySelector('.item')")
+        page.run("""(found => { found.value = 'TPDO1'; found.dispatchEvent(new Event('change')); })
+            (document.querySelector('[data-focus=pdo]'))""")
+        page.click(".entry:nth-child(2)")
+        page.click(".item[data-key='8448']")
+        page.wait("document.querySelector('.object-form .finding-list')")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the pictures."""
-    parser = argparse.ArgumentParser(description="Make the pictures of docs/page.md.")
+    parser = argparse.ArgumentParser(description="Make the pictures of the page for docs/.")
     parser.add_argument("--folder", type=Path, default=ROOT / "docs", help="where to (default: docs)")
     folder: Path = parser.parse_args(arguments).folder
     name = "The bus of the robot"
@@ -75,6 +91,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _settle_and_save(page, folder / "page-live.png")
             page.click("#tab-trace")
             _settle_and_save(page, folder / "page-trace.png")
+        files_picture(page)
+        _settle_and_save(page, folder / "page-files.png")
     return 0
 
 

@@ -2,77 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from difflib import unified_diff
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import LocalError
-from eurobot_od.lint.findings import Finding, Severity
-from eurobot_od.lint.rules import lint
+from eurobot_od.lint.edits import VERBS, Verb, difference, make_edit
 from eurobot_od.od.document import read_bytes
-from eurobot_od.od.editing import PROFILES, Change, edited, mapped, profile, removed, said
 from eurobot_od.support.files import write_whole
-from eurobot_od.support.texts import one_line
-
-NEW = {"ObjectType": "VAR", "DataType": "UNSIGNED32", "AccessType": "rw", "PDOMapping": "0"}
-"""What a new object is if nothing else is said."""
-
-SHORT = {
-    "type": "DataType",
-    "access": "AccessType",
-    "default": "DefaultValue",
-    "low": "LowLimit",
-    "high": "HighLimit",
-    "map": "PDOMapping",
-    "kind": "ObjectType",
-}
-"""Short words for keys."""
-
-
-class Verb(NamedTuple):
-    """One kind of change: the form of its words, how many it needs at least, and what makes changes of them."""
-
-    form: str
-    needed: int
-    read: Callable[[Sequence[str]], list[Change]]
-
-
-def _entries(words: Sequence[str]) -> dict[str, str]:
-    """Read KEY=VALUE words; raises LocalError."""
-    entries = {}
-    for word in words:
-        key, equals, value = word.partition("=")
-        if not equals:
-            raise LocalError(f"{word}: write KEY=VALUE, such as DefaultValue=5; an empty value takes the key away")
-        entries[SHORT.get(key.lower(), key)] = value
-    return entries
-
-
-def _add(words: Sequence[str]) -> list[Change]:
-    target, name, *more = words
-    own = _entries(more)
-    usual = {} if own.get("ObjectType", "").upper() in ("ARRAY", "RECORD") else NEW
-    return [said(target, {"ParameterName": name, **usual, **own})]
-
-
-def _insert(words: Sequence[str]) -> list[Change]:
-    if words[0] != "profile":
-        raise LocalError(f"insert {words[0]}: write insert profile and one of {', '.join(PROFILES)}")
-    return [profile(each) for each in words[1:]]
-
-
-VERBS: Mapping[str, Verb] = {
-    "set": Verb("set OBJECT KEY=VALUE...", 2, lambda words: [said(words[0], _entries(words[1:]))]),
-    "add": Verb("add OBJECT NAME [type=... access=... default=... KEY=VALUE...]", 2, _add),
-    "rename": Verb("rename OBJECT NAME", 2, lambda words: [said(words[0], {"ParameterName": " ".join(words[1:])})]),
-    "remove": Verb("remove OBJECT...", 1, lambda words: [removed(each) for each in words]),
-    "map": Verb("map PDO OBJECT...", 1, lambda words: [mapped(words[0], words[1:])]),
-    "insert": Verb("insert profile 301|401|402", 2, _insert),
-}
 
 
 def edit(
@@ -100,32 +38,15 @@ def edit(
     $ edit motor.eds map TPDO1 "Motor.Speed" 0x6064
     $ edit motor.eds insert profile 301 --dry-run
     """
-    if len(words) < verb.needed:
-        raise LocalError(f"write {verb.form}")
     before = read_bytes(file)
-    after = edited(before, file, verb.read(words))
-    found = new_findings(before, after, file)
-    wrong = [each for each in found if each.severity is Severity.ERROR]
-    for each in wrong:
+    made = make_edit(before, file, verb.changes(words))
+    for each in made.errors:
         complain(f"not changed: {each}")
-    if wrong:
+    if made.errors:
         return ExitStatus.WRONG_INPUT
     if dry_run:
-        sys.stdout.write(difference(before, after, file))
-    elif after != before or output:
-        write_whole(output or Path(file), after)
-    shown = [each for each in found if each.severity is Severity.WARNING]
-    print("\n".join(map(str, shown)), end="\n" if shown else "")
-    return ExitStatus.FOUND if shown else ExitStatus.FINE
-
-
-def new_findings(before: bytes, after: bytes, file: str) -> list[Finding]:
-    """Return what lint finds in a file after a change and did not find before, whatever the line."""
-    there = {(each.code, each.message) for each in lint(before, file)}
-    return [each for each in lint(after, file) if (each.code, each.message) not in there]
-
-
-def difference(before: bytes, after: bytes, file: str) -> str:
-    """Return the difference of two texts as `diff -u` writes it, with what cannot be printed replaced."""
-    old, new = (each.decode("utf-8", "replace").splitlines() for each in (before, after))
-    return "".join(f"{one_line(line)}\n" for line in unified_diff(old, new, file, file, lineterm=""))
+        print("".join(f"{line}\n" for line in difference(before, made.data, file)), end="")
+    elif made.data != before or output:
+        write_whole(output or Path(file), made.data)
+    print("".join(f"{each}\n" for each in made.warnings), end="")
+    return ExitStatus.FOUND if made.warnings else ExitStatus.FINE

@@ -29,6 +29,8 @@ from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.od import DEFAULT
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.document import read_bytes
+from eurobot_od.od.editing import readable
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
@@ -37,6 +39,7 @@ from eurobot_od.traffic.compare import ComparedEntry, Tolerances, compare
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
 from eurobot_od.web.access import AccessRules
+from eurobot_od.web.editor import SUFFIXES, EditableFile, FileEditor
 from eurobot_od.web.page import Columns, Panel, page, stop_message
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
@@ -94,8 +97,9 @@ def serve(
     Without a log or a bus the page begins with what is here: adapters, a simulated bus, logs. It goes on until Ctrl-C;
     drives that turn by the page's order are halted first.
 
-    logs: one log, or two side by side, or a folder: the workspace of what is recorded and reported (default: the bus)
-    control: let the page send, write objects and command nodes
+    logs: one log, or two side by side, or a folder: the workspace of what is recorded and reported (default: the bus);
+        EDS and DCF files to be edited, which need no bus
+    control: let the page send, write objects, command nodes and save files
     own_id: node-ID of the heartbeat that drives watch (127, or the next lower one that is not heard)
     listen: address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once
     origin: what browsers call it behind a proxy, such as https://bench.example; takes a token
@@ -104,9 +108,14 @@ def serve(
     $ serve --control
     $ serve run.log --eds 5=motor.eds
     $ serve --control --eds 5=motor.eds -i socketcan -c can0
+    $ serve --control motor.eds
     """
     with extras.needed("web"):  # asked here, so that no log is read before the package is found missing
         import aiohttp  # noqa: F401
+    named = [each for each in logs if Path(each).suffix.lower() in SUFFIXES]
+    for each in named:
+        readable(read_bytes(each), each)
+    logs = [each for each in logs if each not in named]
     if len(logs) > MOST_LOGS:
         raise LocalError(f"a page shows one log, or two side by side, not {len(logs)}")
     folder = Path(logs[0]) if len(logs) == 1 and Path(logs[0]).is_dir() else None
@@ -115,12 +124,13 @@ def serve(
     if logs and control:
         raise LocalError("--control is for a bus: a log cannot be changed")
     rules = AccessRules.at(listen.host, origin, _token(token_file) if token_file else "")
-    page = ServedPage(
-        reading, devices, names, control, own_id, bus.bitrate or BITRATE, folder, PageServer(rules, listen.port)
-    )
+    bit_rate, server = bus.bitrate or BITRATE, PageServer(rules, listen.port)
+    page = ServedPage(reading, devices, names, control, own_id, bit_rate, folder, server, named)
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
             asyncio.run(page.show_logs(logs))
+        elif named and bus == BusOptions():  # also where one is configured
+            asyncio.run(page.show_files())
         elif live.is_named(bus.interface):
             asyncio.run(page.show_bus(bus, devices))
         else:
@@ -179,7 +189,10 @@ class PageServer:
 
 @dataclass
 class ServedPage:
-    """What is shown, and how: what the options of `serve` say. `folder` is the workspace, None without one."""
+    """What is shown, and how: what the options of `serve` say.
+
+    `folder` is the workspace, None without one; `named` are the files to be edited.
+    """
 
     reading: Reading
     devices: Devices
@@ -189,6 +202,7 @@ class ServedPage:
     bit_rate: int
     folder: Path | None
     server: PageServer
+    named: Sequence[str] = ()
 
     def begin(self) -> None:
         """Serve the page that begins with nothing, and then what was chosen, again and again."""
@@ -231,9 +245,26 @@ class ServedPage:
             _source(log, self.reading, each, self._diagnosis(decoder), panels, own)
             for log, each, own in zip(logs, columns, kept)
         ]
-        text = page(" and ".join(titles), sources, panels, leave=can_leave, **_compared(kept, decoder))
+        text = page(" and ".join(titles), sources, panels, leave=can_leave, editor=True, **_compared(kept, decoder))
         left, posts = _leaving(can_leave)
-        return await self.server.serve(lambda: text, None, posts, left)
+        return await self.server.serve(lambda: text, None, {**posts, **self._editing(partial(files_of, decoder))}, left)
+
+    async def show_files(self) -> bool:
+        """Serve the page of the files to be edited."""
+        text = page(" and ".join(told_apart(self.named)), [], editor=True)
+        described = [Path(each.file) for each in self.devices.files()]
+        return await self.server.serve(lambda: text, posts=self._editing(lambda: described))
+
+    def _editing(self, described: Callable[[], Sequence[Path]]) -> Mapping[str, Post]:
+        """Return what answers the view of files: those named, those that describe devices, and the library's."""
+
+        def files() -> Iterator[EditableFile]:
+            library = [each.path for each in self.devices.known_library.entries]
+            found = {"named": map(Path, self.named), "network": described(), "library": library}
+            every = (EditableFile(each.absolute(), origin) for origin, paths in found.items() for each in paths)
+            yield from (each for each in every if each.path.is_file())
+
+        return {"/files": FileEditor(files, self.control).post}
 
     def _diagnosis(self, decoder: Decoder) -> Diagnosis:
         return Diagnosis(decoder, self.devices.watchers, self.bit_rate, self.devices.promised(decoder))
@@ -257,7 +288,16 @@ class ServedPage:
             # Without a workspace, what the page records is gone with the page.
             folder = self.folder or Path(stack.enter_context(TemporaryDirectory(prefix="eurobot-od-")))
             desk = Desk(session, folder, self.control, stop, self.own_id, equipment)
-            return await self.server.serve(partial(session.page, name, can_leave), Requests(desk), posts, left)
+            text, editing = (
+                partial(session.page, name, can_leave, editor=True),
+                self._editing(lambda: files_of(session.decoder)),
+            )
+            return await self.server.serve(text, Requests(desk), {**posts, **editing}, left)
+
+
+def files_of(decoder: Decoder) -> list[Path]:
+    """Return the files that describe a decoder's devices."""
+    return [each.file for each in decoder.dictionaries]
 
 
 def _leaving(can_leave: bool) -> tuple[asyncio.Event, Mapping[str, Post]]:

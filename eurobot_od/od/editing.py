@@ -7,6 +7,7 @@ the two differ. What a patch can say of a file, a change can say in it (see `pat
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
@@ -19,14 +20,16 @@ from eurobot_od.od import formats, values
 from eurobot_od.od.description import (
     DescribedDevice,
     DescribedRecords,
+    DescribedVariable,
     SectionName,
     list_entries,
     listed,
     parse_section_name,
 )
 from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.objects import numbered
 from eurobot_od.od.patches import ObjectPatch, Patch, address_in, patched, read_patch, section_name
-from eurobot_od.od.values import MAPPING_OFFSET, MappingEntry, PdoDirection
+from eurobot_od.od.values import DATA_TYPES, DUMMIES, MAPPING_OFFSET, Address, MappingEntry, PdoDirection, label
 
 Change: TypeAlias = Callable[[Document], Document]
 
@@ -81,7 +84,8 @@ def mapped(pdo: str, targets: Sequence[str]) -> Change:
         document = patched(document, [Patch(pdo, _new_records(document, pdo))])
         device = DescribedDevice(document)
         records = next(each for each in device.pdos if each.key == pdo.upper())
-        entries = [_mapping_entry(device, *address_in(document, each), each) for each in targets]
+        carried = {each.address: each for each, _ in records.mapped()}
+        entries = [_mapping_entry(device, carried, each) for each in targets]
         bits = sum(each.bits for each in entries)
         if bits > PDO_BITS:
             raise LocalError(f"{pdo}: {bits} bits; a PDO has {PDO_BITS}")
@@ -125,33 +129,51 @@ def _default_cob_id(direction: PdoDirection, number: int) -> str:
     )
 
 
-def _mapping_entry(device: DescribedDevice, index: int, sub: int | None, target: str) -> MappingEntry:
-    variable = device.variable(index, sub or 0)
-    if variable is None or variable.type is None or not variable.type.bits:
+def _mapping_entry(device: DescribedDevice, carried: Mapping[Address, MappingEntry], target: str) -> MappingEntry:
+    """Return the entry of an object: as long as its type, or as the PDO carries it already; also of a dummy."""
+    index, sub = numbered(target) or (0, None)
+    if index not in DUMMIES:
+        index, sub = address_in(device.document, target)
+    address = index, sub or 0
+    if address in carried:  # a part of a text, or a BOOLEAN in a whole byte
+        return carried[address]
+    variable = device.variable(*address)
+    type_ = DATA_TYPES.get(index) if variable is None else variable.type  # a dummy need not be in the file
+    if type_ is None or not type_.bits:
         raise LocalError(f"{target}: it has no data type of a fixed length, and so cannot be mapped")
-    return MappingEntry(index, sub or 0, variable.type.bits)
+    return MappingEntry(*address, type_.bits)
 
 
 def _mapping(records: DescribedRecords, entries: Sequence[MappingEntry]) -> Iterator[ObjectPatch]:
     """Give what the records of a PDO say: its entries, 0 behind them, how many there are, and whether it is valid."""
     for sub, each in enumerate(entries, start=1):
-        is_there = records.entry(sub) is not None
-        new = {} if is_there else {"ParameterName": f"Application object {sub}", **MAPPED}
-        yield _patch(records.mapping_index, sub, {**new, "DefaultValue": f"0x{each.number:08X}"})
-    unused = [sub for sub in (records.mapping.subs if records.mapping else ()) if sub > len(entries)]
-    for sub in sorted(unused):
-        yield _patch(records.mapping_index, sub, {"DefaultValue": "0x00000000"})
-    yield _patch(records.mapping_index, 0, {"DefaultValue": str(len(entries))})
-    cob_id = records.value(values.COB_ID)
-    if cob_id and cob_id.value & values.BASE_IDENTIFIER:  # one without an identifier stays off
+        variable, text = records.entry(sub), f"0x{each.number:08X}"
+        if variable is None:
+            new = {"ParameterName": f"Application object {sub}", **MAPPED, "DefaultValue": text}
+            yield _patch((records.mapping_index, sub), new)
+        else:
+            yield from _with_value(variable, each.number, text)
+    for variable in records.mapping.variables() if records.mapping else ():
+        if variable.sub == 0:
+            yield from _with_value(variable, len(entries), str(len(entries)))
+        elif variable.sub > len(entries):
+            yield from _with_value(variable, 0, "0x00000000")
+    cob_id, setting = records.value(values.COB_ID), records.setting(values.COB_ID)
+    if setting and cob_id and cob_id.value & values.BASE_IDENTIFIER:  # one without an identifier stays off
         number = cob_id.value & ~values.NOT_VALID if entries else cob_id.value | values.NOT_VALID
-        if number != cob_id.value:
-            text = f"{values.NODE_ID}+0x{number:X}" if cob_id.relative else f"0x{number:08X}"
-            yield _patch(records.index, values.COB_ID, {"DefaultValue": text})
+        text = f"{values.NODE_ID}+0x{number:X}" if cob_id.relative else f"0x{number:08X}"
+        yield from _with_value(setting, number, text)
 
 
-def _patch(index: int, sub: int, entries: Mapping[str, str]) -> ObjectPatch:
-    return ObjectPatch(f"0x{index:04X}:{sub}", 0, [Entry(key, text, 0, 1) for key, text in entries.items()])
+def _with_value(variable: DescribedVariable, number: int, text: str) -> Iterator[ObjectPatch]:
+    """Give the patch by which a variable has a number, in the key in which it has its value; none if it has it."""
+    if variable.value is None or variable.value.value != number:
+        key = "ParameterValue" if variable.section.text("parametervalue") else "DefaultValue"
+        yield _patch((variable.index, variable.sub), {key: text})
+
+
+def _patch(address: Address, entries: Mapping[str, str]) -> ObjectPatch:
+    return ObjectPatch(label(address), 0, [Entry(key, text, 0, 1) for key, text in entries.items()])
 
 
 def profile(name: str) -> Change:
@@ -174,11 +196,7 @@ def edited(data: bytes, file: str, changes: Sequence[Change]) -> bytes:
 
     Raises DictionaryError and LocalError for a change that cannot be made, and for a file that has no lines to change.
     """
-    if formats.is_xml(data):
-        raise DictionaryError(file, None, "a device description in XML; `export eds` makes the EDS that says the same")
-    before = cia306.read(data)
-    if before.hiding:
-        raise DictionaryError(file, None, f"not a readable EDS: line {before.hiding.line}: {before.hiding.kind.value}")
+    before = readable(data, file)
     after = before
     for each in changes:
         after = each(after)
@@ -188,6 +206,17 @@ def edited(data: bytes, file: str, changes: Sequence[Change]) -> bytes:
         what = f"it is not {before.encoding} throughout; `lint --fix` makes it UTF-8"
         raise DictionaryError(file, None, what)
     return mark + _Lines(text, before).become(_with_lists(before, after)).encode(before.encoding)
+
+
+def readable(data: bytes, file: str) -> Document:
+    """Return an EDS or DCF whose text can be changed; raises DictionaryError for any other file."""
+    if formats.is_xml(data):
+        raise DictionaryError(file, None, "a device description in XML; `export eds` makes the EDS that says the same")
+    document = cia306.read(data)
+    if document.hiding:
+        what = f"not a readable EDS: line {document.hiding.line}: {document.hiding.kind.value}"
+        raise DictionaryError(file, None, what)
+    return document
 
 
 LINES = re.compile(r"[^\r\n]*(?:\r\n|\r|\n|$)")
@@ -206,7 +235,7 @@ class _Lines:
     def become(self, after: Document) -> str:
         """Return the text that says what another document says."""
         for name, section in after.sections.items():
-            if name in self._before.sections:
+            if name in self._before.sections and section is not self._before.sections[name]:
                 self._change(self._before.sections[name], section)
         for name, section in self._before.sections.items():
             if name not in after.sections:
@@ -227,8 +256,8 @@ class _Lines:
                 start = entry.column - 1 if entry.value else len(line.rstrip("\r\n"))
                 end = start + len(entry.value)
                 self._lines[entry.line - 1] = line[:start] + new.entries[key].value + line[end:]
-        added = [f"{each.key}={each.value}" for key, each in new.entries.items() if key not in old.entries]
-        self._add(self._last(old), added)
+        if added := [f"{each.key}={each.value}" for key, each in new.entries.items() if key not in old.entries]:
+            self._add(self._last(old), added)
 
     def _drop(self, section: Section) -> None:
         """Take the lines of a section, and the empty ones before it."""
@@ -245,7 +274,7 @@ class _Lines:
 
     def _last(self, section: Section) -> int:
         """Return the number of the last line of a section that is not empty, nor a comment on what follows."""
-        end = next(each for each in self._headers if each > section.line)
+        end = self._headers[bisect_right(self._headers, section.line)]
         said = [each for each in range(section.line, end) if not self._is_aside(each)]
         return max([*said, *(each.line for each in section.entries.values())])
 

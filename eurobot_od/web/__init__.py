@@ -17,6 +17,9 @@ What a browser asks for is checked as on the command line (`requests`), and done
 of its own, as it may wait for a node. SDO transfers belong to a master with a bus of its own that shares the adapter
 (`tap`).
 
+The view of files needs no bus: the browser holds the text of an EDS and the history of its edits, and the `editor`
+makes each edit of the text that comes with it, as the command `edit` does.
+
 A view that only some networks have is a `Panel`: a script of its own, a description, and the events that it makes of
 messages. Nothing in here knows the robot.
 

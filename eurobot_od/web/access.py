@@ -65,10 +65,10 @@ class AccessRules(NamedTuple):
         named = f"[{host}]" if ":" in host else host
         return f"http://{named}:{port}/{asked}"
 
-    def refusal(self, headers: Mapping[str, str], shown: str, upgrade: bool = False) -> Denial | None:
+    def refusal(self, headers: Mapping[str, str], shown: str, acts: bool = False) -> Denial | None:
         """Return why a request is refused, None if it is not; `shown` is the token that came with it.
 
-        A websocket (`upgrade`) needs an Origin: browsers always send it.
+        What `acts`, a websocket or a POST, needs an Origin: browsers always send it with them.
         """
         host, origin = headers.get("Host", ""), headers.get("Origin")
         named = HOST.fullmatch(host)
@@ -77,7 +77,7 @@ class AccessRules(NamedTuple):
         ours = (LOCAL_NAME, self.host.lower(), *([urlsplit(self.origin).hostname] if self.origin else []))
         if not name or (name not in ours and not _is_address(name.strip("[]"))):
             return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
-        if origin not in (f"http://{host}", self.origin or "-") and (upgrade or origin is not None):
+        if origin not in (f"http://{host}", self.origin or "-") and (acts or origin is not None):
             return Denial(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
         if self.token and not is_token(shown, self.token):
             return Denial(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")

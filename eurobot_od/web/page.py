@@ -297,10 +297,11 @@ class Columns:
 
 
 FILES = Path(__file__).with_name("files")
-STYLES = ("uplot.css", "page.css")
+STYLES = ("uplot.css", "page.css", "files.css")
 SCRIPTS = (  # in this order: each uses the ones before it
     *("uplot.js", "dom.js", "store.js", "messages.js", "trace.js", "plots.js", "nodes.js", "objects.js", "send.js"),
     *("settings.js", "checks.js", "layouts.js"),
+    *("editor.js", "mapping.js", "filetree.js", "fileform.js", "files.js"),
     *("events.js", "drive.js", "page.js"),
 )
 

@@ -21,6 +21,7 @@ from aiohttp import WSMsgType, web
 from eurobot_od.errors import LocalError
 from eurobot_od.web.access import TOKEN, AccessRules
 from eurobot_od.web.connections import LONGEST_SILENCE, Connections
+from eurobot_od.web.editor import LONGEST_REQUEST as LONGEST_EDIT
 from eurobot_od.web.page import NOTHING, policy_of
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.views import objects, send
@@ -51,6 +52,12 @@ LOGGER = logging.getLogger(__name__)
 
 LONGEST_REQUEST = 1 << 16
 """Most bytes of a page's request, and of the body of an HTTP request, which is not read."""
+
+LONGEST_POSTS = {"/files": LONGEST_EDIT}
+"""The same of what is posted to a path, where it may be longer."""
+
+LONGEST_UPLOAD = 10.0
+"""Longest time for which what is posted may come, in s."""
 
 SILENCE = 20.0
 """Seconds after which a browser that does not answer a ping counts as gone."""
@@ -232,7 +239,7 @@ class _Server:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         shown = request.query.get(TOKEN) or request.cookies.get(_cookie(request), "")
-        refusal = self._access.refusal(request.headers, shown, upgrade=request.path in ("/live", *self._posts))
+        refusal = self._access.refusal(request.headers, shown, acts=request.path in ("/live", *self._posts))
         clock = asyncio.get_running_loop().time
         with self.connections.answering(request.protocol, clock, is_known=refusal is None):
             if refusal is not None:
@@ -253,7 +260,8 @@ class _Server:
         return web.Response(text=self._name)
 
     async def _post(self, request: web.Request) -> web.StreamResponse:
-        text = await self._posts[request.path]((await request.read()).decode("utf-8", "replace"))
+        body = await _body(request, LONGEST_POSTS.get(request.path, LONGEST_REQUEST))
+        text = await self._posts[request.path](body.decode("utf-8", "replace"))
         return web.Response(text=text, content_type="application/json")
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
@@ -283,6 +291,20 @@ class _Server:
             feeding.cancel()
             await asyncio.gather(feeding, return_exceptions=True)
         return socket
+
+
+async def _body(request: web.Request, longest: int) -> bytes:
+    """Return what is posted; raises what answers a body that is longer, or that comes too slowly."""
+    body = bytearray()
+    try:
+        async with asyncio.timeout(LONGEST_UPLOAD):
+            async for part in request.content.iter_any():
+                body += part
+                if len(body) > longest:
+                    raise web.HTTPRequestEntityTooLarge(longest, len(body), text=f"more than {longest} bytes\n")
+    except TimeoutError:
+        raise web.HTTPRequestTimeout(text="the request did not come in time\n") from None
+    return bytes(body)
 
 
 def _file_of(folder: Path, request: web.Request) -> web.StreamResponse:

@@ -396,10 +396,15 @@ class Session:
 
     # What is shown
 
-    def page(self, name: str, leave: bool = False) -> str:
-        """Return the page of the bus, with the devices and panels known now; `leave`: one may leave it for another."""
+    def page(self, name: str, leave: bool = False, editor: bool = False) -> str:
+        """Return the page of the bus, with the devices and panels known now.
+
+        `leave`: one may leave it for another; `editor`: its server edits files.
+        """
         about = {"name": name, "bitrate": self.bitrate, **described(self.decoder)}
-        return page(name, [about], list(map(type, self.panels)), live=True, learned=self.learned, leave=leave)
+        return page(
+            name, [about], list(map(type, self.panels)), live=True, learned=self.learned, leave=leave, editor=editor
+        )
 
     def snapshot(self, since: int, stretch: Stretch = NO_FRAMES, **more: object) -> str:
         """Return as JSON what has changed after a `turn`, -1 for everything, and a stretch of the history."""

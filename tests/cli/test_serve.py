@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import signal
 import sys
 from pathlib import Path
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -49,6 +51,8 @@ def test_logs_are_called_by_what_tells_them_apart(logs: list[str], names: list[s
         (["--origin", "bench.example"], 2, "bench.example is not an origin, such as https://bench.example"),
         (["--origin", "https://bench.example/page"], 2, "is not an origin"),
         (["--token-file", "no.token"], 2, "no.token"),
+        (["no.eds"], 2, "no.eds: No such file or directory"),
+        (["empty.log", "no.dcf"], 2, "no.dcf: No such file or directory"),
     ],
 )
 def test_what_is_refused(
@@ -102,6 +106,24 @@ def test_a_bus_is_served_until_it_is_told_to_end() -> None:
         _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
     assert "Traceback" not in err
+
+
+@pytest.mark.long
+@pytest.mark.posix
+def test_files_are_served_without_a_bus_and_without_a_log(log: Path) -> None:
+    file = shutil.copy(Path(__file__).parents[2] / "docs" / "motor.eds", log.parent)
+    for words, title in (([], "motor.eds"), ([str(log)], "friday.log")):
+        with command("serve", str(file), *words, "--listen", "127.0.0.1:0") as process:
+            address = line(process, "http://127.0.0.1:").split()[0]
+            with urlopen(address, timeout=PATIENCE) as answer:
+                assert f"<title>{title}</title>" in answer.read().decode()
+            asked = Request(f"{address}files", b'{"do": "list"}', {"Origin": address.rstrip("/")})
+            with urlopen(asked, timeout=PATIENCE) as answer:
+                listed = json.load(answer)["ok"]
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=PATIENCE)
+        assert [each["file"] for each in listed["files"] if each["origin"] == "named"] == [str(file)]
+        assert not any(each["saves"] for each in listed["files"])
 
 
 @pytest.mark.long

@@ -121,6 +121,30 @@ def test_the_number_of_pdos_is_that_of_their_records() -> None:
     assert edited(after, "motor.eds", [removed("1801"), removed("1A01")]) == MOTOR
 
 
+def test_what_a_pdo_carries_already_keeps_its_length_and_its_spelling() -> None:
+    # Half of a value, such as a BOOLEAN in a whole byte; and a line that is written otherwise than we write it.
+    before = MOTOR.replace(b"DefaultValue=0x20000110", b"DefaultValue=0x20000108").replace(
+        b"0x60640020", b"0x60640020 "
+    )
+    after = edited(before, "motor.eds", [mapped("TPDO1", ["2000:1", "2000:2"])])
+    assert difference(before, after) == (
+        [b"DefaultValue=3", b"DefaultValue=0x60640020 "], [b"DefaultValue=2", b"DefaultValue=0x00000000 "],
+    )  # fmt: skip
+    assert edited(before, "motor.eds", [mapped("TPDO1", ["2000:1", "2000:2", "6064"])]) == before
+
+
+def test_bits_that_carry_nothing_are_mapped_by_their_data_type() -> None:
+    after = edited(MOTOR, "motor.eds", [mapped("RPDO1", ["0x0006", "2000:3"])])
+    values = [each for each in difference(MOTOR, after)[1] if each.startswith(b"DefaultValue")]
+    assert values == [b"DefaultValue=2", b"DefaultValue=0x00060010"]  # what was there is one line further down
+
+
+def test_the_mapping_of_a_configuration_is_changed_where_it_has_its_values() -> None:
+    before = MOTOR.replace(b"DefaultValue=0x20000110", b"DefaultValue=0x20000110\nParameterValue=0x20000110")
+    after = edited(before, "motor.dcf", [mapped("TPDO1", ["2000:2", "2000:1", "6064"])])
+    assert b"DefaultValue=0x20000110\nParameterValue=0x20000210\n" in after
+
+
 def test_a_pdo_is_valid_while_it_carries_something() -> None:
     # An RPDO or TPDO that is valid and maps nothing is an error to some stacks (CANopenNode: EMCY 0x8200).
     made = edited(b"[FileInfo]\nFileName=new.eds\n", "new.eds", [profile("301")])

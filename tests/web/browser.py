@@ -40,6 +40,7 @@ class Page:
         self._loop, self._socket, self._numbers = loop, socket, itertools.count(1)
         self.complaints: list[str] = []
         self.may_lose_its_server = False
+        self._dragged: dict[str, Any] | None = None
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
 
@@ -58,7 +59,9 @@ class Page:
             self._note(said)
 
     def _note(self, said: dict[str, Any]) -> None:
-        """Keep what the page throws, and what the browser refuses it."""
+        """Keep what the page throws, what the browser refuses it, and what is dragged."""
+        if said.get("method") == "Input.dragIntercepted":
+            self._dragged = said["params"]["data"]
         if said.get("method") == "Runtime.exceptionThrown":
             details = said["params"]["exceptionDetails"]
             self.complaints.append(str(details.get("exception", details).get("description", details)))
@@ -112,6 +115,35 @@ class Page:
         }})""")
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, button="left", clickCount=1, **place)
+
+    def place(self, selector: str, along: float = 0.5) -> dict[str, float]:
+        """Scroll to an element, and return a place in its middle, or elsewhere along its width."""
+        found: dict[str, float] = self.run(f"""(found => {{
+            found.scrollIntoView({{block: "nearest"}});
+            const box = found.getBoundingClientRect();
+            return {{x: box.x + box.width * {along}, y: box.y + box.height / 2}};
+        }})(document.querySelector({json.dumps(selector)}))""")
+        return found
+
+    def drag(self, selector: str, to: str, along: float = 0.5) -> None:
+        """Drag an element with the mouse to a place along the width of another one."""
+        self.call("Input.setInterceptDrags", enabled=True)
+        self._dragged = None
+        place = self.place(selector)
+        self.call("Input.dispatchMouseEvent", type="mousePressed", button="left", clickCount=1, **place)
+        for step in (4, 8, 12):
+            moved = {**place, "x": place["x"] + step}
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **moved)
+        self.wait("true")  # the browser says what is dragged when it is asked something else
+        assert self._dragged is not None, f"{selector} is not dragged"
+        self.drop(self._dragged, to, along)
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", button="left", **self.place(to, along))
+        self.call("Input.setInterceptDrags", enabled=False)
+
+    def drop(self, data: dict[str, Any], to: str, along: float = 0.5) -> None:
+        """Drop what is dragged, such as files of the disk, at a place along the width of an element."""
+        for kind in ("dragEnter", "dragOver", "drop"):
+            self.call("Input.dispatchDragEvent", type=kind, data=data, **self.place(to, along))
 
     def press(self, key: str, text: str = "") -> None:
         """Press a key."""

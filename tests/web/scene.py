@@ -15,6 +15,7 @@ from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.desk import NO_EQUIPMENT, Desk, Equipment
+from eurobot_od.web.editor import EditableFile, FileEditor
 from eurobot_od.web.page import Panel, stop_message
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.server import served
@@ -44,14 +45,19 @@ class Served:
 
 @contextmanager
 def serving(
-    text: Callable[[], str], access: AccessRules = LOCAL, requests: Requests | None = None, port: int = 0
+    text: Callable[[], str],
+    access: AccessRules = LOCAL,
+    requests: Requests | None = None,
+    port: int = 0,
+    editor: FileEditor | None = None,
 ) -> Iterator[str]:
     """Serve a page in a thread; gives its address."""
     loop, stop, ready = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
     addresses: list[str] = []
 
     async def run() -> None:
-        async with served(text, access, port, requests) as address:
+        posts = {"/files": editor.post} if editor else {}
+        async with served(text, access, port, requests, posts) as address:
             addresses.append(address)
             ready.set()
             await stop.wait()
@@ -83,7 +89,10 @@ def live_page(
     session = Session(partial(open_bus, "virtual", channel), known, 500_000, lambda _: panels)
     try:
         requests = Requests(Desk(session, folder, control, stop_message(panels), equipment=equipment))
-        with serving(partial(session.page, channel), access, requests, port) as address:
+        editor = FileEditor(
+            lambda: [EditableFile(each.file, "network") for each in session.decoder.dictionaries], control
+        )
+        with serving(partial(session.page, channel, editor=True), access, requests, port, editor) as address:
             yield Served(address, session)
     finally:
         session.close()

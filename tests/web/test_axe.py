@@ -12,8 +12,10 @@ import pytest
 from environment import ROOT
 from interop_rows.tools import AXE_CORE, NODE_MODULES
 
+from eurobot_od.web.editor import EditableFile, FileEditor
+from eurobot_od.web.page import page
 from tests.web.browser import Page
-from tests.web.scene import channel, line, live_page
+from tests.web.scene import channel, line, live_page, serving
 from tests.web.test_drives import Bench, bench
 
 AXE = NODE_MODULES / "axe-core" / "axe.min.js"
@@ -50,6 +52,23 @@ def line_on_a_bus(folder: Path) -> Iterator[str]:
         yield served.address
 
 
+@contextmanager
+def a_file(_: Path) -> Iterator[str]:
+    """Serve a file alone, without a bus or a log."""
+    editor = FileEditor(lambda: [EditableFile(ROOT / "docs" / "motor.eds", "named")], control=True)
+    with serving(lambda: page("motor.eds", [], editor=True), editor=editor) as address:
+        yield address
+
+
+OPENED = """
+document.querySelectorAll('.tree details').forEach((each, place) => { each.open = place < 9; });
+document.querySelectorAll('#view-files details').forEach(each => { each.open = true; });
+document.querySelector('.item[data-key="8448"]')?.click();
+document.querySelector('#view-files .entry')?.click();
+"""
+"""What a person opens in the views: groups of objects, findings, an object with a finding, a mapping entry."""
+
+
 def serious(page: Page) -> list[Any]:
     """Return what axe-core finds of a page as it is."""
     page.run(AXE.read_text() + "; true")
@@ -60,7 +79,7 @@ def serious(page: Page) -> list[Any]:
 
 @needs_axe
 @pytest.mark.parametrize(("width", "height", "dark"), SIZES)
-@pytest.mark.parametrize("shown", [a_drive, line_on_a_bus])
+@pytest.mark.parametrize("shown", [a_drive, line_on_a_bus, a_file])
 def test_no_serious_finding_in_any_view_and_none_is_wider_than_the_window(
     shown: Callable[[Path], AbstractContextManager[str]],
     tmp_path: Path,
@@ -77,9 +96,7 @@ def test_no_serious_finding_in_any_view_and_none_is_wider_than_the_window(
         window.wait("!live || (connection.alive && document.body.classList.contains('control'))")
         for name in window.run("[...document.querySelectorAll('[role=tab]:not([hidden])')].map(tab => tab.id)"):
             window.run(f"document.querySelector('#{name}').click()")
-            window.run(
-                "document.querySelectorAll('.tree details').forEach((each, place) => { each.open = place < 9; })"
-            )
+            window.run(OPENED)
             window.run("new Promise(done => setTimeout(done, 300))")
             found[name] = serious(window), window.run("Math.max(document.documentElement.scrollWidth - innerWidth, 0)")
     assert {name: each for name, each in found.items() if each != ([], 0)} == {}

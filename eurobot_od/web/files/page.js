@@ -1,7 +1,8 @@
 "use strict";
 // The whole: the table of views, the header, which view is shown, the keys. The other scripts make the views.
 
-const VIEWS = [                             // in the order of their tabs; `if`: where there is one; `control`: it takes control; `whole`: it stands alone
+// In the order of their tabs; `if`: where there is one; `control`: it takes control; `whole`: it stands alone; `bare`: without a source
+const VIEWS = [
   {name: "messages", title: "Messages", make: messagesView},
   {name: "trace", title: "Trace", make: traceView, whole: true},
   {name: "plots", title: "Plots", make: plotsView},
@@ -13,6 +14,7 @@ const VIEWS = [                             // in the order of their tabs; `if`:
   {name: "drives", title: "Drives", make: drivesView, if: driven.length > 0},
   {name: "events", title: "Events", make: eventsView},
   {name: "diagnosis", title: "Diagnosis", make: diagnosisView, if: live || content.sources.some(each => each.diagnosis)},
+  {name: "files", title: "Files", make: filesView, if: content.editor === true, whole: true, bare: true},
   {name: "compare", title: "Compare", make: content.comparison && compareView, if: Boolean(content.comparison)},
 ];
 const TABLES = 100;                         // ms between two updates of tables and numbers
@@ -45,6 +47,7 @@ function statusLine() {
   const record = recordButton();
   const element = h("div", {class: "status", role: "status", "aria-live": "off"}, life.element, text, load, ...(live ? [freeze, ...record.elements, new Layouts().button] : []), ...leaveButton());
   return {element, show(time) {
+    if (!sources.length) return;
     const [worst] = sources.map(each => lifeOf(each, time)).sort((one, two) => WORST.indexOf(one.life) - WORST.indexOf(two.life));
     life.set(worst.life, worst.text);
     if (!live) {
@@ -153,6 +156,7 @@ class Tabs {                                // which view is shown; a panel has 
   draw(time, tables) {
     this.all.forEach((view, place) => { if (!this.sections[place].hidden && (tables || view.panel)) this.made[place].show(time); });
   }
+  get find() { const shown = this.made[this.all.indexOf(this.current)]; return shown.find && (() => shown.find()); }
   begins() { return Math.min(...this.made.map(each => each.begins ? each.begins() : Infinity)); }
 }
 
@@ -177,10 +181,11 @@ function reopen(begins) {                   // a log opens where there is someth
 function start() {
   const panels = content.panels.filter(each => panelMakers.has(each.name)).map(each => ({name: each.name, title: each.title,
     panel: true, make: () => perSource(source => panelMakers.get(each.name)(each.setup, source))}));
-  const tabs = new Tabs([...panels, ...VIEWS.filter(view => view.if !== false)]);
+  const tabs = new Tabs([...panels, ...VIEWS.filter(view => view.if !== false && (view.bare || sources.length))]);
   if (!live) reopen(tabs.begins());
-  const status = statusLine(), line = live ? null : timeline(), stop = stopButton(), failures = stopFailures();
+  const status = statusLine(), line = live || !sources.length ? null : timeline(), stop = stopButton(), failures = stopFailures();
   const alarms = h("div", {id: "alarms", class: "heard-only", role: "alert"});
+  document.body.classList.toggle("bare", !sources.length);
   document.body.append(...assembled(tabs, status, line, stop, failures, alarms));
   tabs.layout();
   keyboard(tabs);
@@ -219,7 +224,7 @@ function keyboard(tabs) {
     "+": () => clock.faster(1), "-": () => clock.faster(-1),
   };
   const bus = {"f": toggleFreeze, "Escape": () => { if (connection.control) quietly(stopNow()); }};
-  const find = () => { document.getElementById("tab-messages").click(); document.getElementById("search").focus(); };
+  const find = () => { if (tabs.find) { tabs.find(); return; } document.getElementById("tab-messages").click(); document.getElementById("search").focus(); };
   document.addEventListener("keydown", event => {
     const typing = event.target.closest("input:not([type=range]):not([type=checkbox]), select, textarea");
     if (event.ctrlKey || event.metaKey || event.altKey || (typing && event.key !== "Escape")) return;

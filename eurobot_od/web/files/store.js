@@ -305,8 +305,8 @@ const connection = {
   },
   follow(said) {                            // a device has shown what it is: the server has a page that lists it
     const told = this.state?.learned;
-    if (!said.control) { location.reload(); return true; }
-    if (told !== said.learned) toast("a device has shown what it is: load the page again to see it");  // a form may be half filled in
+    if (!said.control && !isUnsaved()) { location.reload(); return true; }
+    if (told !== said.learned) toast("a device has shown what it is: load the page again to see it");  // a form may be half filled in, or a file changed
     return false;
   },
   begin(said) {                             // connected, perhaps again: the server tells its whole history anew
