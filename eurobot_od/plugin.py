@@ -161,13 +161,19 @@ class Plugins(NamedTuple):
         fitting = (each for each in self.packages if each.is_for(identity))
         return max(fitting, key=lambda each: len(each.identity), default=NOTHING)
 
+    def package_of(self, device: Dictionary) -> Plugin:
+        """Return the most exact package for a device; NOTHING if there is none."""
+        from eurobot_od.od.identity import Identity
+
+        return self.for_identity(Identity.of(device))
+
     def of(self, device: Dictionary) -> Plugin:
         """Return the plug-in that knows a device, NOTHING if none does."""
-        return self.robot if self.robot.role_of(device) else self.for_identity(device.identity)
+        return self.robot if self.robot.role_of(device) else self.package_of(device)
 
     def present(self, devices: Iterable[Dictionary]) -> list[Plugin]:
         """Return the robot, and the packages of the devices of a network, each once."""
-        found = [self.robot, *(self.for_identity(each.identity) for each in devices)]
+        found = [self.robot, *(self.package_of(each) for each in devices)]
         return [each for number, each in enumerate(found) if each is not NOTHING and each not in found[:number]]
 
     def procedure(self, identity: Sequence[int], content: bytes, force: bool = False) -> DownloadProcedure:
@@ -202,7 +208,7 @@ class Plugins(NamedTuple):
         from eurobot_od.device.simulated import SimulatedDevice
 
         role = self.robot.role_of(device)
-        make = self.robot.nodes[role] if role else self.for_identity(device.identity).device
+        make = self.robot.nodes[role] if role else self.package_of(device).device
         kind: type[Node] = (make() if make else None) or otherwise or SimulatedDevice
         for name in faults:
             able, fault = self.find_fault(name)

@@ -283,7 +283,7 @@ def sdo_request(dice: Dice) -> Frame:
     dictionary = files(dice.dialect)[name]
     request = dice.clients[name].request(IDLE)
     address = address_in(request.ljust(MOST_BYTES, b"\0"))
-    return Frame(0x600 + dictionary.node_id, request[:1] if address == dictionary.node_id_address else request)
+    return Frame(0x600 + dictionary.node_id, request[:1] if address == dictionary.device.node_id_address else request)
 
 
 def nmt_command(dice: Dice) -> Frame:

@@ -71,7 +71,7 @@ def killed(store: FileStore, dictionary: Dictionary, generation: int, after: flo
 def restarted(store: FileStore, dictionary: Dictionary) -> set[int]:
     """Return the generations that a restarted device finds in its settings."""
     device = Device(dictionary, store)
-    return {device.number(address) for address in SETTINGS}
+    return {device.objects.number(address) for address in SETTINGS}
 
 
 def run(times: int, seed: int, folder: Path) -> list[str]:

@@ -49,7 +49,7 @@ from eurobot_od.errors import NodeRefused
 with simulated("docs/motor.eds", node_id=5) as network:
     with suppress(NodeRefused):
         network[5][0x1800, 2].raw = 0
-    print(network.devices[5].device.aborted.reason.name)  # TRANSMISSION_TYPE
+    print(network.devices[5].device.sdo_service.aborted.reason.name)  # TRANSMISSION_TYPE
 ```
 
 Made from the table in `eurobot_od/sdo/wire.py` by `tools/make_pages.py`; a test provokes each row. The name leads to

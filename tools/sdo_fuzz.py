@@ -378,7 +378,7 @@ def run(dictionary: Dictionary, requests: int, seed: int) -> int:
     """Send a number of requests to a device; return how many it answered with an abort. Raises Fault."""
     chance = random.Random(seed)
     device, judge, client = Device(dictionary), Judge(dictionary), RandomClient(dictionary, chance)
-    rx, tx = device.sdo_requests, device.sdo_answers
+    rx, tx = device.sdo_service.requests, device.sdo_service.answers
     device.start(0.0)
     aborts = 0
     for number in range(requests):

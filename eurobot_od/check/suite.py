@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import STATE_NAMES
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import flagged_fields
 from eurobot_od.pdo.protocol import Protocol as Messages

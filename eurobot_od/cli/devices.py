@@ -20,11 +20,12 @@ from eurobot_od.errors import DictionaryError, FileError, LocalError, MappingErr
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
 from eurobot_od.loading import DEVICES
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
-from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.maker import read_maker
 from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
+from eurobot_od.od.sdo_channels import SdoChannel, moved_server
 from eurobot_od.pdo.in_force import Describe, nothing_known
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.plugin import NOTHING, Plugin, Plugins
@@ -383,9 +384,9 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
     # By file: two nodes may share one, and it was repaired once.
     for file, each in {each.file: each for each in dictionaries}.items():
         # A guess first: what follows may be hidden behind "and 4 more".
-        changes = sorted(each.changes, key=lambda change: not change.guessed)
+        changes = sorted(each.normal.deviations, key=lambda change: not change.guessed)
         repaired = [f"line {change.line}: {change.what}" for change in changes]
-        lost = [str(refusal) for refusal in each.left_out]
+        lost = [str(refusal) for refusal in each.normal.refusals]
         for done, found, lister in (
             ("repaired to be read", repaired, "lint --fix"),
             (f"{amount(len(lost), 'object')} left out" if len(lost) > 1 else "left out", lost, "lint"),
@@ -403,7 +404,7 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
 
 def completeness(dictionaries: Iterable[Dictionary]) -> ExitStatus:
     """Return FOUND if objects of a file are left out: what is printed, or green, is not the whole device."""
-    return ExitStatus.FOUND if any(each.left_out for each in dictionaries) else ExitStatus.FINE
+    return ExitStatus.FOUND if any(each.normal.refusals for each in dictionaries) else ExitStatus.FINE
 
 
 @contextmanager
@@ -503,7 +504,7 @@ class Target(Access):
             return None
         found = devices.describer(())(node.node_id, read_numbers(node))
         if found is not None:
-            complain_of_repairs([found] if found.left_out else ())  # what was repaired, `devices` and `lint` say
+            complain_of_repairs([found] if found.normal.refusals else ())  # what was repaired, `devices` and `lint` say
             node.master.follow(found)
         return found
 

@@ -209,7 +209,7 @@ def eds(file: DeviceFile, *, output: Output = None, device: OneDevice) -> None:
     dictionary = device.load(file)
     complain_of_repairs([dictionary])
     name = output.name if output else f"{dictionary.file.stem}.eds"
-    write_dcf(output, Dcf(eds_text(dictionary, name).encode(dictionary.encoding), {}))
+    write_dcf(output, Dcf(eds_text(dictionary, name).encode(dictionary.normal.encoding), {}))
 
 
 def dcf(

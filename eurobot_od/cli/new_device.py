@@ -12,6 +12,7 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.device.profiles import SimulatedDrive, SimulatedModule, simulated_kind
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.make.device import device_eds, read_device_table
 from eurobot_od.od.objects import all_objects, limits
 from eurobot_od.od.units import RAW, scale_of
@@ -93,7 +94,7 @@ def _texts(name: str, module: str, device: Dictionary) -> dict[str, str]:
         raise LocalError(f"{device.file}: it has no number of its own (0x2000 and above) to give a unit")
     example = next((each for each in numbers if scale_of(each) == RAW), numbers[0])
     at = label((example.index, example.subindex))
-    vendor, product, *_ = device.identity
+    vendor, product, *_ = Identity.of(device)
     words = {
         "KIND_MODULE": "profiles" if issubclass(kind, (SimulatedDrive, SimulatedModule)) else "simulated",
         "KIND": kind.__name__,

@@ -25,9 +25,10 @@ from eurobot_od.device.simulated import Waveform, read_waveforms
 from eurobot_od.device.station import OnError
 from eurobot_od.errors import LocalError, RemoteError, look_up
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary, moved_server
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import NodeFile
 from eurobot_od.od.objects import address_of, find_one, given
+from eurobot_od.od.sdo_channels import moved_server
 from eurobot_od.od.standard import SERIAL, UNCONFIGURED, node_id_words
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.pdo.kinds import describe

@@ -29,6 +29,7 @@ from eurobot_od.errors import LocalError, NoAnswer, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.renumbering import renumbered
 from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, MOST_SUBS, NOT_VALID, label
@@ -387,7 +388,7 @@ def program(
         raise LocalError(f"{file}: the file is empty")
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:
         described = target.known_description(node)
-        identity = described.identity if described else read_identity(node)
+        identity = Identity.of(described) if described else read_identity(node)
         procedure = target.devices.plugins.procedure(identity, content, force)
         loaded = load(node, content, number, not no_crc, progress, described, procedure)
     print(f"node {node.node_id}: program {number}: {loaded.text}")

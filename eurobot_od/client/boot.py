@@ -118,7 +118,7 @@ async def _identified(node: RemoteNode, dictionary: Dictionary) -> str:
     # 0 or no number in the file means that any device type will do (CiA 302-2, 0x1F84).
     if wanted and found != wanted:
         raise BootFailed(BootError.DEVICE_TYPE, f"device type 0x{found or 0:08X}, its file has 0x{wanted:08X}")
-    for sub, (error, wanted) in enumerate(zip(IDENTITY_ERRORS, dictionary.identity), start=1):
+    for sub, (error, wanted) in enumerate(zip(IDENTITY_ERRORS, Identity.of(dictionary)), start=1):
         found = await _number(node, (standard.IDENTITY, sub), error) if wanted else wanted
         if found != wanted:
             name = Identity._fields[sub - 1]
@@ -128,7 +128,7 @@ async def _identified(node: RemoteNode, dictionary: Dictionary) -> str:
 
 async def _configured(node: RemoteNode, dictionary: Dictionary, now: datetime) -> str:
     """Load the configuration of a DCF, unless the slave says that it already has it."""
-    if dictionary.commissioned_node_id is None:
+    if dictionary.device.commissioned_node_id is None:
         return "an EDS: its own configuration"
     if not any(map(dictionary.has_own_value, dictionary.addresses())):
         return "no ParameterValue: its own configuration"

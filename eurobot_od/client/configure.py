@@ -275,7 +275,7 @@ def settings(dictionary: Dictionary) -> list[tuple[ODVariable, bytes]]:
         index, subindex = address_of(thing)
         # What a mapping holds beyond its number of entries is left over from another one.
         count = dictionary.default((index, 0)) if pdo_of(index) not in (None, index) else None
-        if dictionary.is_parameter((index, subindex)) and not (isinstance(count, int) and subindex > count):
+        if (index, subindex) in dictionary.parameters and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
             # A DCF may leave a value to the device: what it does not say stays as it is.
             if data is not None:
@@ -338,7 +338,7 @@ def check_file(
     dictionary: Dictionary, node_id: int, refused: OnRefused = fatal, by_default: OnRefused = unheard
 ) -> None:
     """Raise DictionaryError unless a DCF is complete and for this node-ID; see `check_whole`."""
-    intended = dictionary.commissioned_node_id
+    intended = dictionary.device.commissioned_node_id
     # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
     # depend on it.
     if intended is None:
@@ -393,7 +393,7 @@ def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterab
     """
     for thing, before, after in changes:
         is_own = before is not None and int.from_bytes(before, "little") == node.node_id
-        if is_own and address_of(thing) == dictionary.node_id_address:
+        if is_own and address_of(thing) == dictionary.device.node_id_address:
             what = f"{thing.qualname} {shown(thing, after)} is not the NodeID {node.node_id} of [{COMMISSIONING}]"
             raise errors.DictionaryError(dictionary.file, thing.index, what)
 
@@ -625,7 +625,9 @@ def differences(node: RemoteNode, dictionary: Dictionary, progress: Progress = u
             yield address
 
     answers = read_bytes(node, counted())
-    return diff.compare_live(device, answers, node.node_id, dictionary.configured(pdo_numbers(answers)).process_data)
+    return diff.compare_live(
+        device, answers, node.node_id, dictionary.configured(pdo_numbers(answers)).parameters.process_data
+    )
 
 
 @Procedure
@@ -680,13 +682,13 @@ def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
     For the mapping that a node has now, `dictionary` is the file's, `configured` with the node's PDO parameters.
     """
     things = objects.all_objects(dictionary.objects)
-    return (each for each in things if each.readable and dictionary.is_parameter(address_of(each)))
+    return (each for each in things if each.readable and address_of(each) in dictionary.parameters)
 
 
 def process_data(dictionary: Dictionary) -> list[ODVariable]:
     """Return what can be read and written and is not configuration, as it is process data."""
     things = (each for each in objects.all_objects(dictionary.objects) if each.readable and each.writable)
-    return [each for each in things if address_of(each) in dictionary.process_data]
+    return [each for each in things if address_of(each) in dictionary.parameters.process_data]
 
 
 def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[ObjectReading]:

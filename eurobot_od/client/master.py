@@ -32,7 +32,8 @@ from eurobot_od.bus.live.buses import Connection, failure
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
-from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import LARGEST, reason
 from eurobot_od.support.progress import Progress, unwatched

@@ -24,8 +24,9 @@ from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import DriveCommand, Mode, State
-from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.od.values import DATA_TYPES, ERROR_CONTROL_BASE, NMT_COB_ID, UNSIGNED16, UNSIGNED32, DataType
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import ClientCommand, Initiate, ServerCommand

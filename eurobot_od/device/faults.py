@@ -142,12 +142,12 @@ def emcy(node: Node) -> int | None:
 
 def sdo_answer(node: Node) -> int:
     """Answers of the SDO server."""
-    return node.device.sdo_answers
+    return node.device.sdo_service.answers
 
 
 def sdo_request(node: Node) -> int:
     """Requests to the SDO server."""
-    return node.device.sdo_requests
+    return node.device.sdo_service.requests
 
 
 def sync(node: Node) -> int:

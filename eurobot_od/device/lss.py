@@ -11,6 +11,7 @@ from math import inf
 from typing import Final, NamedTuple
 
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import ANY_BIT, BIT_RATES, LENGTH, LSS_IDENTITY, UNCONFIGURED, Lss, LssState
 from eurobot_od.od.values import NODE_IDS
 
@@ -61,7 +62,7 @@ class LssSlave:
         """Return the slave of a device with a file: its identity, with another `serial` unless None, and bit rates."""
         said = dictionary.device.document.text
         supported = [kbit for kbit in BIT_RATES if said("deviceinfo", f"baudrate_{kbit}") == "1"]
-        *kind, own = dictionary.identity
+        *kind, own = Identity.of(dictionary)
         return cls((*kind, own if serial is None else serial), commissioning, supported or tuple(BIT_RATES))
 
     @property

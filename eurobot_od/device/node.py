@@ -17,10 +17,11 @@ from eurobot_od.controller import Controller, Reporter
 from eurobot_od.device import node_class
 from eurobot_od.device.bound import Application, BoundObject, names_of
 from eurobot_od.device.device import Device
+from eurobot_od.device.hooks import NodeHooks
 from eurobot_od.device.lss import LssSlave
 from eurobot_od.device.objects import Store
 from eurobot_od.device.reaction import Reaction
-from eurobot_od.device.timers import LATE, Call, Timer, TimerAction, Timers
+from eurobot_od.device.timers import LATE, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od import fingerprints
@@ -30,7 +31,7 @@ from eurobot_od.od.values import Value
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, is_flagged
 
 
-class Node:
+class Node(NodeHooks):
     """A node, made from its EDS; `store` keeps its settings over a restart, without one they last while it runs.
 
     With `lss` a master finds it by LSS, and may give it its node-ID.
@@ -85,11 +86,7 @@ class Node:
 
     def _fingerprint(self, sub: int) -> Value:
         """Return a fingerprint by how messages are mapped now, whatever the file says (see `od.fingerprints`)."""
-        now = self.device.dictionary, self.device.objects.value
-        found = fingerprints.in_force(*now)
-        if sub == fingerprints.OF_ALL:
-            return fingerprints.of_all(found.values())
-        return fingerprints.own_in_force(*now).get([*found][sub - fingerprints.FIRST], fingerprints.NOT_MAPPED)
+        return fingerprints.at(sub, self.device.dictionary, self.device.objects.value)
 
     def controller(self, report: Reporter | None, clock: Callable[[], float]) -> Controller:
         """Return a CAN controller for the node, with the listeners and mailboxes of its kind; a hook for subclasses."""
@@ -105,7 +102,7 @@ class Node:
     def start(self, now: float) -> list[Frame]:
         """Switch the node on: boot-up, and everything that follows."""
         self.now = now
-        for what in self.device.refused:
+        for what in self.device.storage.refused:
             self.alarm(what)
         self._out += self.device.start(now)
         self.reset()
@@ -159,7 +156,7 @@ class Node:
         """Note that the bus is lost, and return the frames to send as soon as it is back."""
 
         def cut_off() -> Reaction:
-            self.device.bus_lost()
+            self.device.sdo_service.forget()
             self.cut_off()
             return Reaction([])
 
@@ -206,38 +203,12 @@ class Node:
         if not self._attended:
             self.wake()
 
-    # For subclasses
+    # For subclasses, beside `NodeHooks`
 
     def reset(self) -> None:
         """Go back to the state after power-on; subclasses add what is theirs."""
         self._timers.clear()
         self._soon.clear()
-
-    def halted(self) -> None:
-        """The node is no longer OPERATIONAL; a hook for subclasses."""
-
-    def cut_off(self) -> None:
-        """The bus is lost, so nobody can command the node: by default the same as `halted`."""
-        self.halted()
-
-    def heartbeat_lost(self, node_id: int) -> None:
-        """Another node has fallen silent; a hook for subclasses."""
-
-    def booted(self, node_id: int) -> None:
-        """A watched node has booted and so has forgotten everything; a hook for subclasses."""
-
-    def leave(self) -> Call[Any] | None:
-        """Begin what has to be done before the node is switched off; return its call, None if there is nothing to do.
-
-        Whoever runs the node waits for the call before they end it. It may be called from any thread.
-        """
-        return None
-
-    def switched_off(self) -> None:
-        """Give up whatever anybody still waits for: `receive` and `tick` will not be called again."""
-
-    def answered(self, frame: Frame) -> None:
-        """Take in another node's answer to one of our SDO requests; a hook for subclasses."""
 
     def soon(self, action: TimerAction) -> None:
         """Have `action` called, with the time, at the next `tick`: a caller from outside does not know the time."""
@@ -254,7 +225,7 @@ class Node:
             self._send(message)
 
     def _send(self, message: Message) -> None:
-        self._out += self.device.send(message, self.now)
+        self._out += self.device.pdo_service.send(message, self.now)
         self._call()
 
     def put(self, frame: Frame) -> None:

@@ -67,7 +67,7 @@ def wrong_handlers(kind: Any, node: type) -> Iterator[tuple[str, str]]:
             yield word, f"has a handler for {what}"
         if what := not_called_with(handler, HANDLER):
             yield word, f"has a handler for {word} {what}"
-        if (name := getattr(handler, "__name__", "")) in vars(node) and vars(kind).get(name) is handler:
+        if (name := getattr(handler, "__name__", "")) in dir(node) and vars(kind).get(name) is handler:
             yield name, f"has a handler named {name}, which hides {node.__name__}.{name}; give it another name"
 
 
@@ -148,7 +148,7 @@ def wrong_measured(kind: type, _: type) -> Iterator[tuple[str, str]]:
 
 def hidden_members(kind: type, node: type) -> Iterator[tuple[str, str]]:
     """Yield attributes that take the place of a method of ours and cannot be called as it is."""
-    bases = [base for base in kind.__mro__[1:] if issubclass(base, node)]
+    bases = [base for base in kind.__mro__[1:] if base in node.__mro__[:-1] or issubclass(base, node)]
     for name, member in vars(kind).items():
         owner = next((base for base in bases if name in vars(base)), None)
         is_replaced = name in LIFE and isinstance(member, FunctionType) and is_stand_in(kind)
@@ -251,8 +251,8 @@ def their_settings(kind: type) -> Iterator[str]:
 
 def check_attributes(node: object, base: type) -> None:
     """Raise NodeClassError if the node has a value of its own under the name of a method of `base`."""
-    for name in vars(node).keys() & vars(base).keys():
-        if isinstance(vars(base)[name], FunctionType) and not callable(vars(node)[name]):
+    for name in vars(node):
+        if isinstance(getattr(base, name, None), FunctionType) and not callable(vars(node)[name]):
             kind = type(node)
             what = f"sets self.{name}, which hides the method {base.__name__}.{name}; give it another name"
             raise NodeClassError(place_of(kind, f"self.{name}"), f"{kind.__name__} {what}")

@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 from eurobot_od.device.lss import Commissioning
 from eurobot_od.errors import Cause, DamagedFile, DictionaryError, FieldError, Refused, UnknownName
 from eurobot_od.od import dcf, values
-from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import COMMISSIONING, parse, read_bytes
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import data_type, initial, limits
-from eurobot_od.od.pdos import Part
+from eurobot_od.od.pdos import Part, part_of
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.od.standard import (
     COMMANDS,
     EMCY,
@@ -67,7 +69,20 @@ TELL_NOBODY: Mapping[Address, OnTold] = MappingProxyType({})
 
 def is_stored(dictionary: Dictionary, address: Address) -> bool:
     """Tell whether 0x1010 stores an object: every parameter, and the mark that they are verified."""
-    return address in VERIFY_CONFIGURATION or dictionary.is_parameter(address)
+    return address in VERIFY_CONFIGURATION or address in dictionary.parameters
+
+
+def unrestricted(objects: Objects, write: OnWrite) -> OnWrite:
+    """Return a function that gives a service no new COB-ID that another one has for good (CiA 301, 7.3.5)."""
+
+    def written(address: Address, value: Value) -> None:
+        cob_id = value & values.BASE_IDENTIFIER if isinstance(value, int) else 0
+        is_new = cob_id and cob_id != objects.raw(address) & values.BASE_IDENTIFIER
+        if is_new and values.owner(cob_id, values.RESTRICTED):
+            raise Abort(Reason.COB_ID_TAKEN)
+        write(address, value)
+
+    return written
 
 
 def out_of_limits(variable: ODVariable, value: Value) -> Reason | None:
@@ -167,7 +182,7 @@ class Objects:
 
     def _part(self, address: Address) -> Part | None:
         if address not in self._parts:
-            self._parts[address] = self.dictionary.part(address)
+            self._parts[address] = part_of(self.dictionary.objects, self.dictionary.variable(address))
         return self._parts[address]
 
     def configuration(self) -> dict[Address, Value]:
@@ -193,7 +208,7 @@ class Objects:
         try:
             value = self.value(address)
             if type_ == values.VISIBLE_STRING and isinstance(value, str):
-                return value.encode(self.dictionary.encoding)
+                return value.encode(self.dictionary.normal.encoding)
             if value is None and type_.size:  # a text or a file may be missing, a number never is
                 return initial(variable) or bytes(type_.size)
             return type_.write(value)
@@ -229,7 +244,7 @@ class Objects:
             self._writers.get(address[0], self.put)(address, value)
         except Refused as refused:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
-        if self.kept(address) != before and self._in_force().is_parameter(address):
+        if self.kept(address) != before and address in self._in_force().parameters:
             # Once it is changed, the configuration is no longer the verified one (CiA 301, 7.5.2.23).
             self.values |= {mark: 0 for mark in VERIFY_CONFIGURATION if self.dictionary.variable(mark)}
 
@@ -262,7 +277,7 @@ def predefined(dictionary: Dictionary) -> dict[Address, int]:
     identifiers = {**BROADCASTS, **{address: base + dictionary.node_id for address, base in BASES.items()}}
     # Only where the file is silent: an identifier that it gives counts, even if it is not valid.
     silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
-    identity = {(IDENTITY, sub): number for sub, number in enumerate(dictionary.identity, start=1) if number}
+    identity = {(IDENTITY, sub): number for sub, number in enumerate(Identity.of(dictionary), start=1) if number}
     # An identity of another width than CiA 301's keeps what its own object says.
     identity = {at: number for at, number in identity.items() if _fits(dictionary.variable(at), number)}
     given = {address: identifiers[address] for address in silent if dictionary.default(address) is None}

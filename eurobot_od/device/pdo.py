@@ -235,7 +235,7 @@ class Pdos:
         if not dummy and not (variable.pdo_mappable and variable.access_type in values.MAPPABLE[direction]):
             raise Abort(Reason.NOT_MAPPABLE)
         try:
-            return dictionary.mapped(index, entry)
+            return dictionary.pdo_reader(dictionary.default).mapped(index, entry)
         except MappingError as error:
             raise Abort(Reason.MAPPED_BITS, str(error)) from error
 

@@ -14,7 +14,7 @@ from eurobot_od.device.nmt import NmtStates
 from eurobot_od.device.objects import Objects
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.reaction import Reaction
-from eurobot_od.device.timers import Deadlines
+from eurobot_od.device.timers import Deadlines, Plan
 from eurobot_od.errors import FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ErrorCode
@@ -25,11 +25,14 @@ from eurobot_od.pdo.kinds import Catalogue, Message
 class PdoService:
     """The PDOs of a device from one reset to the next; all times are in s.
 
-    `pdos` are its PDOs as they are configured now, `nmt` says whether they may be sent and received.
+    `pdos` are its PDOs as they are configured now, `nmt` says whether they may be sent and received. What is sent later
+    is in the device's `plan`.
     """
 
-    def __init__(self, objects: Objects, catalogue: Catalogue, nmt: NmtStates, emergencies: Emergencies) -> None:
-        self._dictionary, self._nmt, self._emergencies = objects.dictionary, nmt, emergencies
+    def __init__(
+        self, objects: Objects, catalogue: Catalogue, nmt: NmtStates, emergencies: Emergencies, plan: Plan
+    ) -> None:
+        self._dictionary, self._nmt, self._emergencies, self._plan = objects.dictionary, nmt, emergencies, plan
         self.pdos = Pdos(objects, catalogue)
         self._process = ProcessData(objects)
         self._pacing = Pacing(self.pdos.inhibit_time, self.pdos.event_timer)
@@ -137,8 +140,14 @@ class PdoService:
 
     # What goes
 
-    def sendable(self, message: Message) -> Binding:
-        """Return the TPDO of a message; raises StateError if there is none, or if the NMT state does not allow it."""
+    def transmit(self, message: Message) -> Frame:
+        """Return the frame of a message as this device would send it.
+
+        Raises StateError if it is not one of its TPDOs or if its NMT state does not allow it, FieldError for a value.
+        """
+        return self._sendable(message).encode(message)
+
+    def _sendable(self, message: Message) -> Binding:
         binding = self.pdos.sent.get(type(message))
         if binding is None:
             raise StateError(f"{self._dictionary.name} has no TPDO for {type(message).__name__}; {self._has('send')}")
@@ -150,15 +159,26 @@ class PdoService:
         return f"{self._dictionary.file} says what it can {way}"
 
     def send(self, message: Message, now: float) -> list[Frame]:
-        """Return the frame of a message; none if it waits for SYNC or its inhibit time; raises as `sendable` does."""
-        binding = self.sendable(message)
+        """Return the frame of a message to send now; none if it has to wait for SYNC or for its inhibit time.
+
+        Raises the errors of `transmit`.
+        """
+        binding = self._sendable(message)
         frame = binding.encode(message)
         if frame.data:  # into the objects as well: an SDO, a SYNC or a remote frame has to find what was sent last
             self._process.note(binding, frame.data)
-        return self._admit(binding, frame, now)
+        frames = self._admit(binding, frame, now)
+        if not frames:
+            self._plan.at(self.next)
+        return frames
 
     def changed(self, now: float, may_go: Callable[[Binding], bool] | None = None) -> list[Frame]:
-        """Return the event-driven TPDOs whose values have changed, and that `may_go` does not refuse."""
+        """Return the event-driven TPDOs whose values have changed since this was last asked.
+
+        It is for a device whose application sends nothing by itself. Each TPDO counts as changed when the device
+        becomes OPERATIONAL. One that goes with the next SYNC waits for it (transmission type 0), an inhibited one is
+        held back, and one that `may_go` refuses is passed over until its next change.
+        """
         self._process.settle()
         if not self._nmt.operational:
             return []
@@ -166,6 +186,7 @@ class PdoService:
         for binding, frame in self._process.changed(self._following):
             if may_go is None or may_go(binding):
                 frames += self._admit(binding, frame, now)
+        self._plan.at(self.next)
         return frames
 
     def _admit(self, binding: Binding, frame: Frame, now: float) -> list[Frame]:

@@ -125,7 +125,7 @@ class SimulatedDevice(Node):
         return super().tick(now) + self._changed()
 
     def _changed(self) -> list[Frame]:
-        return self.device.changed(self.now)
+        return self.device.pdo_service.changed(self.now)
 
     def reset(self) -> None:
         """Start over, and the waveforms as well."""

@@ -100,7 +100,7 @@ class Station:
         """Tell the node that the bus is lost."""
         with self.node.guard:
             # The transfer they belong to is given up: after the gap nobody is waiting for these answers.
-            self.controller.queue.withdraw(self.node.device.sdo_answers)
+            self.controller.queue.withdraw(self.node.device.sdo_service.answers)
             self._do(self.node.bus_lost, now)
 
     def _do(self, step: Callable[[float], list[Frame]], now: float) -> None:
@@ -155,10 +155,10 @@ class Station:
 
     def _submit(self, frames: list[Frame], now: float) -> None:
         queue, device = self.controller.queue, self.node.device
-        if frames and frames[0].cob_id == device.sdo_answers:
+        if frames and frames[0].cob_id == device.sdo_service.answers:
             # One transfer at a time: a client that asks again no longer waits for the earlier answer. Without this, the
             # answers to a client that asks for block after block would pile up.
-            queue.withdraw(device.sdo_answers)
+            queue.withdraw(device.sdo_service.answers)
         for frame in frames:
             stay = device.stay(frame)
             # A stop is repeated: it is enough if one of a kind waits.

@@ -21,7 +21,7 @@ class Storage:
     """
 
     def __init__(self, dictionary: Dictionary, store: Store | None, lss: LssSlave | None) -> None:
-        self._own, self._store, self._lss = dictionary.node_id_address, store, lss
+        self._own, self._store, self._lss = dictionary.device.node_id_address, store, lss
         if lss:
             lss.store = self._store_commissioning
         self.refused: tuple[str, ...] = ()

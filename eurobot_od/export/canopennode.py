@@ -205,7 +205,7 @@ class _ObjectReader:
 
     def _group(self, index: int) -> str:
         """Return the storage group of an object of which the file says none."""
-        is_setting = any(map(self._dictionary.is_parameter, ((index, sub) for sub in self._dictionary.members[index])))
+        is_setting = any((index, sub) in self._dictionary.parameters for sub in self._dictionary.members[index])
         if index in range(values.FIRST, 0x2000):
             return "PERSIST_COMM" if is_setting or index == standard.IDENTITY else "RAM"
         return self._application if is_setting and not self._is_stacks_own else "RAM"

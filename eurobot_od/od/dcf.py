@@ -70,9 +70,9 @@ def with_contents(
         if values[index, sub] is None:
             values[index, sub] = beside = FileBeside(f"{stem}-{index:04X}-{sub}.bin")
             files[beside.name] = data
-    name = node_name if is_text(node_name, eds.encoding) else ""
+    name = node_name if is_text(node_name, eds.normal.encoding) else ""
     text = with_values(eds.device, values, node_id, name, baudrate_kbit)
-    return Dcf(text.encode(eds.encoding), files)
+    return Dcf(text.encode(eds.normal.encoding), files)
 
 
 def content(dcf: Dictionary, address: Address) -> bytes | None:
@@ -94,7 +94,7 @@ def content(dcf: Dictionary, address: Address) -> bytes | None:
     value = variable.value or None
     if not isinstance(value, str):
         return None if value is None else type_.write(value)
-    return value.encode(dcf.encoding if type_ == VISIBLE_STRING else UNICODE_BYTES)
+    return value.encode(dcf.normal.encoding if type_ == VISIBLE_STRING else UNICODE_BYTES)
 
 
 def _value(eds: Dictionary, address: Address, data: bytes) -> Value:
@@ -102,7 +102,7 @@ def _value(eds: Dictionary, address: Address, data: bytes) -> Value:
     variable = eds.variable(address)
     if variable is None:
         raise UnknownName("object", label(address))
-    type_, encoding = data_type(variable), eds.encoding
+    type_, encoding = data_type(variable), eds.normal.encoding
     if type_.size:
         try:
             return type_.read(data)
@@ -169,7 +169,7 @@ def eds_text(dictionary: Dictionary, file_name: str) -> str:
     rewriting = Rewriting(device.document)
     left_out = {COMMISSIONING.lower(), "devicecommissioning", CONNECTED}
     for name, section in device.document.sections.items():
-        if name in left_out or (dictionary.has_modules and is_of_modules(name)):
+        if name in left_out or (dictionary.normal.has_modules and is_of_modules(name)):
             rewriting.drop(section)
     for _, section in device.object_sections:
         for key in OF_ONE_DEVICE:

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 from eurobot_od.od import values
 from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, TYPED, Document, Entry, Section
-from eurobot_od.od.standard import MANDATORY
-from eurobot_od.od.values import MappingEntry, Multiplex, Number, PdoDirection, PdoRecords, parse_number
+from eurobot_od.od.standard import MANDATORY, UNCONFIGURED
+from eurobot_od.od.values import Address, MappingEntry, Multiplex, Number, PdoDirection, PdoRecords, parse_number
 
 
 class ObjectCode(Enum):
@@ -366,3 +366,29 @@ class DescribedDevice:
         own = (self.objects[index] for index in sorted(self.objects) if index in values.MANUFACTURER)
         settings = (each for whole in own for each in whole.subs.values())
         return next((each for each in settings if each.name.lower() in values.NODE_ID_NAMES), None)
+
+    @property
+    def node_id_address(self) -> Address | None:
+        """Where the device keeps its own node-ID among its settings; None if it does not."""
+        return (self.own_node_id.index, self.own_node_id.sub) if self.own_node_id else None
+
+    @property
+    def commissioned_node_id(self) -> int | None:
+        """The NodeID of the commissioning; None in an EDS."""
+        number = self.commissioned("nodeid")
+        return number.value if number else None
+
+    @property
+    def said_node_id(self) -> int | None:
+        """The node-ID that is commissioned, or else the value of the device's own setting.
+
+        `$NODEID` as that value says that the setting is the node-ID, but not which one.
+        """
+        commissioned = self.commissioned("nodeid")
+        if commissioned:
+            return None if commissioned.relative else commissioned.value
+        own = self.own_node_id
+        settings = [own.number(key) for key in ("parametervalue", "defaultvalue")] if own else []
+        # A setting of 0xFF says that the device has not been given a node-ID yet (CiA 305).
+        said = (each.value for each in settings if each and not each.relative and each.value != UNCONFIGURED)
+        return next(said, None)

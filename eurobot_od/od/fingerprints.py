@@ -92,6 +92,14 @@ def in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[
     return {name: own.get(name, number) for name, number in said.items()}
 
 
+def at(sub: int, dictionary: Dictionary, value: Callable[[Address], Value]) -> int:
+    """Return the fingerprint at a sub-index of a node's object, as these values map its messages now."""
+    found = in_force(dictionary, value)
+    if sub == OF_ALL:
+        return of_all(found.values())
+    return own_in_force(dictionary, value).get([*found][sub - FIRST], NOT_MAPPED)
+
+
 def own_in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[str, int]:
     """Return the fingerprints of a node's own PDOs by name, as these values map them now."""
     return {pdo.name: of_pdo(pdo) for pdo in dictionary.read_pdos(value, lambda _: None)}

@@ -104,6 +104,11 @@ class Normal(NamedTuple):
         return self.read or DescribedDevice(parse(self.text))
 
     @property
+    def deviations(self) -> list[Change]:
+        """What the file does not write as CiA 306 asks for, and was read as it is meant."""
+        return [each for each in self.changes if not each.standard]
+
+    @property
     def about(self) -> str:
         """What the text says of the device: all but its objects."""
         first = AN_OBJECT.search(self.text)

@@ -149,13 +149,13 @@ class Part(NamedTuple):
         return whole & ~(self._mask << self.low) | (value & self._mask) << self.low
 
 
-def part_of(objects: ObjectDictionary, variable: ODVariable) -> Part | None:
+def part_of(objects: ObjectDictionary, variable: ODVariable | None) -> Part | None:
     """Return what a slice is a part of: the member so named of the record without ` slices`.
 
     None for a variable that is not a slice, and for a slice without a whole.
     """
-    match = values.SLICE.match(variable.name)
-    if match is None:
+    match = None if variable is None else values.SLICE.match(variable.name)
+    if variable is None or match is None:
         return None
     record, name = objects.indices[variable.index].name.removesuffix(SLICES), match["name"]
     # Slices are the maker's, and so are the values that they are parts of.

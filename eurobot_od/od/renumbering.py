@@ -119,7 +119,7 @@ def renumbered(dcf: Dictionary, node_id: int, chosen: ChosenCobIds | None = None
     `chosen` says what becomes of COB-IDs that do not follow the node-ID. Raises DictionaryError that lists them if it
     is None, and for one that cannot be moved.
     """
-    device, former = dcf.device, dcf.commissioned_node_id
+    device, former = dcf.device, dcf.device.commissioned_node_id
     if former in (None, node_id) or device.commissioning is None or former not in values.NODE_IDS:
         return dcf
     found = chosen_cob_ids(device, former)
@@ -131,7 +131,7 @@ def renumbered(dcf: Dictionary, node_id: int, chosen: ChosenCobIds | None = None
     for each in found if chosen is ChosenCobIds.MOVE else ():
         rewriting.set(each.variable.section, "ParameterValue", f"0x{each.moved(node_id - former):X}")
     rewriting.set(device.commissioning, "NodeID", node_id)
-    return type(dcf).read(rewriting.text().encode(dcf.encoding), dcf.file, node_id, dcf.name)
+    return type(dcf).read(rewriting.text().encode(dcf.normal.encoding), dcf.file, node_id, dcf.name)
 
 
 def _question(found: list[ChosenCobId], former: int, node_id: int) -> str:

@@ -20,9 +20,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import cia402, profiles, standard, values
-from eurobot_od.od.dictionary import Dictionary, sdo_channels
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.profiles import variable_text
+from eurobot_od.od.sdo_channels import sdo_channels
 from eurobot_od.od.values import (
     ALL_NODES,
     UNSIGNED8,
@@ -189,7 +191,7 @@ class InForce:
         Return its description by the one file for such devices; None without one, with several, or if that node-ID has
         a file.
         """
-        return self._renumber([each for each in self._files.values() if _is_of(each.identity, identity)], node_id)
+        return self._renumber([each for each in self._files.values() if _is_of(Identity.of(each), identity)], node_id)
 
     def renumber_only(self, heard: Set[int], node_id: int) -> Dictionary | None:
         """Take in that the one device on a bus has a new node-ID; of several files that of the one that was `heard`.

@@ -60,9 +60,10 @@ from typing import Any, NamedTuple, TypeAlias
 from eurobot_od.bus import longest_frame
 from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od import standard, values
-from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import NetworkFile, TrafficEntry
 from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.support import svg, texts
 from eurobot_od.support.texts import columns

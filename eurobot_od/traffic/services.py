@@ -12,9 +12,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od import standard, values
-from eurobot_od.od.dictionary import Dictionary, sdo_channels
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type, measured, physical
 from eurobot_od.od.profiles import dictionary_of
+from eurobot_od.od.sdo_channels import sdo_channels
 from eurobot_od.od.standard import LSS_IDENTITY, Lss, LssState
 from eurobot_od.od.units import RAW, scale_of
 from eurobot_od.od.values import ALL_NODES, Address, Value

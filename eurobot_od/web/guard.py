@@ -12,8 +12,9 @@ from collections.abc import Iterable
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia401
-from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import Pdo, unheard
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.od.values import (
     ALL_NODES,
     NMT_COB_ID,

@@ -23,7 +23,8 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
-from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.entries import Damage, Raw

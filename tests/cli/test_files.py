@@ -229,7 +229,7 @@ def test_modules_become_objects_of_an_eds(tmp_path: Path, capsys: pytest.Capture
     assert run(capsys, "export", "eds", coupler, "--module", "1,1", "-o", str(file)).status == 0
     flat, modular = Dictionary.load(file, 1), Dictionary.load(coupler, 1, modules=["1", "1"])
     assert flat.members.keys() == modular.members.keys() > Dictionary.load(coupler, 1).members.keys()
-    assert (flat.has_modules, flat.idle_modules) == (False, ())
+    assert (flat.normal.has_modules, flat.idle_modules) == (False, ())
     assert run(capsys, "lint", coupler, "--module", "77").complaint.startswith(
         f"eurobot-od: {coupler}: module 77 is not supported"
     )

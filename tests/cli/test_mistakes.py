@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
+from eurobot_od.traffic.formats import FORMATS
 from tests.check.suites import HEAD
 from tests.cli.console import Said, run
 from tests.kit import plant
@@ -134,9 +135,8 @@ MISTAKES = {
     "a file that is no log": (
         "decode|picture.png",
         2,
-        "picture.png: not a known log; --format names its format (log, candump, console, old, message, asc, trc, crtd, "
-        "yacht, carbus, microchip, csv, busmaster, gvret, ixxat, kvaser, columns, blf, db, mf4, pcap, pcapng); any "
-        "other program's frames are read as CSV whose first line names the columns: time, id, data",
+        f"picture.png: not a known log; --format names its format ({', '.join(FORMATS)}); any other program's frames "
+        "are read as CSV whose first line names the columns: time, id, data",
     ),
     "a node-ID too high": ("read|200|0x1000|-i|virtual", 2, "node-ID 200 is not in 1..127"),
     "a node that is not there": (

@@ -307,14 +307,14 @@ def test_a_setting_is_one_unless_its_profile_or_a_mapping_in_force_says_otherwis
     head: str, index: str, access: str, is_one: bool
 ) -> None:
     text = head + variable(index, "Value", "UNSIGNED8", "1").replace("AccessType=rw", f"AccessType={access}")
-    assert Dictionary.read(text.encode(), Path("a.eds"), 5).is_parameter((int(index, 16), 0)) is is_one
+    assert ((int(index, 16), 0) in Dictionary.read(text.encode(), Path("a.eds"), 5).parameters) is is_one
 
 
 def test_what_a_master_has_mapped_is_process_data_from_then_on() -> None:
     eds = DEVICE_TYPE + RPDO + variable("2000", "One", "UNSIGNED8", "1") + variable("2001", "Two", "UNSIGNED8", "1")
     dictionary = Dictionary.read(eds.encode(), Path("a.eds"), 5)
     changed = dictionary.configured({(0x1600, 1): 0x20010008})
-    assert [{*each.process_data} for each in (dictionary, changed)] == [{(0x2000, 0)}, {(0x2001, 0)}]
+    assert [{*each.parameters.process_data} for each in (dictionary, changed)] == [{(0x2000, 0)}, {(0x2001, 0)}]
 
 
 @pytest.mark.parametrize("file", sorted(EDS.parent.glob("*.eds")), ids=lambda file: file.stem)

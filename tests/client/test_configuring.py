@@ -295,14 +295,14 @@ def test_a_value_that_was_right_before_and_is_lost_at_the_reset_is_told(make: Ca
 def test_a_configuration_writes_parameters_alone(tmp_path: Path, index: int, is_one: bool) -> None:
     file = tmp_path / "arm.eds"
     file.write_text(DEVICE_TYPE + variable(f"{index:04X}", "Anything", "UNSIGNED32"))
-    assert Dictionary.load(file, 5).is_parameter((index, 0)) is is_one
+    assert ((index, 0) in Dictionary.load(file, 5).parameters) is is_one
 
 
 def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
     file = tmp_path / "arm.eds"
     file.write_text(DEVICE_TYPE)
-    assert not Dictionary.load(file, 5).is_parameter((0x1000, 0))
-    assert not Dictionary.load(file, 5).is_parameter((0x2000, 0))
+    assert (0x1000, 0) not in Dictionary.load(file, 5).parameters
+    assert (0x2000, 0) not in Dictionary.load(file, 5).parameters
 
 
 # The file is wrong

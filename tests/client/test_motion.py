@@ -21,7 +21,7 @@ from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import DriveError
 from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import State
-from eurobot_od.od.dictionary import SdoChannel
+from eurobot_od.od.sdo_channels import SdoChannel
 from tests.client.servo import SERVO
 
 REQUESTS, ANSWERS = 0x605, 0x585

@@ -26,9 +26,9 @@ def started(file: Path) -> Device:
 
 def read(device: Device, address: Address) -> Frame:
     """Ask the device for an object; it answers at once, with a value or an abort."""
-    assert device.sdo_requests is not None
+    assert device.sdo_service.requests is not None
     request = bytes([0x40, *address[0].to_bytes(2, "little"), address[1], 0, 0, 0, 0])
-    (answer,) = device.receive(Frame(device.sdo_requests, request), 0.0).frames
+    (answer,) = device.receive(Frame(device.sdo_service.requests, request), 0.0).frames
     return answer
 
 
@@ -37,7 +37,7 @@ def test_boots_and_answers_for_every_object(file: Path) -> None:
     device = started(file)
     for address in device.dictionary.addresses():
         answer = read(device, address)
-        assert answer.cob_id == device.sdo_answers
+        assert answer.cob_id == device.sdo_service.answers
         assert answer.data[0] == 0x80 or answer.data[1:4] == bytes([*address[0].to_bytes(2, "little"), address[1]])
 
 
@@ -76,7 +76,7 @@ def described(tmp_path: Path, more: str) -> Path:
 
 def test_without_1200_it_has_the_default_sdo_server(tmp_path: Path) -> None:
     device = started(described(tmp_path, ""))
-    assert (device.sdo_requests, device.sdo_answers) == (0x605, 0x585)
+    assert (device.sdo_service.requests, device.sdo_service.answers) == (0x605, 0x585)
     assert read(device, (0x1000, 0)).data == bytes.fromhex("4300100012000000")
 
 

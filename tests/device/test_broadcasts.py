@@ -124,7 +124,7 @@ def test_stock_canopen_understands_the_emergencies() -> None:
     wire.send(TOO_SHORT)
     (entry,) = remote.emcy.active
     assert (entry.code, entry.register, entry.data) == (0x8210, 0x11, b"\x08\x01\x02\x00\x00")
-    wire.send(wired("panel").device.transmit(MoveTo(0, Ride.NORMAL, 0)))
+    wire.send(wired("panel").device.pdo_service.transmit(MoveTo(0, Ride.NORMAL, 0)))
     assert remote.emcy.active == []
 
 

@@ -89,10 +89,10 @@ def test_a_device_that_is_not_operational_sends_stops_only() -> None:
     for wire in (cabin, panel):
         wire.command(NmtCommand.ENTER_PRE_OPERATIONAL)
     with pytest.raises(StateError, match="cabin is PRE_OPERATIONAL"):
-        cabin.device.transmit(CheckCabinResponse())
+        cabin.device.pdo_service.transmit(CheckCabinResponse())
     with pytest.raises(StateError, match="panel is PRE_OPERATIONAL"):
-        panel.device.transmit(MoveTo(0, Ride.NORMAL, 0))
-    assert panel.device.transmit(Halt()) == STOP
+        panel.device.pdo_service.transmit(MoveTo(0, Ride.NORMAL, 0))
+    assert panel.device.pdo_service.transmit(Halt()) == STOP
 
 
 def test_a_stopped_device_forgets_the_transfer_under_way() -> None:
@@ -211,7 +211,7 @@ def test_restored_defaults_take_effect_with_a_reset() -> None:
     assert wire.read(*SETTING) == 333
     wire.command(NmtCommand.RESET_NODE)
     assert wire.device.node_id == 2
-    assert wire.device.number(SETTING) == 800
+    assert wire.device.objects.number(SETTING) == 800
     assert wired(store=store).read(*SETTING) == 800
 
 

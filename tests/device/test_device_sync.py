@@ -42,7 +42,7 @@ def states(wire: Wire, syncs: int) -> list[int]:
 
 
 def move(message: Message = MOVE) -> Frame:
-    return wired("panel").device.transmit(message)
+    return wired("panel").device.pdo_service.transmit(message)
 
 
 # TPDOs
@@ -64,8 +64,8 @@ def test_a_tpdo_goes_with_every_nth_sync(transmission_type: int, sent: list[int]
 
 def test_type_0_goes_with_the_next_sync_after_the_application_has_sent_it() -> None:
     wire = synchronous((STATE_TPDO, 0))
-    assert wire.device.send(StateResponse(1), wire.now) == []
-    assert wire.device.send(StateResponse(1500), wire.now) == []
+    assert wire.device.pdo_service.send(StateResponse(1), wire.now) == []
+    assert wire.device.pdo_service.send(StateResponse(1500), wire.now) == []
     assert wire.send(SYNC).frames == [wire.device.protocol.encode(StateResponse(1500))]
     assert states(wire, 2) == [0, 0]
 
@@ -74,7 +74,7 @@ def test_a_tpdo_that_follows_sync_goes_at_no_other_time() -> None:
     wire = synchronous((STATE_TPDO, 1))
     wire.write(0x1017, 0, 0, size=2)
     wire.write(STATE_TPDO, 5, 100, size=2)
-    assert wire.device.send(StateResponse(1500), wire.now) == []
+    assert wire.device.pdo_service.send(StateResponse(1500), wire.now) == []
     assert wire.wait(1.0).frames == []
     assert states(wire, 1) == [1]
 

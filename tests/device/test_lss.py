@@ -208,7 +208,7 @@ def test_that_a_device_has_no_node_id_is_stored_as_well(tmp_path: Path) -> None:
         ask(device, request)
     store = FileStore(file, Dictionary.load(MOTOR, 127))
     assert store.commissioned == (255, 500)
-    assert motor(255, store).device.refused == ()
+    assert motor(255, store).device.storage.refused == ()
 
 
 def test_a_device_that_cannot_store_says_so(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_a_refused_write_names_the_cause_and_changes_nothing(
 def test_a_setting_takes_effect_at_once() -> None:
     wire = wired()
     wire.write(0x2101, 1, 321, size=2)
-    assert wire.device.number((0x2101, 1)) == 321
+    assert wire.device.objects.number((0x2101, 1)) == 321
 
 
 @pytest.mark.parametrize("dialect", [lift.DIALECT, lift.REVERSED])
@@ -217,7 +217,7 @@ def test_a_device_starts_with_what_it_stored(store: FileStore) -> None:
     device.objects.write((0x2100, 1), b"\x09")
     device.objects.write((0x1010, 1), b"save")
     restarted = Device(CABIN, store)
-    assert restarted.number((0x2101, 1)) == 333
+    assert restarted.objects.number((0x2101, 1)) == 333
     assert restarted.node_id == 9
 
 
@@ -282,9 +282,9 @@ def test_a_stored_file_with_a_flipped_bit_is_refused_by_name_and_the_defaults_ar
     with pytest.raises(DamagedFile):
         store.load()
     device = Device(CABIN, store)
-    (said,) = device.refused
+    (said,) = device.storage.refused
     assert said.startswith(f"{store.file}: damaged: ")
-    assert device.number((0x2101, 1)) == 800
+    assert device.objects.number((0x2101, 1)) == 800
 
 
 OUT_OF_LIMITS = [
@@ -303,7 +303,7 @@ def test_a_stored_value_outside_the_limits_of_the_eds_is_refused_by_name_and_the
     store = FileStore(tmp_path / "stored.dcf", dictionary)
     store.save({address: value, (0x1400, 5): 7}, dictionary.node_id)
     device = Device(dictionary, store)
-    assert device.refused == (f"stored value refused: {what}; the default is taken",)
+    assert device.storage.refused == (f"stored value refused: {what}; the default is taken",)
     assert device.objects.value(address) == dictionary.default(address)
     assert device.objects.value((0x1400, 5)) == 7
 
@@ -318,9 +318,9 @@ def test_refused_values_are_told_by_emcy_at_each_start_until_the_device_stores_a
     assert len(alarms) == 1
     assert refused in node.receive(Frame(0x000, b"\x81\x02"), 1.0)
     node.device.objects.write((0x1010, 1), b"save")
-    assert node.device.refused == ()
+    assert node.device.storage.refused == ()
     assert refused not in node.receive(Frame(0x000, b"\x81\x02"), 2.0)
-    assert Node(CABIN, store=store).device.refused == ()
+    assert Node(CABIN, store=store).device.storage.refused == ()
 
 
 def test_a_file_that_is_no_dcf_is_refused(store: FileStore) -> None:
@@ -385,7 +385,7 @@ def test_what_is_stored_comes_back_to_the_byte_whatever_the_encoding_of_the_eds(
     device.objects.write(address, data)
     device.objects.write((0x1010, 1), b"save")
     restarted = module_with_a_store(tmp_path, encoding, NAMED)
-    assert restarted.refused == ()
+    assert restarted.storage.refused == ()
     assert restarted.objects.read(address) == data, why
 
 

@@ -56,7 +56,7 @@ def test_nobody_is_missed_while_all_are_there() -> None:
 def test_a_message_that_a_master_moves_and_widens_is_still_acted_on() -> None:
     building = Building()
     for name, index in (("panel", 0x1803), ("cabin", 0x1403)):
-        building.download("master", name, index, 1, 0x80000000 | building.nodes[name].device.number((index, 1)))
+        building.download("master", name, index, 1, 0x80000000 | building.nodes[name].device.objects.number((index, 1)))
         building.download("master", name, index + 0x200, 0, 0, size=1)
         for subindex, entry in enumerate(WIDE, 1):
             building.download("master", name, index + 0x200, subindex, entry)

@@ -66,22 +66,22 @@ def test_a_receiver_follows_a_new_identifier_and_mapping() -> None:
 def test_a_sender_follows_a_new_identifier_and_mapping() -> None:
     wire = wired("panel")
     wire.map_pdo(MOVE_TPDO, 0x123, *WIDE)
-    assert wire.device.transmit(MOVE) == Frame(0x123, WORD.to_bytes(6, "little"))
+    assert wire.device.pdo_service.transmit(MOVE) == Frame(0x123, WORD.to_bytes(6, "little"))
 
 
 def test_a_pdo_that_is_not_valid_is_neither_sent_nor_heard() -> None:
     panel, cabin = wired("panel"), wired("cabin")
-    frame = panel.device.transmit(MOVE)
+    frame = panel.device.pdo_service.transmit(MOVE)
     panel.write(MOVE_TPDO, 1, NOT_VALID | 0x108)
     cabin.write(MOVE_RPDO, 1, NOT_VALID | 0x108)
     with pytest.raises(StateError, match="panel has no TPDO for MoveTo"):
-        panel.device.transmit(MOVE)
+        panel.device.pdo_service.transmit(MOVE)
     assert cabin.send(frame).message is None
 
 
 def test_a_frame_is_packed_by_one_mapping_whatever_step_a_change_has_reached() -> None:
     wire = wired("panel")
-    old, new = wire.device.transmit(MOVE), Frame(0x108, WORD.to_bytes(6, "little"))
+    old, new = wire.device.pdo_service.transmit(MOVE), Frame(0x108, WORD.to_bytes(6, "little"))
     steps: list[tuple[int, int, int, int]] = [
         (MOVE_TPDO, 1, NOT_VALID | 0x108, 4),
         (MOVE_TPDO + 0x200, 0, 0, 1),
@@ -89,18 +89,18 @@ def test_a_frame_is_packed_by_one_mapping_whatever_step_a_change_has_reached() -
         (MOVE_TPDO + 0x200, 0, len(WIDE), 1),
         (MOVE_TPDO, 1, 0x108, 4),
     ]
-    sent: list[Frame | None] = [wire.device.transmit(MOVE)]
+    sent: list[Frame | None] = [wire.device.pdo_service.transmit(MOVE)]
     for index, subindex, value, size in steps:
         wire.write(index, subindex, value, size)
         valid = not wire.read(MOVE_TPDO, 1) & NOT_VALID
-        sent.append(wire.device.transmit(MOVE) if valid else None)
+        sent.append(wire.device.pdo_service.transmit(MOVE) if valid else None)
     assert sent == [old, *[None] * (len(steps) - 1), new]
 
 
 def test_a_pdo_without_data_is_sent_and_heard() -> None:
     wire = wired()
     wire.map_pdo(index_of(wire, "Check Cabin Response"), 0x33)
-    assert wire.device.transmit(CheckCabinResponse()) == Frame(0x33, b"")
+    assert wire.device.pdo_service.transmit(CheckCabinResponse()) == Frame(0x33, b"")
 
 
 def index_of(wire: Wire, name: str) -> int:
@@ -126,7 +126,7 @@ def test_stock_canopen_moves_a_pdo() -> None:
     pdo = remote.tpdo[MOVE_TPDO - 0x1800 + 1]
     pdo.cob_id = 0x234
     pdo.save()
-    assert wire.device.transmit(MOVE).cob_id == 0x234
+    assert wire.device.pdo_service.transmit(MOVE).cob_id == 0x234
 
 
 # What is refused
@@ -274,7 +274,9 @@ def test_a_mapping_that_sdo_accepts_encodes_every_value(node: str, kind: type[Me
             widths = [*bits[:place], width, *bits[place + 1 :]]
             refusal = refusal_of(wire, own.pdo.index, own.cob_id, widths)
             if refusal is None:
-                assert [wire.device.protocol.decode(*wire.device.transmit(each)) for each in values] == values, widths
+                assert [
+                    wire.device.protocol.decode(*wire.device.pdo_service.transmit(each)) for each in values
+                ] == values, widths
             else:
                 assert (refusal, width < bits[place]) == (AbortCode.INCOMPATIBLE, True)
 
@@ -293,7 +295,7 @@ def test_a_position_in_natural_widths_is_sent_when_it_is_known_unknown_and_asked
     read = wire.device.protocol.decode(0x205, bytes.fromhex("a10ff00a100007"))
     assert flagged_fields(read) == ["height", "sway", "sensor"]
     with pytest.raises(FieldError):
-        wire.device.transmit(read)
+        wire.device.pdo_service.transmit(read)
 
 
 # Values
@@ -302,26 +304,26 @@ def test_a_position_in_natural_widths_is_sent_when_it_is_known_unknown_and_asked
 @pytest.mark.parametrize("dialect", [lift.DIALECT, lift.REVERSED])
 def test_what_was_received_is_read_over_sdo(dialect: str) -> None:
     panel, cabin = wired("panel", dialect), wired("cabin", dialect)
-    cabin.send(panel.device.transmit(MOVE))
+    cabin.send(panel.device.pdo_service.transmit(MOVE))
     assert [cabin.read(0x2000, subindex) for subindex in range(1, 6)] == [1234, 0, 75, 0, 0]
 
 
 def test_what_was_received_under_an_old_mapping_keeps_its_meaning() -> None:
     panel, cabin = wired("panel"), wired("cabin")
-    cabin.send(panel.device.transmit(MOVE))
+    cabin.send(panel.device.pdo_service.transmit(MOVE))
     cabin.map_pdo(MOVE_RPDO, 0x123, *WIDE)
     assert [cabin.read(0x2000, subindex) for subindex in range(1, 6)] == [1234, 0, 75, 0, 0]
 
 
 def test_what_was_sent_is_read_over_sdo() -> None:
     wire = wired()
-    wire.device.send(PlaceResponse(1500, 1000, 90, Sensor.BELT), wire.now)
+    wire.device.pdo_service.send(PlaceResponse(1500, 1000, 90, Sensor.BELT), wire.now)
     assert [wire.read(0x2011, subindex) for subindex in range(1, 5)] == [1500, 1000, 90, 3]
 
 
 def test_a_frame_too_short_changes_no_value() -> None:
     panel, cabin = wired("panel"), wired("cabin")
-    cabin.send(panel.device.transmit(MOVE))
+    cabin.send(panel.device.pdo_service.transmit(MOVE))
     cabin.send(Frame(0x108, bytes(4)))
     assert cabin.read(0x2000, 1) == 1234
 
@@ -330,7 +332,7 @@ def test_a_frame_too_short_changes_no_value() -> None:
 def test_what_a_panel_sent_last_is_what_its_timed_tpdo_sends(dialect: str) -> None:
     wire = wired("panel", dialect)
     wire.write(MOVE_TPDO, 5, 100, size=2)
-    wire.device.send(MOVE, wire.now)
+    wire.device.pdo_service.send(MOVE, wire.now)
     wire.wait(0.1)
     assert wire.sent()[-1] == wire.device.protocol.encode(MOVE)
 
@@ -343,7 +345,7 @@ def test_an_event_timer_sends_a_tpdo_again_and_again_while_operational() -> None
     index = index_of(wire, "State Response")
     wire.write(0x1017, 0, 0, size=2)
     wire.write(index, 5, 200, size=2)
-    wire.device.send(StateResponse(1500), wire.now)
+    wire.device.pdo_service.send(StateResponse(1500), wire.now)
     wire.sent()
     assert wire.device.next_wakeup == pytest.approx(0.2)
     for _ in range(4):
@@ -362,12 +364,12 @@ def test_an_inhibit_time_holds_a_tpdo_back_and_the_newest_is_sent() -> None:
     wire.write(index, 3, 1000, size=2)
     wire.write(index, 1, 0x114)
     first, second, third = (wire.device.protocol.encode(StateResponse(time)) for time in (3, 2, 1))
-    assert wire.device.send(StateResponse(3), 0.0) == [first]
-    assert wire.device.send(StateResponse(2), 0.01) == []
-    assert wire.device.send(StateResponse(1), 0.02) == []
+    assert wire.device.pdo_service.send(StateResponse(3), 0.0) == [first]
+    assert wire.device.pdo_service.send(StateResponse(2), 0.01) == []
+    assert wire.device.pdo_service.send(StateResponse(1), 0.02) == []
     assert wire.device.next_wakeup == 0.1
     assert wire.wait(0.1).frames == [third]
-    assert wire.device.send(StateResponse(2), 0.15) == []
+    assert wire.device.pdo_service.send(StateResponse(2), 0.15) == []
     assert wire.wait(0.1).frames == [second]
 
 
@@ -377,4 +379,4 @@ def test_a_stop_is_never_held_back() -> None:
     wire.write(index, 1, NOT_VALID | 0x104)
     wire.write(index, 3, 1000, size=2)
     wire.write(index, 1, 0x104)
-    assert [wire.device.send(Halt(), 0.0) for _ in range(3)] == [[Frame(0x104)]] * 3
+    assert [wire.device.pdo_service.send(Halt(), 0.0) for _ in range(3)] == [[Frame(0x104)]] * 3

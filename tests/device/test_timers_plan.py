@@ -42,7 +42,7 @@ def inhibit_state(wire: Wire) -> None:
     wire.write(STATE, 1, NOT_VALID | 0x114)
     wire.write(STATE, 3, 1000, size=2)
     wire.write(STATE, 1, 0x114)
-    wire.device.send(StateResponse(3), wire.now)
+    wire.device.pdo_service.send(StateResponse(3), wire.now)
 
 
 def inhibit_emcy(wire: Wire) -> None:
@@ -62,7 +62,7 @@ PLANS: dict[str, tuple[Step, Step, float]] = {
     "another's heartbeat": (watch_panel, lambda wire: wire.send(error_control(PANEL, NmtState.OPERATIONAL)), 2.0),
     "an event timer, by a master": (lambda _: None, lambda wire: wire.write(STATE, 5, 200, size=2), 0.2),
     "an event timer, by a start": (stop_with_event_timer, lambda wire: wire.command(NmtCommand.START), 0.2),
-    "a TPDO held back": (inhibit_state, lambda wire: wire.device.send(StateResponse(2), wire.now), 0.1),
+    "a TPDO held back": (inhibit_state, lambda wire: wire.device.pdo_service.send(StateResponse(2), wire.now), 0.1),
     "an EMCY held back": (inhibit_emcy, lambda wire: wire.send(LONG_REQUEST), 0.1),
 }
 
@@ -81,5 +81,5 @@ def test_what_is_planned_is_noted(before: Step, step: Step, due: float) -> None:
 def test_a_message_plans_nothing() -> None:
     wire = wired()
     wire.device.plan.soonest = inf
-    assert wire.send(wired("panel").device.transmit(StateRequest())).message == StateRequest()
+    assert wire.send(wired("panel").device.pdo_service.transmit(StateRequest())).message == StateRequest()
     assert wire.device.plan.soonest == inf

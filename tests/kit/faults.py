@@ -298,7 +298,7 @@ def _a_setting(node: Node) -> Address | None:
     numbers = (each for each in own if each.access_type == "rw" and data_type(each).is_integer)
     # Sub-index 0xFF is the description of a structure; an object that gives the node-ID would move all its COB-IDs.
     addresses = (address_of(each) for each in numbers if each.subindex != STRUCTURE)
-    return next((each for each in addresses if each != node.device.dictionary.node_id_address), None)
+    return next((each for each in addresses if each != node.device.dictionary.device.node_id_address), None)
 
 
 # Remote frames, error control, SYNC

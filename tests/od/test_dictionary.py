@@ -368,7 +368,7 @@ def test_what_canopen_drops_is_set(data: bytes, attribute: str, value: object) -
 
 def test_the_node_id_is_that_of_the_device_without_a_commissioning_too() -> None:
     dictionary = Dictionary.read(described(), Path("a.eds"), 5)
-    assert (dictionary.objects.node_id, dictionary.commissioned_node_id) == (5, None)
+    assert (dictionary.objects.node_id, dictionary.device.commissioned_node_id) == (5, None)
 
 
 @pytest.mark.parametrize("made", [["from its file"], ["with its maker's words"]])

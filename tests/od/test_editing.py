@@ -112,7 +112,7 @@ def test_a_profile_makes_a_device_without_an_error(name: str) -> None:
     assert of_objects == []
     dictionary = Dictionary.read(made, Path("new.eds"), 5)
     assert {0x1000, 0x1001, 0x1018} < dictionary.members.keys()
-    assert dictionary.left_out == []
+    assert dictionary.normal.refusals == []
 
 
 def test_the_number_of_pdos_is_that_of_their_records() -> None:

@@ -48,7 +48,7 @@ def test_an_eds_made_an_xdd_and_an_eds_again_is_the_same_device_with_the_same_va
     loaded = Dictionary.load(file, 1)
     made = xdd_text(loaded).encode()
     back, changes = in_normal_form(made, "made.xdd")
-    device, unusable = load(file.read_bytes(), file.name), loaded.left_out
+    device, unusable = load(file.read_bytes(), file.name), loaded.normal.refusals
     for other in (made, back):
         found = compare(device, load(other, file.name), with_names=True)
         # what cannot be used as the file has it, such as a variable without a type, need not stay so
@@ -271,7 +271,9 @@ def test_what_an_editor_has_disabled_is_left_out_and_said() -> None:
     made = process('<parameter uniqueID="P"><UINT/><property name="CO_disabled" value="true"/></parameter>')
     dictionary = Dictionary.read(made, Path("a.xdd"), 5)
     assert (0x2000, 0) not in dictionary.addresses()
-    assert [each.what for each in dictionary.changes] == ["0x2000 left out: its editor has disabled it (CO_disabled)"]
+    assert [each.what for each in dictionary.normal.deviations] == [
+        "0x2000 left out: its editor has disabled it (CO_disabled)"
+    ]
 
 
 @pytest.mark.parametrize("depth", [1, 150])
@@ -314,7 +316,7 @@ def test_sub_indices_counted_in_decimal_are_read_as_meant(names: list[str], high
     dictionary = Dictionary.read(counted(*names, highest=highest), Path("a.eds"), 5)
     assert sorted(dictionary.members[0x2000]) == subs
     is_meant = subs == list(range(13)) and "10" in names
-    said = [each.what for each in dictionary.changes if "decimal" in each.what]
+    said = [each.what for each in dictionary.normal.deviations if "decimal" in each.what]
     assert said[:1] == ["section [2000sub10] named [2000subA]: its object counts in decimal"] * is_meant
     fixed = in_normal_form(counted(*names, highest=highest))[0]
     assert (b"[2000subC]" in fixed) is (subs == list(range(13)))
@@ -362,8 +364,8 @@ def test_a_value_with_one_reading_is_kept(text: str, type_: str, plain: str | No
 def test_sub_indices_without_their_object_are_a_record() -> None:
     text = DEVICE_TYPE + variable("2000sub0", "Count", "UNSIGNED8", "1") + variable("2000sub1", "One", "UNSIGNED8", "7")
     dictionary = Dictionary.read(text.encode(), Path("a.eds"), 5)
-    assert (dictionary.default((0x2000, 1)), dictionary.left_out) == (7, [])
-    assert "[2000] added: its sub-indices are there" in [each.what for each in dictionary.changes]
+    assert (dictionary.default((0x2000, 1)), dictionary.normal.refusals) == (7, [])
+    assert "[2000] added: its sub-indices are there" in [each.what for each in dictionary.normal.deviations]
 
 
 def test_entries_of_a_compact_mapping_have_the_access_of_their_number(tmp_path: Path) -> None:
@@ -454,7 +456,7 @@ def test_any_encoding_of_xml_is_read(encoding: str) -> None:
 def test_an_object_without_an_address_is_lost_and_counted(address: str, lost: list[str]) -> None:
     made = process("", 'dataType="0005" accessType="rw"').replace(b'index="2000"', address.encode())
     dictionary = Dictionary.read(made, Path("a.xdd"), 5)
-    assert [each.what for each in dictionary.left_out] == lost
+    assert [each.what for each in dictionary.normal.refusals] == lost
     assert ((0x2000, 0) in dictionary.addresses()) is not bool(lost)
 
 

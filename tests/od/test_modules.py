@@ -52,8 +52,8 @@ def application(dictionary: Dictionary) -> dict[Address, Value]:
 def test_connected_modules_bring_their_objects(modules: list[str], objects: dict[Address, Value]) -> None:
     dictionary = Dictionary.load(FILE, 5, modules=modules)
     assert application(dictionary) == objects
-    assert not dictionary.changes
-    assert not dictionary.left_out
+    assert not dictionary.normal.deviations
+    assert not dictionary.normal.refusals
 
 
 @pytest.mark.parametrize(("modules", "objects"), CONNECTED[2:])
@@ -129,7 +129,7 @@ def test_a_module_that_a_dcf_wrongly_connects_is_left_out_with_its_line() -> Non
     text = f"{TEXT}\n[ConnectedModules]\nNrOfEntries=2\n1=1\n2=9\n"
     dictionary = Dictionary.read(text.encode(), FILE, 5)
     assert application(dictionary) == OWN | {(0x6000, 0): 1, (0x6000, 1): 0}
-    (said,) = dictionary.left_out
+    (said,) = dictionary.normal.refusals
     assert str(said).startswith(f"line {text.count(chr(10))}: module 9 is not supported")
 
 

@@ -294,7 +294,7 @@ def defaults(data: bytes) -> dict[Address, Value]:
 def test_a_file_is_loaded_as_it_is_meant_and_what_was_looked_over_is_listed(variation: Variation) -> None:
     data = text_of(variation).encode()
     assert defaults(data) == DEFAULTS | variation.values
-    assert bool(load(data).changes) is variation.needs_repair
+    assert bool(load(data).normal.deviations) is variation.needs_repair
 
 
 @rows("variation", VARIATIONS)
@@ -418,7 +418,7 @@ def test_what_cannot_be_used_is_left_out_with_its_line(
     data = BASE.replace(old, new).encode()
     found = {address: value for address, value in defaults(data).items() if address[0] not in (0x2002, 0x2003)}
     assert found == {address: value for address, value in DEFAULTS.items() if address not in addresses}
-    assert [str(each) for each in load(data).left_out] == words
+    assert [str(each) for each in load(data).normal.refusals] == words
 
 
 def test_flags_of_what_is_left_out_are_left_out_as_well() -> None:

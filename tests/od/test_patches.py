@@ -72,7 +72,9 @@ def test_a_patch_counts_more_than_the_file(patch: str, address: Address, attribu
     found = loaded.variable(address)
     assert found is not None
     assert getattr(found, attribute) == value
-    assert not [change for change in loaded.changes if change not in Dictionary.load("base.eds", 5).changes]
+    assert not [
+        change for change in loaded.normal.deviations if change not in Dictionary.load("base.eds", 5).normal.deviations
+    ]
 
 
 def test_all_else_is_as_in_the_file() -> None:
@@ -117,7 +119,9 @@ def test_new_sub_indices_are_counted_where_sub_index_0_is_the_highest() -> None:
         "0x2200:255 Lamps.Structure",
     ]
     assert [loaded.number(each) for each in ((0x2200, 0), (0x2000, 0), (0x2201, 0))] == [3, 2, 1]
-    assert set(loaded.changes) == set(Dictionary.load("base.eds", 5).changes)  # SubNumber is right without a change
+    assert set(loaded.normal.deviations) == set(
+        Dictionary.load("base.eds", 5).normal.deviations
+    )  # SubNumber is right without a change
     assert loaded.number((0x1A00, 0)) == 0  # so many objects are mapped, which is for the patch to say
 
 
@@ -171,7 +175,7 @@ DCF = (
 def test_a_dcf_over_a_file_gives_its_values_and_says_which_node_it_is() -> None:
     Path("own.dcf").write_text(DCF)
     loaded = Dictionary.load("base.eds", patch=["own.dcf"])
-    assert (loaded.node_id, loaded.commissioned_node_id) == (9, 9)
+    assert (loaded.node_id, loaded.device.commissioned_node_id) == (9, 9)
     assert [loaded.default(each) for each in ((0x2001, 0), (0x2002, 2), (0x2000, 1))] == ["xyz", 11, 5]
     assert Dictionary.read(loaded.content, Path("again.dcf")).default((0x2002, 2)) == 11
 

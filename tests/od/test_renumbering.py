@@ -68,7 +68,7 @@ FOLLOWS = [
 @pytest.mark.parametrize(("address", "value", "moved"), FOLLOWS)
 def test_what_follows_the_node_id_moves_along(address: Address, value: int, moved: int) -> None:
     found = renumbered(of_node({address: value}), 6)
-    assert (found.default(address), found.node_id, found.commissioned_node_id) == (moved, 6, 6)
+    assert (found.default(address), found.node_id, found.device.commissioned_node_id) == (moved, 6, 6)
     assert chosen_cob_ids(of_node({address: value}).device, 5) == []
 
 

@@ -130,7 +130,7 @@ def test_a_device_type_that_is_open_is_a_drive_s_if_it_has_both_words(
     text = text.replace("DefaultValue=0x00020192", f"DefaultValue={device_type}")
     found = Dictionary.read(text.encode(), DOCS / "servo.eds", 5)
     assert words(od.at((0x6041, 0), found.objects), 0x40) == meaning
-    assert ((0x6064, 0) in found.process_data) is bool(meaning)
+    assert ((0x6064, 0) in found.parameters.process_data) is bool(meaning)
 
 
 # Where values are printed

@@ -45,7 +45,7 @@ def loaded(file: File) -> Dictionary:
     except DictionaryError:
         assume(False)
         raise
-    assume(not dictionary.left_out)
+    assume(not dictionary.normal.refusals)
     return dictionary
 
 

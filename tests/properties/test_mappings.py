@@ -32,7 +32,7 @@ def test_a_message_survives_every_mapping(mapping: tuple[dict[int, int], list[in
     entries = [0x2000_0000 | subindex << 8 | bits[subindex] for subindex in order]
     PANEL.map_pdo(0x1803, cob_id, *entries)
     CABIN.map_pdo(0x1403, cob_id, *entries)
-    frame = PANEL.device.transmit(move)
+    frame = PANEL.device.pdo_service.transmit(move)
     assert (frame.cob_id, len(frame.data)) == (cob_id, (sum(bits.values()) + 7) // 8)
     assert CABIN.send(frame).message == move
     assert [CABIN.read(0x2000, subindex) for subindex in sorted(WIDEST)] == list(move[:4])

@@ -250,19 +250,20 @@ def test_a_device_sends_each_abort(reason: Reason, tmp_path: Path) -> None:
         device = made(tmp_path)
         network.simulate(device)
         answers: list[bytes] = []
-        network.master.listeners[device.device.sdo_answers] = answers.append
+        network.master.listeners[device.device.sdo_service.answers] = answers.append
         for each in requests:
             if isinstance(each, NmtCommand):
                 network.nmt.command(each)
             else:
-                network.send(device.device.sdo_requests, each)
+                network.send(device.device.sdo_service.requests, each)
             network.sleep(0.01)
         network.sleep(TIMEOUT)
     assert [each[0] == ABORT for each in answers[-2:]] in ([True], [False, True]), answers
     assert Initiate.of(answers[-1]).number == reason.code
-    assert device.device.aborted is not None
-    assert device.device.aborted.reason is reason
-    assert (device.device.aborted.__traceback__, device.device.aborted.__context__) == (None, None), "holds a bus"
+    aborted = device.device.sdo_service.aborted
+    assert aborted is not None
+    assert aborted.reason is reason
+    assert (aborted.__traceback__, aborted.__context__) == (None, None), "holds a bus"
 
 
 WRITERS = {

@@ -25,7 +25,8 @@ from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import State
-from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.od.values import Address
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, SILENT, STOPS, Drives, MayMove, axes_of, units

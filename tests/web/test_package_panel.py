@@ -8,6 +8,7 @@ import pytest
 
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.loading import packages
+from eurobot_od.od.identity import Identity
 from eurobot_od.plugin import Plugins
 from eurobot_od.traffic.meaning import Decoder
 from tests.cli.console import run
@@ -21,7 +22,7 @@ def test_the_panel_of_a_package_is_on_the_page(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(capsys, "new-device", "gripper", "--package", "--eds", str(EDS)).status == 0
-    package = Plugins(packages=packages([str(tmp_path / "gripper" / "gripper")])).for_identity(SERVO.identity)
+    package = Plugins(packages=packages([str(tmp_path / "gripper" / "gripper")])).for_identity(Identity.of(SERVO))
     decoder, bus = Decoder([SERVO]), channel()
     decoder.others = dict(package.frames(SERVO))
     assert package.device is not None

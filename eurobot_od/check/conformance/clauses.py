@@ -206,11 +206,11 @@ class Subject:
 
     def request(self, data: bytes) -> Data:
         """Return the step that sends an SDO request as it is."""
-        return {"send": {"raw": f"{self.model.sdo_requests:03X}#{data.hex().upper()}"}}
+        return {"send": {"raw": f"{self.model.sdo_service.requests:03X}#{data.hex().upper()}"}}
 
     def answer(self, digits: str) -> Data:
         """Return the pattern of an answer of the SDO server, `?` for any digit."""
-        return {"raw": f"{self.model.sdo_answers:03X}#{digits}"}
+        return {"raw": f"{self.model.sdo_service.answers:03X}#{digits}"}
 
 
 # Steps with it

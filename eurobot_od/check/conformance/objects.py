@@ -12,6 +12,7 @@ from eurobot_od.check.conformance.clauses import NO_DEVICE_TYPE, Chapter, Clause
 from eurobot_od.check.conformance.step import BUSY, NO_BLOCKS, OUTSIDE, Data, Steps, codes, title
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import standard, values
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
 from eurobot_od.od.standard import COMMANDS, DEVICE_TYPE, ERROR_FIELD, IDENTITY
 from eurobot_od.od.values import COMMUNICATIONS, MAPPINGS, MOST_SUBS, NOT_SCANNED, Address, label
@@ -92,7 +93,7 @@ def _unknown_subindices(subject: Subject) -> Steps:
 
 @Clause(CHAPTER, "7.5.2.21", "Identity")
 def _identity(subject: Subject) -> Steps:
-    for subindex, number in enumerate(subject.dictionary.identity[:3], start=1):
+    for subindex, number in enumerate(Identity.of(subject.dictionary)[:3], start=1):
         each = subject.find((IDENTITY, subindex))
         if each is not None:
             yield _told(each, number)
@@ -141,7 +142,11 @@ def _defaults(subject: Subject) -> Steps:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
         # What the suite was given, and where it talks to the device: neither is always what the file says.
-        own = address_of(each) in (subject.dictionary.node_id_address, standard.SDO_REQUESTS, standard.SDO_ANSWERS)
+        own = address_of(each) in (
+            subject.dictionary.device.node_id_address,
+            standard.SDO_REQUESTS,
+            standard.SDO_ANSWERS,
+        )
         scanned = not subject.dictionary.flags(address_of(each)) & NOT_SCANNED
         if each.readable and scanned and configured and not own and each.index not in ACTING:
             yield from _default(each)
@@ -275,7 +280,7 @@ def _outside(each: ODVariable, too_low: Iterator[str], too_high: Iterator[str]) 
 def _other_values(subject: Subject) -> Steps:
     """Write another value to each of the device's own settings, and put back the one it had."""
     for each in _tried(subject):
-        own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.node_id_address
+        own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.device.node_id_address
         # What a PDO can carry is a process value: writing it may move something.
         if not (own and each.access_type == "rw" and not each.pdo_mappable and _has_value(each)):
             continue

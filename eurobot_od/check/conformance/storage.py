@@ -86,7 +86,7 @@ def _store_and_restore(subject: Subject, sub: int) -> tuple[ODVariable | None, O
 
 def _stays(subject: Subject) -> None:
     """Raise Lacks for a device that would have its file's node-ID once all is restored, where nobody asks it."""
-    own = subject.dictionary.node_id_address
+    own = subject.dictionary.device.node_id_address
     known = own is None or subject.dictionary.stock_value(own) is not None
     need(known, f"0x1011 may make the device another node: the file has no default for {own and label(own)}")
     moved = subject.dictionary.restored_node_id

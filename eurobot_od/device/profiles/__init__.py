@@ -273,7 +273,7 @@ class SimulatedModule(ProfileDevice):
     # What is sent
 
     def _changed(self) -> list[Frame]:
-        self.device.settle()
+        self.device.pdo_service.settle()
         operational = self.device.operational
         if operational and not self._begun:
             self._outputs.failed = False
@@ -286,7 +286,7 @@ class SimulatedModule(ProfileDevice):
         # Each TPDO is sent once when it may first be sent, whatever causes it later (CiA 301, 7.2.2.4).
         allowed = None if operational and not self._begun else partial(self._may_go, caused)
         self._begun = operational
-        return self.device.changed(self.now, allowed)
+        return self.device.pdo_service.changed(self.now, allowed)
 
     def _may_go(self, caused: set[Address], binding: Binding) -> bool:
         mapped = {each.address for each in binding.pdo.mapping}
@@ -381,9 +381,9 @@ class SimulatedDrive(ProfileDevice):
         return super().receive(frame, now)
 
     def _changed(self) -> list[Frame]:
-        self.device.settle()
+        self.device.pdo_service.settle()
         # 0x1006 is in microseconds (CiA 301, 7.5.2.6); 0 says that nobody sends SYNC.
-        period = self.device.number(SYNC_PERIOD) / 1_000_000 if self.dictionary.variable(SYNC_PERIOD) else 0.0
+        period = self.device.objects.number(SYNC_PERIOD) / 1_000_000 if self.dictionary.variable(SYNC_PERIOD) else 0.0
         for axis in self._axes:
             axis.sync_period = period or STEP
             axis.control(self.now)

@@ -419,7 +419,7 @@ def _own_values(dictionary: Dictionary) -> dict[Address, bytes]:
     found = {}
     for address in dictionary.addresses():
         variable = dictionary.variable(address)
-        if variable is not None and variable.value not in (None, variable.default) and dictionary.is_parameter(address):
+        if variable is not None and variable.value not in (None, variable.default) and address in dictionary.parameters:
             content = objects.default_bytes(variable)
             if content is not None:
                 found[address] = content

@@ -20,6 +20,7 @@ from eurobot_od.errors import ConfigurationError, LocalError, look_up
 from eurobot_od.lint.diff import place
 from eurobot_od.od.dcf import Dcf
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.renumbering import ChosenCobIds, renumbered
 from eurobot_od.od.values import label
@@ -206,7 +207,7 @@ def begin_program(desk: Desk, said: Arguments) -> int:
     name, content = desk.file(said)
     if not content:
         raise LocalError(f"{name}: the file is empty")
-    procedure = desk.equipment.procedure(target.device.identity, content, said.get("force") is True)
+    procedure = desk.equipment.procedure(Identity.of(target.device), content, said.get("force") is True)
     desk.confirm(said, f"{target.device.name} is stopped for {name}: what hangs on it is left to itself")
 
     def download(job: Job, master: Master, target: SetNode) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from eurobot_od.errors import DictionaryError, LocalError, YamlError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.make.device import device_eds, is_device_table, read_device_table
 
 TABLE = """device: {product: Thermometer, vendor: Example, vendor_number: 0x5F, product_number: 2}
@@ -32,7 +33,7 @@ def test_the_eds_says_what_the_table_says() -> None:
     assert is_device_table(TABLE)
     data = made(TABLE)
     dictionary = Dictionary.read(data, Path("thermometer.eds"), 5)
-    assert dictionary.identity == (0x5F, 2, 0x00010000, 0)
+    assert Identity.of(dictionary) == (0x5F, 2, 0x00010000, 0)
     assert [dictionary.default(each) for each in ((0x1000, 0), (0x1017, 0), (0x2100, 0))] == [0x000F0191, 250, 20]
     pdos = {each.title: (each.cob_id, each.valid, [m.address for m in each.mapping]) for each in dictionary.pdos}
     assert pdos["TPDO 1"] == (0x185, True, [(0x6401, 1)])

@@ -49,7 +49,7 @@ def test_a_node_that_falls_silent_during_a_goto_stops_the_drive(silent: str) -> 
 def test_goto_xy_moved_and_widened_by_a_master_still_drives_the_robot() -> None:
     match = Match()
     for name, index in (("core", 0x1803), ("drive", 0x1403)):
-        match.download("master", name, index, 1, 0x80000000 | match.nodes[name].device.number((index, 1)))
+        match.download("master", name, index, 1, 0x80000000 | match.nodes[name].device.objects.number((index, 1)))
         match.download("master", name, index + 0x200, 0, 0, size=1)
         for subindex, entry in enumerate(WIDE_X, 1):
             match.download("master", name, index + 0x200, subindex, entry)

@@ -483,13 +483,6 @@ def test_each_format_is_identified_by_its_first_bytes() -> None:
     assert formats.FORMATS.keys() - formats.CONTENT.groupindex.keys() == {"candump"}  # another name of `log`
 
 
-@pytest.mark.parametrize("form", formats.FORMATS)
-def test_each_format_is_read_in_a_test(form: str) -> None:
-    texts = [each.read_text("utf-8") for each in Path(__file__).parent.glob("test_*.py")]
-    # by its name or suffix, as a test of its own, or as a table of its lines
-    assert any(re.search(rf'"{form}"|\.{form}"|test_{form}|{form.upper()} = ', each) for each in texts)
-
-
 def test_the_page_lists_each_format() -> None:
     page = (Path(__file__).parents[3] / "docs" / "watching.md").read_text("utf-8")
     (listed,) = re.findall(r"`--format` names it: (.+?)\.", page, flags=re.DOTALL)

@@ -59,7 +59,7 @@ def other_values(dictionary: Dictionary) -> Iterator[tuple[Address, int]]:
     """Give another value to every parameter that can have any; PDOs another transmission type."""
     for each in parameters(dictionary):
         address, value, range_ = address_of(each), default_of(each), limits(each)
-        if address == dictionary.node_id_address or each.index in SAME:
+        if address == dictionary.device.node_id_address or each.index in SAME:
             continue
         if not isinstance(value, int) or range_ is None:
             continue

@@ -49,7 +49,7 @@ class SdoClientParameter(NamedTuple):
             index, _ = device.dictionary.address(CHANNEL_NAME.format(node))
         except DictionaryError:
             return None
-        return cls(*(device.number((index, subindex)) for subindex in (1, 2, 3)))
+        return cls(*(device.objects.number((index, subindex)) for subindex in (1, 2, 3)))
 
     def ask(self, address: Address) -> Frame:
         """Return the request for an object's value."""
@@ -118,7 +118,7 @@ def compare(core: CoreSettings, node: str) -> Script[None]:
         raise NodeMismatch(
             node, channel.node_id, f"has no message fingerprints (0x{FINGERPRINTS:04X}): make its EDS anew"
         )
-    if theirs != core.device.number((FINGERPRINTS, OF_ALL)):
+    if theirs != core.device.objects.number((FINGERPRINTS, OF_ALL)):
         what = yield from _what_differs(core, channel)
         if what:
             raise NodeMismatch(node, channel.node_id, f"maps messages differently: {what}", theirs)

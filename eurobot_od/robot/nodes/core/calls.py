@@ -107,7 +107,7 @@ class CallingNode(RobotNode):
         It is called on the core's thread, which waits for it, so it has to be quick. Raises StateError if the core has
         no RPDO for such a message.
         """
-        self.device.check_received(message)
+        self.device.pdo_service.check_received(message)
         self._told[message].append(function)
         return lambda: self._told[message].remove(function)
 

@@ -187,7 +187,7 @@ class Core(CoreSettings):
         )
         with self.guard:
             self.check_present()
-            self.device.transmit(configuration)  # raises if anything is wrong with it, and sends nothing yet
+            self.device.pdo_service.transmit(configuration)  # raises for a wrong one, and sends nothing yet
             if wrong := configuration.contradiction():
                 raise wrong
             self._resumption.end_recall()
@@ -243,7 +243,7 @@ class Core(CoreSettings):
         goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:
             self.check_present()
-            self.device.transmit(goto)  # raises if anything is wrong with it, and sends nothing yet
+            self.device.pdo_service.transmit(goto)  # raises for a wrong one, and sends nothing yet
             is_late = self.match_over
             call = self._gotos.begin(goto, timeout)
         if not is_late:
@@ -322,8 +322,8 @@ class Core(CoreSettings):
         """
         with self.guard:
             self._check_free(request)
-            self.device.transmit(request)  # raises if anything is wrong with it, and sends nothing yet
-            self.device.check_received(answer)
+            self.device.pdo_service.transmit(request)  # raises for a wrong one, and sends nothing yet
+            self.device.pdo_service.check_received(answer)
             return self.begin_ask(Ask(request, answer, timeout, 1))
 
     def hear(
@@ -334,7 +334,7 @@ class Core(CoreSettings):
         Nothing is sent. Raises StateError if the core has no RPDO for such a message; what `where` raises; NoAnswer.
         """
         with self.guard:
-            self.device.check_received(message)
+            self.device.pdo_service.check_received(message)
             return self.begin(self._hear(message, where, timeout)).call
 
     def _hear(

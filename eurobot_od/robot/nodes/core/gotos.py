@@ -80,7 +80,7 @@ class Gotos:
     def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
         core, stops = self._core, self._stops
         stops.goto_begins()
-        for frame in core.device.first_heartbeat():  # from now on the drive has to miss us
+        for frame in core.device.error_control.first_heartbeat():  # from now on the drive has to miss us
             core.put(frame)
         started, confirmed = core.now, None
         self.deviation, self._confirms = None, GotoConfirms(started, core.confirm_wait, core.transmissions)

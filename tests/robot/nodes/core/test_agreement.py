@@ -312,7 +312,7 @@ def test_each_node_says_the_fingerprints_that_the_table_made(dialect: str) -> No
         for sub in subs:
             says = sub == OF_ALL or named[sub] in own
             number = dictionary.number((FINGERPRINTS, sub)) if says else NOT_MAPPED
-            assert (named[sub], node.device.number((FINGERPRINTS, sub))) == (named[sub], number)
+            assert (named[sub], node.device.objects.number((FINGERPRINTS, sub))) == (named[sub], number)
     assert len({each.number((FINGERPRINTS, OF_ALL)) for each in dialects.load_all(dialect)}) == 1
 
 

@@ -487,7 +487,7 @@ def test_18_a_drive_that_has_arrived_by_its_wheels_alone_says_how_badly_it_knows
     deviations = bench.drive.estimate.deviations
     assert deviations is not None
     assert unsure.deviation == round(deviations.worst)
-    assert bench.core.device.number(bench.core.device.dictionary.address(DEVIATION)) == unsure.deviation
+    assert bench.core.device.objects.number(bench.core.device.dictionary.address(DEVIATION)) == unsure.deviation
 
 
 def test_18_an_answer_about_the_goto_before_is_tolerated(half: Bench) -> None:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.sdo_channels import SdoChannel, moved_server
 from tests.eds_text import DEVICE_TYPE, record, variable
 
 USUAL, OF_NODE_5, AT_650 = SdoChannel(0x606, 0x586), SdoChannel(0x605, 0x585), SdoChannel(0x650, 0x5D5)
