@@ -85,7 +85,7 @@ def test_what_a_pdo_maps_is_mappable(device: DescribedDevice) -> None:
 def test_it_is_a_device_like_any_other() -> None:
     content = od_file(Dictionary=VALUES, UserMapping=USER, Name="Drive", Type="slave")
     dictionary = Dictionary.read(content, Path("drive.od"), 5)
-    assert not dictionary.left_out
+    assert not dictionary.normal.refusals
     assert dictionary.number((0x1018, 1)) == 0x1234
 
 
