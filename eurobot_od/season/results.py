@@ -104,8 +104,8 @@ def record_of(record: type, row: Mapping[str, Any]) -> Any:
     return record(**{name: form.made(row[name]) for name, form in fields(record).items()})
 
 
-MOST_ROWS, MOST_BYTES = 1_000_000, 64 << 20
-"""Most rows of a file that is read into memory, and most bytes of them: a few pages can say billions of rows."""
+MOST_ROWS, MOST_BYTES, AT_ONCE = 1_000_000, 32 << 20, 4 << 20
+"""Most rows of a file that is read into memory, most bytes of them, and of a batch: a few pages can say billions."""
 
 
 def verified(file: Path, schema: pa.Schema | None = None) -> pa.Table | None:
@@ -134,7 +134,7 @@ def _read(opened: pq.ParquetFile) -> pa.Table | None:
         (each.column(n).total_uncompressed_size for each in groups for n in range(each.num_columns)), default=1
     )
     batches, size = list[pa.RecordBatch](), 0
-    for batch in opened.iter_batches(min(max(MOST_BYTES // max(longest, 1), 1), MOST_ROWS)):
+    for batch in opened.iter_batches(min(max(AT_ONCE // max(longest, 1), 1), MOST_ROWS)):
         size += batch.nbytes
         if size > MOST_BYTES:
             return None
