@@ -12,6 +12,7 @@ from typing import Any
 from eurobot_od.device.timers import START, Call, Pause, Script
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core.calls import LEAVING
 from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.nodes.core.match_clock import MatchClock
@@ -62,8 +63,20 @@ class Orders:
 
     def _tell_failure_of(self, order: Call[Any]) -> None:
         def tell(ended: Future[Any]) -> None:
-            if not ended.cancelled() and (error := ended.exception()) is not None:
-                self._core.alarm(f"an order by SDO has failed: {error}")
+            if failure := _failure(ended):
+                self._core.alarm(f"an order by SDO has failed: {failure}")
 
         order.is_wanted = True
         order.add_done_callback(tell)
+
+
+def _failure(ended: Future[Any]) -> str:
+    """Return why an order was not carried out; empty if it was, or if a newer one took its place."""
+    if ended.cancelled():
+        return ""
+    if (error := ended.exception()) is not None:
+        return str(error)
+    report = ended.result()
+    if not isinstance(report, GotoReport) or report.outcome in (Outcome.ARRIVED, Outcome.REPLACED):
+        return ""
+    return f"goto {report.outcome.value}" + f", {report.why}" * bool(report.why)

@@ -10,8 +10,9 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import Message, field_name
 from eurobot_od.robot.model.messages import GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.model.values import Obstacle, TeamColour
 from eurobot_od.robot.nodes import Core
+from eurobot_od.robot.nodes.node import Detection
 from eurobot_od.sdo.client import download
 from tests.robot.nodes.core.test_doubts import ROOT, reports, with_stranger
 from tests.robot.nodes.driving import CORE_ID, NEAR, drive_off, match_under_way, nmt
@@ -98,6 +99,25 @@ def test_what_fails_is_told() -> None:
     order(bench, NEAR)
     bench.run(1.0)
     assert "an order by SDO has failed: no goto after the match" in reports(bench)
+
+
+class SomethingAhead:
+    """A sensor that sees the robot drive into something."""
+
+    distance = 700.0
+
+    def look(self, _now: float) -> Detection:
+        self.distance = max(self.distance - 40.0, 0.0)
+        return Detection(Obstacle.OBJECT, self.distance, 0.0)
+
+
+def test_a_goto_that_was_stopped_is_told_with_its_reason() -> None:
+    bench = with_stranger()
+    bench.core.sensor = SomethingAhead()
+    order(bench, NEAR)
+    bench.run(3.0)
+    assert not bench.drive.moving
+    assert "an order by SDO has failed: goto stopped, object ahead" in reports(bench)
 
 
 @pytest.mark.parametrize("message", [NEAR, StartConfigurationSet(TeamColour.RED, 0, 0, 30, 0)])
