@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from eurobot_od.client.program import DownloadProcedure
     from eurobot_od.device.faults import Fault
     from eurobot_od.device.node import Node
+    from eurobot_od.device.objects import Store
     from eurobot_od.export.description import Drawings
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.identity import Identity
@@ -108,7 +109,8 @@ class Plugin(NamedTuple):
     tables may build on, `folder` where its other files lie; the `catalogue` has its messages, `drawings` is what they
     draw in an MCAP file, `suites` is a folder of check suites, `reports` are questions to a season. `partners` gives
     simulated nodes that are checked their surroundings, with all chance from a seed, and returns what some do by
-    themselves, by their names. `stage` are the options that `node` has for them.
+    themselves, by their names; `stored` gives what such a node finds stored. `stage` are the options that `node` has
+    for them.
     """
 
     name: str = ""
@@ -132,6 +134,7 @@ class Plugin(NamedTuple):
     suites: Path | None = None
     reports: Callable[[], Mapping[str, SeasonReport]] = dict
     partners: Callable[[Sequence[Node], int, Callable[[], float]], Mapping[str, Program]] = lambda *_: {}
+    stored: Callable[[Dictionary], Store | None] = lambda _: None
     stage: Callable[[], type[Stage]] | None = None
 
     def role_of(self, device: Dictionary) -> str:
@@ -299,7 +302,8 @@ class Plugins(NamedTuple):
         kinds = {
             name: counting.kind(each, faults, simulated_kind(each, profile)) for name, each in dictionaries.items()
         }
-        nodes = {name: kind(dictionaries[name]) for name, kind in kinds.items()}
+        stores = {name: self.robot.stored(each) for name, each in dictionaries.items() if self.robot.role_of(each)}
+        nodes = {name: kind(dictionaries[name], store=stores.get(name)) for name, kind in kinds.items()}
         ours = [nodes[name] for name, each in dictionaries.items() if self.robot.role_of(each)]
         programs = self.robot.partners(ours, seed, clock) if ours else {}
         return [NodeUnderTest(node, programs.get(node.name)) for node in nodes.values()]

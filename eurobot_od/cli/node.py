@@ -230,7 +230,8 @@ def _made(plugins: Plugins, loaded: LoadedDevice, options: DeviceOptions, stage:
     kind = plugins.faulty(kind, one.fault) if one.fault else kind
     store = FileStore(one.store, dictionary) if one.store else None
     of_role = stage.values(kind, dictionary, options.given) if stage and role else {}
-    return kind(dictionary, store=store, **(of_role if role else options.values_of(loaded)))
+    kept = {"store": store} if store else {}  # what a person keeps in a file counts more than what a role brings
+    return kind(dictionary, **{**(of_role if role else options.values_of(loaded)), **kept})
 
 
 def _kind(plugins: Plugins, options: DeviceOptions, device: Dictionary) -> type[Node]:

@@ -94,6 +94,7 @@ ROBOT = Plugin(
     faults=partial(_imported, "faults", "FAULTS"),
     suites=HERE / "check" / "suites",
     partners=lambda *nodes: _imported("check", "partners")(*nodes),
+    stored=lambda dictionary: _imported("check", "stored")(dictionary),
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
     drawings=lambda protocol: _imported("scene.files", "drawings")(protocol),
     reports=partial(_imported, "season", "REPORTS"),

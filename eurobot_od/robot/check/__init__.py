@@ -15,8 +15,10 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
+from eurobot_od.device.objects import MemoryStore
 from eurobot_od.device.timers import Call
 from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.plugin import Program
 from eurobot_od.robot.model.messages import GotoXY
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
@@ -64,7 +66,6 @@ async def drill(core: Core) -> None:
 
     Ends early if a node does not answer during the startup: that blocks it. A stop is watched until the robot stands.
     """
-    core.trusts_without_sdo = True  # the tester, which plays drive and navigation, answers no SDO
     with suppress(NoAnswer):
         await core.check_nodes()
         await core.configure_start(TeamColour.RED, enemies=1, confederates=1, enemy_1_diameter=ENEMY_DIAMETER)
@@ -99,6 +100,16 @@ async def _attempt(core: Core, goto: GotoXY) -> None:
 
 
 # The surroundings of nodes that are checked
+
+BELIEVED = "Node check.Nodes without SDO"
+"""The setting by which a core believes nodes that answer no SDO, as the tester, which plays drive and navigation."""
+
+
+def stored(dictionary: Dictionary) -> MemoryStore | None:
+    """Return what a node of the robot that is checked finds stored; None for nothing."""
+    if dictionary.name != "core":
+        return None
+    return MemoryStore({dictionary.address(BELIEVED): 1})
 
 
 ON_A_BENCH = MatchOptions(errors=NOISE_ONLY, falling=False, solid=False)

@@ -72,12 +72,18 @@ class NodeOptions:
         return getattr(self, option) is not None and getattr(self, option) is not False
 
     def values(self, kind: type[Node], dictionary: Dictionary, facts: Sequence[tuple[str, str]]) -> Mapping[str, Any]:
-        """Return the facts that a node goes by in place of the file's, if any are given; raises LocalError."""
+        """Return the facts that a node goes by in place of the file's, and what is stored for a drill.
+
+        Raises LocalError.
+        """
+        from eurobot_od.robot.check import stored
+
+        given = {"store": stored(dictionary)} if self.drill else {}
         if not facts:
-            return {}
+            return given
         if not issubclass(kind, RobotNode):
             raise LocalError(f"--set is for nodes that go by facts of the robot, not for a {kind.__name__}")
-        return {"facts": facts_for(dictionary.file, facts_given(facts))}
+        return {"facts": facts_for(dictionary.file, facts_given(facts)), **given}
 
     def set_up(self, node: Node, run: NodeRun) -> Scene:
         """Give the node its instruments; raises WorldError, LocalError, OSError. On the bus: BusError, NoAnswer."""

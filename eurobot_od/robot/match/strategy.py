@@ -1,172 +1,224 @@
 """The shipped strategy, and the example for teams: copy it, change it, and `eurobot-od match --strategy mine.py`.
 
 A strategy is a coroutine `play(core)`. It is called when the match begins: the nodes are checked, the start is
-configured, positions come. It awaits the core's calls, and is cancelled when the match ends. The core stops for an
-obstacle; what to do then is up to the strategy. This one does what brings most for its time, and is home before the
-end.
+configured, positions come. It awaits the core's calls, and is cancelled when the match ends.
+
+This one looks ahead. It asks often where the others are, and `Forecast` says where they will be, and where the fires
+may lie that they have pushed. Before each goto it rehearses the motion, and drives only where nobody will be in the
+way. Of what is free it does what brings most for its time, and brings its fruit home before the end.
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Iterable, Iterator
-from itertools import pairwise
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
 
 from eurobot_od.errors import RemoteError, StateError
+from eurobot_od.robot.match.forecast import STEP, Forecast
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.robot_file import Facts, Task, Worth
+from eurobot_od.robot.model.robot_file import Task, Worth
 from eurobot_od.robot.model.values import Barriers, Outcome, Passage, Source
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.motion import Clearances, Disc, find_route
+from eurobot_od.robot.nodes.motion import Clearances, Disc, Motion, MotionLimits, find_route
 
 SPEED = 80  # percent: at more, the stopping distance is longer than the sensor's
-PACE = 400.0  # mm/s on average, including braking and turning
-OVERHEAD = 1.5  # s for every goto
-MARGIN = 40.0  # mm between us and a barrier
-BERTH = 200.0  # mm between us and another robot: from nearer, the sensor would stop us
-BEND = 300.0  # mm more where we go round a barrier, as the drive may pass it on the other side
-STALE = 2.0  # s after which a position says nothing any more
-PUT_OFF = 6.0  # s until a task is tried again
-PAUSE = 0.5  # s to come to rest, and to see whether something goes away
-CLOSE = 40.0  # mm: a robot this near has driven into us, or is about to
-RETREAT = 120.0  # mm straight away from a robot that is close, before anything else
-PATIENCE = 6  # pauses in which a robot that is close may go first
-SPARE = 8.0  # s in hand at the end
+LIMITS = MotionLimits(800, 1200, 2400, 240, 720, 5, 1)  # the drive's, to rehearse a goto
+PACE, OVERHEAD = 450.0, 1.0  # mm/s and s of a goto, before its way is known
+WIDE, NARROW = 40.0, 17.0  # mm between us and what stands
+WAITS = (0, 10, 20, 35)  # steps that we may wait for a better task
+LOOK = 40  # steps of a way that have to be free
+STAYS = 2.0  # s to stay with a plan at a way point where somebody is in the way
+PATIENCE = 30.0  # s without moving in which distances shrink to nothing: two that give way would stand for ever
+SPARE = 8.0  # s in hand when we bring the fruit home
+IN_THE_WAY = 0.5  # share that counts of a task where others drive: who stands there gets away late
+LOOKS = 0.2  # s between two looks at the others
+PAUSE = 0.25  # s until we think again
+REMOVED = 1.2  # s until what has fallen over is gone
 
-PASSAGES = {True: Passage.NORMAL, False: Passage.FORCED}  # for what can be pushed along, and what cannot
+
+class Intention(NamedTuple):
+    """A task, the way to it, and the steps to wait before that."""
+
+    task: Task
+    way: tuple[Point, ...]
+    wait: int
 
 
 class Strategy:
-    """The tasks still to be done, and when each may be tried again."""
+    """The tasks still to be done, the fruit that we carry, and what is expected of the others."""
 
     def __init__(self, core: Core) -> None:
-        assert core.configuration is not None
-        self.core, self.start, self.facts = core, core.configuration, core.facts
-        self.todo, self.home = self.facts.tasks(self.start.team_colour), self.facts.start(self.start.team_colour)
-        self.clearances = Clearances.of(self.facts, self.facts.body.radius, MARGIN)
-        self.flags = flags(self.facts)
-        self.put_off: dict[str, float] = {}
-        self.fruit = 0
+        start = core.configuration
+        assert start is not None
+        self.core, self.facts = core, core.facts
+        self.todo, self.home = self.facts.tasks(start.team_colour), self.facts.start(start.team_colour)
+        enemies = {Source.ENEMY_1: start.enemy_1_diameter * 5.0, Source.ENEMY_2: start.enemy_2_diameter * 5.0}
+        radii = {**enemies, Source.CONFEDERATE: self.facts.others[Source.CONFEDERATE].radius}
+        self.others = [each for each in messages.POSITIONS if each.source in radii and start.includes(each.source)]
+        self.forecast = Forecast(self.facts, {each.source: radii[each.source] for each in self.others})
+        self.fruit, self.moved = 0, core.now
+        self.ways: dict[tuple[int, Pose, str], list[tuple[tuple[Point, ...], list[Pose]]]] = {}
+        for each in self.others:
+            core.on(each.response, partial(self.look, each.source))
+
+    def look(self, who: Source, _: messages.PositionResponse) -> None:
+        """Take in where another robot was seen; a fire that was pushed has fallen, and brings nothing any more."""
+        if seen := self.core.last_seen(who):
+            self.forecast.saw(who, seen)
+        for fire in self.forecast.fires.pushed:
+            self.todo.pop(fire.name, None)
 
     @property
-    def here(self) -> Point:
+    def here(self) -> Pose:
         """Where we were last."""
-        place = self.core.positions[messages.KalmanPositionResponse].position
-        return self.home.point if place.x is None or place.y is None else Point(place.x, place.y)
+        x, y, angle, *_ = self.core.positions[messages.KalmanPositionResponse].position
+        return self.home if x is None or y is None or angle is None else Pose(x, y, angle)
 
-    def others(self, berth: float = BERTH) -> Iterator[Disc]:
-        """Yield the places of other robots, as far as they are known, to stay out of."""
-        confederate = self.facts.others[Source.CONFEDERATE].radius
-        radii = (self.start.enemy_1_diameter * 5.0, self.start.enemy_2_diameter * 5.0, confederate)
-        for robot, radius in zip((Source.ENEMY_1, Source.ENEMY_2, Source.CONFEDERATE), radii):
-            seen = self.core.last_seen(robot)
-            if seen and self.core.now - seen.time < STALE:
-                yield Disc(seen.point, self.facts.body.radius + radius + berth, math.inf)
+    def ways_to(self, task: Task) -> list[tuple[tuple[Point, ...], list[Pose]]]:
+        """Return a wide and a narrow way to a task, as far as there are any, and our pose at each step of them."""
+        x, y, angle = self.here
+        key = self.forecast.fires.version, Pose(round(x / 15), round(y / 15), round(angle / 5)), task.name
+        if key not in self.ways:
+            found = [self.way(task.pose.point, margin) for margin in (WIDE, NARROW)]
+            self.ways[key] = [(way, self.rehearse(way, task.pose.angle)) for way in dict.fromkeys(found) if way]
+        return self.ways[key]
 
-    def next_point(self, there: Point) -> Point | None:
-        """Return the farthest point on the route that the drive can be sent to; it knows of barriers, not of robots."""
-        # If a robot is already nearer than its berth, it may be left, but not approached.
-        here, others = self.here, [disc.left_from(self.here) for disc in self.others()]
-        # Backwards from the goal: the drive plans its own route, so the farthest free point costs the fewest stops.
-        for point in reversed(self.way(here, there, others)):
-            legs = [*pairwise((here, *self.way(here, point)))]
-            bend = BEND if len(legs) > 1 else 0.0
-            if not any(disc._replace(radius=disc.radius + bend).meets(*leg) for leg in legs for disc in others):
-                return point
-        return None
+    def way(self, there: Point, margin: float) -> tuple[Point, ...] | None:
+        """Return the way points to a place past everything that stands; None if there is no way."""
+        reach = self.facts.body.radius + margin
+        fixed = (each for each in self.facts.barriers if not each.kind.pushed)
+        discs = [Disc(each.point, reach + each.kind.radius, math.inf) for each in fixed]
+        clearances = Clearances.of(self.facts, self.facts.body.radius, margin)
+        return find_route(self.here.point, there, Barriers(0), clearances, [*discs, *self.forecast.fires.discs(reach)])
 
-    def way(self, here: Point, there: Point, others: Iterable[Disc] = ()) -> tuple[Point, ...]:
-        """Return the way points from one place to another; none if there is no route."""
-        return find_route(here, there, self.flags, self.clearances, others) or ()
+    def flags(self, end: Point) -> Barriers:
+        """Return what the drive keeps off as well: all that stands where it was, and that we do not pass closely."""
+        reach, kept = self.facts.body.radius + WIDE, []
+        for each in self.facts.barriers:
+            disc = Disc(each.point, reach + each.kind.radius, math.inf)
+            if each not in self.forecast.fires.pushed and not disc.meets(self.here.point, end):
+                kept.append(each.number)
+        return Barriers.of(dict.fromkeys(kept, Passage.FORCED))
 
-    def value(self, task: Task) -> float:
-        """Weigh what a task brings against the time it takes."""
-        # The basket is worth only what the robot is carrying now.
-        worth = self.fruit if task.worth is Worth.HARVEST else task.expected
-        return worth / (seconds(self.here, task.pose.point) + task.seconds)
+    def rehearse(self, way: Sequence[Point], angle: float) -> list[Pose]:
+        """Return where we will be on a way, step by step."""
+        motion, poses = Motion(LIMITS, way, angle, SPEED), [self.here]
+        while not motion.arrived and len(poses) < 300:
+            command = motion.step(poses[-1], STEP)
+            poses.append(poses[-1].moved(command.speed * STEP, command.turn * STEP))
+        return poses
 
-    def is_possible(self, task: Task) -> bool:
-        """Tell whether a task can be tried now: not put off, with time to get home, and nobody there."""
-        there = task.pose.point
-        takes = seconds(self.here, there) + task.seconds + seconds(there, self.home.point) + SPARE
-        is_due = self.put_off.get(task.name, 0.0) <= self.core.now
-        return is_due and takes < self.core.time_left and not any(disc.contains(there) for disc in self.others())
+    def is_free(self, poses: Sequence[Pose], wait: int = 0) -> bool:
+        """Return whether nobody will be in our way, as far as we look ahead."""
+        share = max(1.0 - (self.core.now - self.moved) / PATIENCE, 0.0)
+        return self.forecast.is_free(poses[:LOOK], self.core.now, wait, share)
 
-    def best(self) -> Task | None:
-        """Return the task that brings most for its time; None if none brings anything."""
-        best = max(filter(self.is_possible, self.todo.values()), key=self.value, default=None)
-        return best if best and self.value(best) else None
-
-    async def give_way(self) -> None:
-        """Stand while a robot is close, but not for ever."""
-        for _ in range(PATIENCE):
-            seen = await self.core.obstacle()
-            if (seen and seen.distance < CLOSE) or any(disc.contains(self.here) for disc in self.others(CLOSE)):
-                await asyncio.sleep(PAUSE)
-
-    async def retreat(self) -> None:
-        """Draw back from a robot that is close: pushed wheels do not know well enough where we are to pass it."""
-        for disc in self.others(CLOSE):
-            away = Pose(*self.here, Pose(*disc.centre, 0).bearing(self.here)).moved(RETREAT, 0)
-            if disc.contains(self.here) and self.way(self.here, away.point) == (away.point,):
-                await self.core.goto(round(away.x), round(away.y), round(away.angle) % 360, SPEED, self.flags)
-
-    async def drive(self, there: Pose) -> bool:
-        """Drive to a place, round other robots if need be; return whether we arrived."""
-        await self.give_way()
-        await self.retreat()
-        while (point := self.next_point(there.point)) is not None:
-            # At each stop the robot already faces its next leg, so the next goto need not turn first.
-            angle = there.angle if point == there.point else Pose(*point, 0).bearing(there.point)
-            report = await self.core.goto(round(point.x), round(point.y), round(angle) % 360, SPEED, self.flags)
-            if point == there.point or report.outcome is not Outcome.ARRIVED:
-                return report.outcome is Outcome.ARRIVED
-        return False
-
-    async def attempt(self, task: Task) -> None:
-        """Drive to a task and do it; put it off if that fails."""
-        if not await self.drive(task.pose):
-            # If it were tried again at once, it would meet the same robot at the same place: do another task first.
-            self.put_off[task.name] = self.core.now + PUT_OFF
-            await asyncio.sleep(PAUSE)
-            return
-        gain = await self.core.act(task.name)
+    def value(self, task: Task, seconds: float) -> float:
+        """Return the points for each second of a task, or of it and the best one after it."""
         if task.worth is Worth.HARVEST:
-            self.fruit = 0
-            return
-        self.fruit += gain * (task.worth is Worth.FRUIT)
-        del self.todo[task.name]
+            return self.fruit / seconds
+        if self.forecast.passes(task.pose.point):
+            return IN_THE_WAY * task.expected / seconds
+        others = (each for each in self.todo.values() if each is not task and each.worth is not Worth.HARVEST)
+        both = ((task.expected + e.expected) / (seconds + self.estimate(task.pose, e)) for e in others)
+        return max(task.expected / seconds, *both, 0.0)
+
+    def estimate(self, start: Pose, task: Task) -> float:
+        """Return how many seconds a task takes, if nothing stands in the way."""
+        return start.distance(task.pose.point) / PACE + OVERHEAD + task.seconds
+
+    def time_after(self, task: Task) -> float:
+        """Return the seconds that are needed after a task to bring the fruit home."""
+        baskets = [each for each in self.todo.values() if each.worth is Worth.HARVEST]
+        if task in baskets or not baskets or not (self.fruit or task.worth is Worth.FRUIT):
+            return 0.0
+        return min(self.estimate(task.pose, basket) for basket in baskets) + SPARE
+
+    def best(self) -> Intention | None:
+        """Return what brings most for its time, waits included; None if nothing is free."""
+        best, plan = 0.0, None
+        promises = {name: self.value(task, self.estimate(self.here, task)) for name, task in self.todo.items()}
+        for name in sorted(promises, key=lambda name: promises[name], reverse=True):
+            task = self.todo[name]
+            if promises[name] * 1.3 <= best:
+                break  # no way to the others is short enough to be better
+            for way, poses in self.ways_to(task):
+                for wait in WAITS:
+                    seconds = (len(poses) + wait) * STEP + task.seconds
+                    value = self.value(task, seconds)
+                    if value <= best or seconds + self.time_after(task) > self.core.time_left:
+                        break
+                    if self.is_free(poses, wait):
+                        best, plan = value, Intention(task, way, wait)
+        return plan
+
+    async def drive(self, way: Sequence[Point], angle: float) -> bool:
+        """Drive a way, and look ahead at each way point; return whether we arrived."""
+        for number, point in enumerate(way):
+            rest, begun = way[number + 1 :], self.core.now
+            while number and not self.is_free(self.rehearse(way[number:], angle)):
+                if self.core.now - begun > STAYS:
+                    return False
+                await asyncio.sleep(PAUSE)
+            # At each way point we already face the next leg, so that the next goto need not turn first.
+            facing = Pose(*point, 0).bearing(rest[0]) if rest else angle
+            report = await self.core.goto(round(point.x), round(point.y), round(facing) % 360, SPEED, self.flags(point))
+            self.moved = self.core.now
+            if report.outcome is not Outcome.ARRIVED:
+                await asyncio.sleep(REMOVED if report.why == "object ahead" else PAUSE)
+                return False
+        return True
 
     async def step(self) -> None:
         """Do the next thing; do nothing for a moment if there is none."""
         if self.core.shut_down:  # a node was lost, and the core has stopped everything
             await self.core.recover()
-        elif (task := self.best()) is not None:
-            await self.attempt(task)
-        elif math.dist(self.here, self.home.point) <= MARGIN or not await self.drive(self.home):
+        await self.core.position()  # others may have pushed us
+        plan = self.best()
+        if plan is None or plan.wait:
             await asyncio.sleep(PAUSE)
+        else:
+            await self.do(plan.task, plan.way)
 
+    async def do(self, task: Task, way: Sequence[Point]) -> None:
+        """Drive to a task and do it; if that fails, it stays to be done."""
+        if not await self.drive(way, task.pose.angle):
+            return
+        gain = await self.core.act(task.name)
+        self.moved = self.core.now
+        if task.worth is Worth.HARVEST:
+            self.fruit = 0
+            return
+        self.fruit += gain * (task.worth is Worth.FRUIT)
+        self.todo.pop(task.name, None)
 
-def flags(facts: Facts) -> Barriers:
-    """Keep off what cannot be pushed, and go round the rest if there is a way."""
-    return Barriers.of({each.number: PASSAGES[each.kind.pushed] for each in facts.barriers})
+    async def watch(self) -> None:
+        """Ask for the positions of the others more often than the core does by itself."""
+        while True:
+            for each in self.others:
+                self.core.send(each.request)
+            await asyncio.sleep(LOOKS)
 
-
-def seconds(start: Point, end: Point) -> float:
-    """Estimate how long it takes to drive from one place to another."""
-    return OVERHEAD + math.dist(start, end) / PACE
+    async def do_all(self) -> None:
+        """Do one thing after the other until the match is over; what goes wrong is tried again."""
+        while self.core.time_left > 0:
+            try:
+                await self.step()
+            except (RemoteError, StateError):
+                await asyncio.sleep(PAUSE)
+            # A step may do nothing at all; without a pause no time would pass, and the match would hang.
+            await asyncio.sleep(0.05)
 
 
 async def play(core: Core) -> None:
-    """Play until the match is over; what goes wrong is tried again."""
+    """Play until the match is over."""
     strategy = Strategy(core)
-    # A lost node, or a stop that was not confirmed, is not a reason to give up the rest of the match.
-    while core.time_left > 0:
-        try:
-            await strategy.step()
-        except (RemoteError, StateError):
-            await asyncio.sleep(PAUSE)
-        # A step may do nothing at all; without a pause no time would pass, and the match would hang.
-        await asyncio.sleep(0.05)
+    watching = asyncio.ensure_future(strategy.watch())
+    try:
+        await strategy.do_all()
+    finally:
+        watching.cancel()

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.bus.simulated.network import Simulation
+from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.plugin import Plugins
 from eurobot_od.robot import dialects
+from eurobot_od.robot.check import BELIEVED
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.motion import WheelCommand
@@ -31,6 +36,17 @@ def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
     assert after.x - before.x == pytest.approx(500, abs=50)
     assert core.node.sensor is None, "what comes along would stop it"
     assert [each.program is None for each in (core, drive, navigation)] == [False, True, True]
+
+
+@pytest.mark.parametrize("command", [NmtCommand.START, NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION])
+def test_a_core_that_is_checked_believes_nodes_without_sdo_after_resets_too(command: NmtCommand) -> None:
+    core = Plugins(ROBOT).under_test(DICTIONARIES, 1, lambda: 0.0)[0].node
+    network = Simulation()
+    station = network.attach(core)
+    network.run(0.1)
+    station.controller.receive(Frame(NMT_COB_ID, bytes([command, core.device.node_id])), network.now)
+    network.run(0.2)
+    assert core.device.objects.number(core.device.dictionary.address(BELIEVED)) == 1
 
 
 def test_the_nodes_that_can_have_a_fault_have_it() -> None:

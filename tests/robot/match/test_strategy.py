@@ -1,10 +1,15 @@
-"""The shipped strategy: what it carries to the basket, and what is left to do."""
+"""The shipped strategy: what it carries to the basket, what is left to do, and whom it waits for."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from eurobot_od.robot.match import MatchOptions
+from eurobot_od.robot.match.seeds import play
+from eurobot_od.robot.match.stage import EdsFiles
 from eurobot_od.robot.match.strategy import Strategy
 from eurobot_od.robot.model.messages import Enemy1PositionResponse, KalmanPositionResponse
-from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.robot_file import Worth
 from eurobot_od.robot.model.values import Source
 from tests.robot.nodes.harness import Bench
@@ -23,39 +28,57 @@ class Hands:
 class There(Strategy):
     """Is wherever it wants to be."""
 
-    async def drive(self, there: Pose) -> bool:
+    async def drive(self, way: Sequence[Point], angle: float) -> bool:
         return True
 
 
-def test_fruit_is_worth_a_way_to_the_basket_until_it_was_brought_there() -> None:
+def started(kind: type[Strategy] = Strategy) -> tuple[Bench, Strategy]:
+    """Return a strategy at its start, on a bench with stand-ins for the other nodes."""
     bench = Bench("drive", "navigation")
     bench.core.actuators = Hands()
     bench.configure()
     bench.say("drive", KalmanPositionResponse(200, 1800, 0, Source.INTERNAL))
-    strategy = There(bench.core)
+    return bench, kind(bench.core)
+
+
+def test_fruit_is_worth_a_way_to_the_basket_until_it_was_brought_there() -> None:
+    bench, strategy = started(There)
     basket = next(each for each in strategy.todo.values() if each.worth is Worth.HARVEST)
     tree, another, *_ = (each for each in strategy.todo.values() if each.worth is Worth.FRUIT)
 
-    async def play() -> list[float]:
-        worth = [strategy.value(basket)]
+    async def play_on() -> list[float]:
+        worth = [strategy.value(basket, 1.0)]
         for task in (tree, another, basket):
-            await strategy.attempt(task)
-            worth.append(strategy.value(basket))
+            await strategy.do(task, ())
+            worth.append(strategy.value(basket, 1.0))
         return worth
 
-    empty, some, more, empty_again = bench.play(play())
+    empty, some, more, empty_again = bench.play(play_on())
     assert 0 == empty == empty_again < some < more
     assert {tree.name, another.name, basket.name} & strategy.todo.keys() == {basket.name}, "a tree is picked once"
 
 
-def test_the_drive_is_sent_round_another_robot_in_the_way() -> None:
-    bench = Bench("drive", "navigation")
-    bench.configure()
-    bench.say("drive", KalmanPositionResponse(200, 1000, 0, Source.INTERNAL))
-    strategy, there = Strategy(bench.core), Point(1400, 1000)
-    assert strategy.next_point(there) == there, "the way is free"
-    bench.say("navigation", Enemy1PositionResponse(800, 1000, 0, Source.ENEMY_1))
-    beside = strategy.next_point(there)
-    (enemy,) = strategy.others()
-    assert beside not in (there, None)
-    assert not enemy.meets(strategy.here, beside)
+def test_it_does_not_drive_where_another_robot_will_be() -> None:
+    bench, strategy = started()
+    (way, poses), *_ = strategy.ways_to(strategy.todo["frescos"])
+    assert way == (Point(1400, 1800),)
+    assert strategy.is_free(poses)
+    for x in (1700, 1500, 1300):
+        bench.say("navigation", Enemy1PositionResponse(x, 1800, 0, Source.ENEMY_1))
+        bench.run(0.6)
+    assert not strategy.is_free(poses), "it comes along the same line"
+
+
+def test_what_is_given_up_for_the_way_home_is_what_leaves_no_time_for_it() -> None:
+    _, strategy = started()
+    tree, torch = strategy.todo["tree 4"], strategy.todo["torch 4"]
+    assert strategy.time_after(torch) == 0.0 < strategy.time_after(tree), "nothing to bring home"
+    strategy.fruit = 1
+    assert strategy.time_after(torch) > 0.0
+
+
+def test_a_match_without_touches_by_our_fault_in_which_few_gotos_are_stopped() -> None:
+    match = play(MatchOptions(seed=9, duration=45.0), EdsFiles.read(MatchOptions()))
+    assert not [touch for touch in match.touches if touch.at_fault]
+    assert len(match.arrivals) >= 0.8 * len(match.gotos)
+    assert match.points >= 12
