@@ -48,7 +48,7 @@ WORKS = [
     (["match", "--for", "10", "--log", "a.log", "--field", "a.svg"], "Lift State Response "),
     (["decode", "a.log"], "height=167 mm, speed=100 %"),
     (["field", "a.log", "-o", "b.svg"], ""),
-    (["check", "--simulate"], "1 suite: 20 ok"),
+    (["check", "--simulate"], "1 suite: 22 ok"),
     (["check", "--conformance", "--simulate", "--tag", "emcy"], "4 suites"),
     (["lint"], "4 files: "),
     (["lint", "--network"], "Lift State Response"),
