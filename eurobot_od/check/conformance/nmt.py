@@ -267,7 +267,8 @@ def _no_heartbeat(subject: Subject) -> Steps:
 
 
 def _heartbeat(name: str, milliseconds: int) -> Steps:
-    return [step.write(name, HEARTBEAT_TIME, value=milliseconds), step.wait("20 ms")]
+    # A device may send the first heartbeat as soon as it has the new time; this one must not be taken for an answer.
+    return [step.write(name, HEARTBEAT_TIME, value=milliseconds), step.wait("200 ms")]
 
 
 ASKED = (
