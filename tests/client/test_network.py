@@ -531,7 +531,7 @@ def test_a_bus_that_fails_is_told_to_who_waits() -> None:
 
 CANOPEN_NAMES = {"connect", "disconnect", "check", "nodes", "add_node", "send_message", "send_periodic"} | {
     "subscribe", "unsubscribe", "id", "object_dictionary", "sdo", "tpdo", "rpdo", "upload", "download",
-    "load_configuration",
+    "load_configuration", "keys", "values", "items",
 }  # fmt: skip
 """Names that only blocking networks and nodes have, as canopen itself has them."""
 

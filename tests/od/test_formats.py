@@ -251,7 +251,7 @@ def test_whatever_a_library_raises_becomes_one_line(error: type[Exception], monk
     monkeypatch.setattr("eurobot_od.od.xml_tree.read_xml", raises)
     with pytest.raises(DictionaryError, match=r"^a.xdd: .*line 1: no XML of a device description \(.+\)$"):
         Dictionary.read(XDD.encode(), Path("a.xdd"), 5)
-    monkeypatch.setattr("eurobot_od.od.dictionary._imported", raises)
+    monkeypatch.setattr("eurobot_od.od.canopen_objects.imported", raises)
     with pytest.raises(DictionaryError, match=r"^a.eds: .+$"):
         Dictionary.read(CLEAN.read_bytes(), Path("a.eds"), 5)
 
