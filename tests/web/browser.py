@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,17 @@ class Page:
         """Load a page and wait until it has drawn itself."""
         self.call("Page.navigate", url=address)
         self.wait("document.body && document.body.dataset.time !== undefined")
+
+    def reload(self) -> None:
+        """Load the page again, and wait until it has drawn itself."""
+        self.run("window.isOld = true")
+        self.call("Page.reload")
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            with suppress(AssertionError):  # the old page goes while it is asked
+                if self.run("!window.isOld && document.body !== null && document.body.dataset.time !== undefined"):
+                    return
+        raise AssertionError(f"not loaded again; complaints: {self.complaints}")
 
     def close(self) -> None:
         """Close the window."""

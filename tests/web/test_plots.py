@@ -68,7 +68,7 @@ def test_plots_are_there_again_after_a_reload(page: Page) -> None:
     page.run(f"plots.create().add(new FieldSeries({ROW}, 'angle'))")
     names = "plots.all.map(plot => plot.series.map(each => `${each.name}, ${each.values.length}`))"
     before = page.run(names)
-    page.call("Page.reload")
+    page.reload()
     page.wait("typeof plots !== 'undefined' && plots.all.length === 2 && plots.all.every(each => each.chart)")
     assert page.run(names) == before
 

@@ -325,7 +325,7 @@ def test_objects_are_read_written_and_plotted(scene: Scene) -> None:
     times = "plots.all[0].series[0]?.times"
     page.wait(f"{times}.length > 2")
     first = page.run(f"{times}.slice(0, 3)")
-    page.call("Page.reload")
+    page.reload()
     page.wait(f"typeof plots !== 'undefined' && {times}?.length > 2")
     assert page.run(f"{times}.slice(0, 3)") == first, "the server has what was read before"
 
@@ -457,6 +457,7 @@ def test_any_network_without_a_field_has_the_rest(tmp_path: Path, window: Page) 
         window.wait("connection.control")
         assert window.run("[...document.querySelectorAll('[role=tab]')].map(each => each.textContent)") == [
             "Messages", "Trace", "Plots", "Nodes", "Objects", "Send", "Settings", "Checks", "Events", "Diagnosis",
+            "Files",
         ]  # fmt: skip
         window.wait("!document.querySelector('#stop').hidden")
         window.click("#stop")

@@ -184,7 +184,7 @@ def test_a_hundred_thousand_frames_are_quick_to_filter_and_to_scroll(scene: Scen
 
 def test_the_history_is_there_after_a_reload(scene: Scene) -> None:
     scene.send(*FRAMES)
-    scene.page.call("Page.reload")
+    scene.page.reload()
     scene.page.wait("typeof sources !== 'undefined' && sources[0].frames.length === 5")
     assert scene.page.run("sources[0].frames.map(each => identifier(each.row.id))") == [each[:3] for each in FRAMES]
     assert scene.page.run("sources[0].row('Kalman Position Response').times.length") == 1
