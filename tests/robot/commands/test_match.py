@@ -39,7 +39,7 @@ def test_a_person_reads_timeline_and_summary(capsys: pytest.CaptureFixture[str])
     assert (said.status, said.err) == (0, "")
     assert lines[0] == ("    0.000 s  start      core, drive, navigation at 500 kbit/s, simulated; EDS files: canopen")
     kinds = [line[13:23].strip() for line in lines[: lines.index("")]]
-    assert kinds[:6] == ["start", "check", "configure", "position", "match", "goto"]
+    assert kinds[:5] == ["start", "check", "configure", "position", "match"]
     assert kinds[-1] == "end"
     assert lines[lines.index("") + 1].split() == ["message", "frames"]
     assert "\x1b" not in said.out
