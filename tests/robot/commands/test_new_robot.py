@@ -78,7 +78,7 @@ def test_the_commands_of_a_newcomer_work(made: Path) -> None:
 @pytest.mark.long
 def test_pytest_finds_its_checks_in_its_folder(made: Path) -> None:
     said = command(made, ["-q", "-p", "no:cacheprovider"], "pytest")
-    assert (said.returncode, "21 passed" in said.stdout) == (0, True), said.stdout
+    assert (said.returncode, "23 passed" in said.stdout) == (0, True), said.stdout
 
 
 WITH_GAIN = "          Maximum speed: {bits: 16, range: [1, 1000], default: 100, unit: mm/s}\n"
@@ -130,7 +130,7 @@ def test_a_package_needs_no_name_once_it_is_installed_and_pytest_finds_its_check
     works(package, "my_robot", **installed)
     assert "robot      my_robot loads: my_robot.robot:ROBOT" in command(package, ["doctor"], **installed).stdout
     said = command(package, ["-q", "-p", "no:cacheprovider"], "pytest", **installed)
-    assert (said.returncode, "21 passed" in said.stdout) == (0, True), said.stdout
+    assert (said.returncode, "23 passed" in said.stdout) == (0, True), said.stdout
 
 
 def test_a_package_that_is_not_installed_is_told_with_what_to_type(package: Path) -> None:
