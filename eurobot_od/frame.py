@@ -69,11 +69,11 @@ class RemoteFrame(Frame):
     __slots__ = ()
 
     def __eq__(self, other: object) -> bool:
-        """Whether the other is a remote frame, too, and the same one."""
+        """Return whether the other is a remote frame, too, and the same one."""
         return isinstance(other, RemoteFrame) and super().__eq__(other)
 
     def __ne__(self, other: object) -> bool:
-        """Whether it is not equal; a tuple has a method of its own for that."""
+        """Return whether it is not equal; a tuple has a method of its own for that."""
         return not self == other
 
     def __hash__(self) -> int:

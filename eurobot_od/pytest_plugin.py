@@ -130,7 +130,7 @@ class StepTest(pytest.Item):
 
 
 def _places(step: Step) -> Iterator[Place]:
-    """Give where a step and the steps in it stand."""
+    """Yield where a step and the steps in it stand."""
     yield step.place
     for each in getattr(step.action, "steps", ()):
         yield from _places(each)

@@ -84,14 +84,14 @@ class Command(NamedTuple):
 
 
 def commands(text: str) -> Iterator[Command]:
-    """Give the commands of a block."""
+    """Yield the commands of a block."""
     for each in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
         line, *printed = each.rstrip("\n").split("\n")
         yield Command(line, tuple(printed))
 
 
 def agrees(printed: Sequence[str], lines: Sequence[str]) -> bool:
-    """Tell whether lines are what a page says; its lines `...` stand for any number of them."""
+    """Return whether lines are what a page says; its lines `...` stand for any number of them."""
     if not printed:
         return not lines
     first, *rest = printed

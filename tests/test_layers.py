@@ -87,7 +87,7 @@ def unit_of(module: str) -> str:
 
 
 def imported(file: Path) -> Iterator[str]:
-    """Give the modules of our package that a file imports, anywhere in it, for types or for good."""
+    """Yield the modules of our package that a file imports, anywhere in it, for types or for good."""
     for node in ast.walk(tree(file)):
         if isinstance(node, ast.ImportFrom) and node.module and unit_of(node.module) == NAME:
             inside = node.module[len(NAME) + 1 :]
@@ -236,7 +236,7 @@ NOUNS: dict[str, dict[str, str]] = {
 
 
 def classes() -> Iterator[tuple[str, str]]:
-    """Give the name of each class of the package, and its module."""
+    """Yield the name of each class of the package, and its module."""
     for module, file in MODULES.items():
         yield from ((node.name, module) for node in ast.walk(tree(file)) if isinstance(node, ast.ClassDef))
 
@@ -265,7 +265,7 @@ def test_only_the_command_line_prints() -> None:
 
 
 def arguments_about_dialects(file: Path) -> Iterator[str]:
-    """Give the texts that calls which load something, or speak of dialects, have as their arguments."""
+    """Yield the texts that calls which load something, or speak of dialects, have as their arguments."""
     for node in ast.walk(tree(file)):
         if isinstance(node, ast.Call):
             given = [*node.args, *(keyword.value for keyword in node.keywords)]

@@ -83,7 +83,7 @@ def test_what_only_posix_has_is_not_imported_with_the_package() -> None:
 
 
 def at_once(file: Path) -> Iterator[str]:
-    """Give the modules that only POSIX has among those that a file imports when it is imported itself."""
+    """Yield the modules that only POSIX has among those that a file imports when it is imported itself."""
     for node in ast.parse(file.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.Import):
             yield from (each.name for each in node.names if each.name in MODULES)

@@ -37,7 +37,7 @@ class Refuser:
 
 
 def commands(devices: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Give every command of the workbench, each that takes devices with these."""
+    """Yield every command of the workbench, each that takes devices with these."""
     alone = (
         ("faults",),
         ("query", "season", "--report", "periods"),

@@ -305,7 +305,7 @@ def attempt(number: int, frames: int) -> Outcome:
 
 
 def wrong(outcome: Outcome) -> bool:
-    """Tell whether a set is not as it has to be."""
+    """Return whether a set is not as it has to be."""
     return bool(outcome.over) or (not outcome.loose and outcome.nearest is not None and outcome.nearest < TIGHT)
 
 

@@ -79,7 +79,7 @@ def locked() -> list[str]:
 
 
 def is_current(stamp: Path) -> bool:
-    """Tell whether an environment was filled, by the file that says with what, from what is `wanted` now."""
+    """Return whether an environment was filled, by the file that says with what, from what is `wanted` now."""
     return stamp.is_file() and stamp.read_text() == wanted()
 
 

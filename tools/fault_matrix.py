@@ -71,12 +71,12 @@ def do(run: Run) -> Outcome:
 
 
 def fits(fault: str, node: str) -> bool:
-    """Tell whether a node can have a fault."""
+    """Return whether a node can have a fault."""
     return issubclass(ROLES[node], PLUGINS.find_fault(fault)[0])
 
 
 def named_red(fault: str, outcome: Outcome) -> bool:
-    """Tell whether the first red step is the one that the fault's table names; a group's steps carry its name."""
+    """Return whether the first red step is the one that the fault's table names; a group's steps carry its name."""
     suite, step = PLUGINS.find_fault(fault)[1].caught_by
     return (
         outcome.run.suite == suite

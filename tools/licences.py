@@ -50,7 +50,7 @@ def licence_of(package: str, said: PackageMetadata) -> str:
 
 
 def required(package: str, extras: Iterable[str]) -> Iterator[tuple[str, set[str]]]:
-    """Give what a package needs with some extras, and the extras asked of that."""
+    """Yield what a package needs with some extras, and the extras asked of that."""
     for each in requires(package) or ():
         extra = EXTRA.search(each)
         found = NAME.match(each)

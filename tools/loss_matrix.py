@@ -486,7 +486,7 @@ def attempt(cell: Cell) -> Result:
 
 
 def cells(dialect: str, times: int, seed: int = 1) -> Iterator[Cell]:
-    """Give all cells of a dialect, in the order of the table; what happens in a match, at `times` moments of it."""
+    """Yield all cells of a dialect, in the order of the table; what happens in a match, at `times` moments of it."""
     variants = list(product(NAVIGATIONS, (AT_ONCE, LATER)))
     for what, how, begin, end in causes(dialect):
         chance = Random(f"{seed} {what} {how}")
@@ -504,7 +504,7 @@ Cause = tuple[str, str, float, float]
 
 
 def causes(dialect: str) -> Iterator[Cause]:
-    """Give all causes."""
+    """Yield all causes."""
     names = files(dialect).protocol.names()
     yield from ((name, how, 0.0, 0.0) for name, how in product(names, MESSAGE_FATES))
     yield from ((name, MIXED, 0.0, 0.0) for name in ROLES)

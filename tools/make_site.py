@@ -39,7 +39,7 @@ class Links(HTMLParser):
 
 
 def wrong_links(site: Path) -> Iterator[str]:
-    """Give what is wrong with the links of a site: nothing is there, or it is loaded from another host."""
+    """Yield what is wrong with the links of a site: nothing is there, or it is loaded from another host."""
     files = (file for file in site.rglob("*.html") if file.name != "404.html")  # which may stand for any address
     pages = {file.resolve(): Links(file.read_text(encoding="utf-8")) for file in files}
     for file, page in pages.items():

@@ -49,7 +49,7 @@ ROWS = {
 
 
 def candidates(version: str) -> Iterator[str]:
-    """Give the programs that may be a Python of a version."""
+    """Yield the programs that may be a Python of a version."""
     yield which(f"python{version}") or ""
     pyenv = which("pyenv")
     if pyenv:

@@ -259,7 +259,7 @@ class Role:
         return self.program.popen.poll() is None
 
     def has_said(self, what: str, since: float) -> bool:
-        """Tell whether it has printed a line with that since a time."""
+        """Return whether it has printed a line with that since a time."""
         return any(what in text for _, text in takewhile(lambda line: line[0] >= since, reversed(self.said)))
 
     # What it prints

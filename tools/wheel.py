@@ -85,7 +85,7 @@ def add(programs: Path, target: str) -> None:
 
 
 def wrong(programs: Path, tries: tuple[Try, ...], folder: Path) -> Iterator[str]:
-    """Give what does not work in an environment."""
+    """Yield what does not work in an environment."""
     for each in tries:
         command = [str(programs / each.program), *each.words]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

@@ -41,7 +41,7 @@ FRAMES_SHOWN = 8
 
 
 def _is_look(step: Step) -> bool:
-    """Whether nothing behind a step in its group needs that it is green."""
+    """Return whether nothing behind a step in its group needs that it is green."""
     action = step.action
     if isinstance(action, SdoRead):
         return action.save is None

@@ -92,7 +92,7 @@ class OnBus:
 
 
 def is_chosen(texts: Sequence[str], name: str) -> bool:
-    """Tell whether a step's name contains one of some texts; without texts all are chosen."""
+    """Return whether a step's name contains one of some texts; without texts all are chosen."""
     return not texts or any(text.lower() in name.lower() for text in texts)
 
 

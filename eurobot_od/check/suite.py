@@ -192,7 +192,7 @@ Pattern: TypeAlias = "MessagePattern | FramePattern | ServicePattern"
 
 
 def is_final(pattern: Pattern, frame: Frame) -> bool:
-    """Whether a frame that differs ends the waiting.
+    """Return whether a frame that differs ends the waiting.
 
     No heartbeat does, as the node may be on its way to the state, nor an EMCY that takes an earlier error back.
     """
@@ -253,7 +253,7 @@ class AbortCodes(NamedTuple):
     codes: tuple[int, ...]
 
     def fits(self, code: int) -> bool:
-        """Tell whether a code is one of them."""
+        """Return whether a code is one of them."""
         return not self.codes or code in self.codes
 
     def __str__(self) -> str:

@@ -228,7 +228,7 @@ class Expected(NamedTuple):
     values: Values
 
     def fits(self, value: Any, variables: Variables) -> bool:
-        """Tell whether a value is as expected; raises NotSaved."""
+        """Return whether a value is as expected; raises NotSaved."""
         operands = [operand.resolve(variables) for operand in self.operands]
         # A name such as `blocked` is a number on the wire, too, but it is not more than 500.
         numbers = (

@@ -160,7 +160,7 @@ def expanded(words: Sequence[str]) -> list[str]:
 
 
 def is_closed_pipe(error: Exception) -> bool:
-    """Tell whether the reader of standard output has left, which Windows calls an invalid argument."""
+    """Return whether the reader of standard output has left, which Windows calls an invalid argument."""
     if os.name == "nt" and isinstance(error, OSError) and error.errno == errno.EINVAL:
         return error.filename is None
     return isinstance(error, BrokenPipeError)
@@ -184,7 +184,7 @@ def program() -> str:
 
 
 def is_alone() -> bool:
-    """Whether the program was started without a robot."""
+    """Return whether the program was started without a robot."""
     return sys.argv[:1] == [WORKBENCH]
 
 

@@ -65,7 +65,7 @@ class Reading:
 def entries(
     logs: Iterable[str], reading: Reading, is_watched: bool = True
 ) -> Generator[tuple[str, LogEntry], None, None]:
-    """Give the entries of logs, one log after the other, with the log's name. Errors as `formats.entries`.
+    """Yield the entries of logs, one log after the other, with the log's name. Errors as `formats.entries`.
 
     With `is_watched` a terminal shows how far a long log has been read.
     """

@@ -167,7 +167,7 @@ def _listen(
 
 
 def blocks(title: str, verdict: str, incidents: Sequence[Incident], diagnosis: Diagnosis) -> Iterator[DocBlock]:
-    """Give the report: the verdict, all incidents in a table, and each of them."""
+    """Yield the report: the verdict, all incidents in a table, and each of them."""
     yield DocHeading(1, f"Diagnosis of {title}")
     yield Paragraph(f"{verdict}.")
     facts = [("Frames", str(diagnosis.frames)), ("Time", f"{diagnosis.seconds:.1f} s"), ("Made by", version())]

@@ -197,7 +197,7 @@ WaitForKey = Callable[[float], str]
 
 @contextmanager
 def keys() -> Iterator[WaitForKey]:
-    """Give the keys pressed while the context lasts."""
+    """Yield the keys pressed while the context lasts."""
     if not sys.stdin.isatty():
         yield _no_keys
     elif os.name == "nt":

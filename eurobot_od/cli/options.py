@@ -282,7 +282,7 @@ class Campaign:
 
     @contextmanager
     def workers(self, things: int) -> Iterator[Workers]:
-        """Give the workers for a number of things; raises LocalError."""
+        """Yield the workers for a number of things; raises LocalError."""
         from eurobot_od.season import campaign  # one thing is done without `multiprocessing`
 
         if self.executor and self.jobs:

@@ -483,7 +483,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         return [*self.nodes.items()]
 
     def __contains__(self, node: int | str | RemoteDevice) -> bool:
-        """Whether a device was added, by its node-ID or name."""
+        """Return whether a device was added, by its node-ID or name."""
         return any(node in (each.node_id, each.name, each) for each in self)
 
     def add_node(
@@ -680,11 +680,11 @@ class BaseNode402(RemoteDevice):
         self.drive402.choose(look_up("mode of operation", words, MODES))
 
     def is_op_mode_supported(self, words: str) -> bool:
-        """Whether the drive says that it has a mode (0x6502)."""
+        """Return whether the drive says that it has a mode (0x6502)."""
         return MODES.get(words) in cia402.supported(self[cia402.SUPPORTED_MODES].read(int))
 
     def is_faulted(self) -> bool:
-        """Whether it has a fault."""
+        """Return whether it has a fault."""
         return self.drive402.state is State.FAULT
 
     def reset_from_fault(self) -> None:

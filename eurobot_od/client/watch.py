@@ -76,7 +76,7 @@ class Heartbeats:
         return self.heard + periods * period if self.heard is not None and period else inf
 
     def lost(self, now: float) -> bool:
-        """Whether it should have been heard by now."""
+        """Return whether it should have been heard by now."""
         return now > self.deadline
 
     def life(self, now: float) -> Life:

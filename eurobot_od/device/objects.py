@@ -68,7 +68,7 @@ TELL_NOBODY: Mapping[Address, OnTold] = MappingProxyType({})
 
 
 def is_stored(dictionary: Dictionary, address: Address) -> bool:
-    """Tell whether 0x1010 stores an object: every parameter, and the mark that they are verified."""
+    """Return whether 0x1010 stores an object: every parameter, and the mark that they are verified."""
     return address in VERIFY_CONFIGURATION or address in dictionary.parameters
 
 

@@ -81,16 +81,16 @@ class Pdos:
         return self._objects.raw((binding.pdo.index, values.EVENT_TIMER)) / 1000
 
     def is_event_driven(self, binding: Binding) -> bool:
-        """Tell whether a TPDO is sent whenever the application wants to send it."""
+        """Return whether a TPDO is sent whenever the application wants to send it."""
         asked_for = self._type(binding.pdo.index) in (SAMPLED, REQUESTED)
         return self.sync_type(binding) is None and not asked_for
 
     def follows_changes(self, binding: Binding) -> bool:
-        """Tell whether a TPDO is sent when its values change: at once, or with the next SYNC (transmission type 0)."""
+        """Return whether a TPDO is sent when its values change: at once or with the next SYNC (transmission type 0)."""
         return self.sync_type(binding) == ACYCLIC or self.is_event_driven(binding)
 
     def is_sampled(self, binding: Binding) -> bool:
-        """Tell whether a TPDO carries the values of the last SYNC when it is asked for."""
+        """Return whether a TPDO carries the values of the last SYNC when it is asked for."""
         return self._type(binding.pdo.index) == SAMPLED and self.sync_cob_id is not None
 
     def _type(self, index: int) -> int:

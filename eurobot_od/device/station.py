@@ -207,7 +207,7 @@ class NodeGroup:
             self._take(node, node.bus_lost(now))
 
     def bus_back(self, now: float) -> list[Frame]:
-        """Tell the nodes that the bus is back, and return the frames to send."""
+        """Note that the bus is back, and return the frames to send."""
         for node in self.nodes:
             node.bus_error(ErrorCode.BUS_LOST, now)
             self._take(node)

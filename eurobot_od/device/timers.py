@@ -142,7 +142,7 @@ class Deadlines(Generic[Awaited]):
         self.missed &= kept
 
     def awaits(self, what: Awaited) -> bool:
-        """Tell whether it has come, and has to come again in time."""
+        """Return whether it has come, and has to come again in time."""
         return what in self._deadlines
 
     def heard(self, what: Awaited, now: float) -> bool:
@@ -187,7 +187,7 @@ class Ask(NamedTuple):
     attempts: int
 
     def fits(self, heard: Message | Frame) -> bool:
-        """Tell whether this is the answer."""
+        """Return whether this is the answer."""
         if isinstance(heard, Frame):
             # A late answer to an earlier question, or one to somebody else's, is about another object (bytes 1 to 3).
             asked = self.request.data[1:4] if isinstance(self.request, Frame) else heard.data[1:4]
@@ -233,7 +233,7 @@ class Call(Future[Result], Generic[Result]):
         return super().result(timeout)
 
     def done(self) -> bool:
-        """Tell whether the call has ended."""
+        """Return whether the call has ended."""
         self.is_wanted = True
         return super().done()
 

@@ -105,7 +105,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
 
 
 def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Iterator[DbcMessage]:
-    """Give messages, nodes and fields their names in the file; `nodes` is filled in the order in which they are met."""
+    """Yield the messages as the file names them; `nodes` is filled in the order in which they are met."""
     of_nodes, of_messages = Identifiers(RESERVED), Identifiers(RESERVED)
     for each in messages:
         for node in (*each.senders, *each.receivers):

@@ -137,7 +137,7 @@ class _XddWriter:
         return _element("co:ISO15745Profile", {}, *parts)
 
     def _moments(self, what: str) -> Iterator[tuple[str, str]]:
-        """Give day and time of a file's creation or modification, which CiA 306 writes `11-23-2013` and `09:45PM`."""
+        """Yield day and time of a file's creation or modification, which CiA 306 writes `11-23-2013` and `09:45PM`."""
         for key, form, part in (("Date", "%m-%d-%Y", datetime.date), ("Time", "%I:%M%p", datetime.time)):
             with suppress(ValueError):
                 read = datetime.strptime(self._file("fileinfo", f"{what}{key}".lower()), form)

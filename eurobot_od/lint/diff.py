@@ -130,7 +130,7 @@ def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
 
 
 def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Members, Members]]:
-    """Give the objects that both have, one at a time: a small file may describe millions of sub-indices."""
+    """Yield the objects that both have, one at a time: a small file may describe millions of sub-indices."""
     for index in one.objects.keys() & other.objects.keys():
         left, right = ({each.sub: each for each in device.objects[index].variables()} for device in (one, other))
         yield index, left, right

@@ -115,7 +115,7 @@ def unknown_sections(device: LintedDevice) -> Violations:
 
 
 def looks_like_object(name: str) -> bool:
-    """Whether a name is meant as that of an object's section, however it is written: 0x1000, 01000, 1000sub01."""
+    """Return whether a name is meant as that of an object's section, such as 0x1000, 01000 and 1000sub01."""
     head, sub, tail = name.replace(" ", "").replace("\t", "").removeprefix("0x").partition("sub")
     digits = head.lstrip("0") if len(head) != 4 else head
     fits = bool(tail.lstrip("0") or "0" in tail) if sub else bool(digits)
@@ -224,17 +224,17 @@ def up_to(high: int, words: str = "") -> Form:
 
 
 def is_version(text: str) -> bool:
-    """Whether a text is a version: 4.0."""
+    """Return whether a text is a version: 4.0."""
     return re.fullmatch(r"[0-9]+(\.[0-9]+)?", text) is not None
 
 
 def is_time(text: str) -> bool:
-    """Whether a text is a time: 09:30AM."""
+    """Return whether a text is a time: 09:30AM."""
     return re.fullmatch(r"(0[0-9]|1[0-2]):[0-5][0-9](AM|PM)", text, re.IGNORECASE) is not None
 
 
 def is_date(text: str) -> bool:
-    """Whether a text is a date: 05-28-2014."""
+    """Return whether a text is a date: 05-28-2014."""
     return re.fullmatch(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", text) is not None
 
 
@@ -443,7 +443,7 @@ def _numbers(device: LintedDevice, name: str) -> dict[int, Entry]:
 
 
 def _lists(device: LintedDevice) -> Iterator[tuple[Section, dict[int, Entry]]]:
-    """Give the lists that are there, with their entries by number."""
+    """Yield the lists that are there, with their entries by number."""
     return ((section, _numbers(device, name)) for name in LISTS for section in [device.section(name)] if section)
 
 
@@ -641,7 +641,7 @@ def file_of_number(device: LintedDevice) -> Violations:
 
 
 def is_concise(text: str) -> bool:
-    """Whether a text is a concise DCF in hexadecimal digits."""
+    """Return whether a text is a concise DCF in hexadecimal digits."""
     try:
         dcf.unpack(bytes.fromhex(text))
     except ValueError:  # not hexadecimal, or concise.Truncated

@@ -168,7 +168,7 @@ class LintedNetwork:
         return " / ".join(dict.fromkeys(each.pdo.name for each in self.ports(identifier) if each.pdo.name))
 
     def is_shared(self, identifier: int) -> bool:
-        """Whether an identifier may have several producers.
+        """Return whether an identifier may have several producers.
 
         That is declared in the network file, by name; or by the EDS files themselves: each producer and each consumer
         calls it by the same name, and it carries no data, so that equal frames merge instead of destroying each other.
@@ -264,7 +264,7 @@ def switched_off(network: LintedNetwork) -> Conflicts:
 
 
 def _pairs(network: LintedNetwork) -> Iterator[tuple[Endpoint, Endpoint]]:
-    """Give every producer with every consumer of its identifier."""
+    """Yield every producer with every consumer of its identifier."""
     for identifier, ports in network.producers.items():
         for producer in ports:
             yield from ((producer, consumer) for consumer in network.consumers.get(identifier, ()))
@@ -402,7 +402,7 @@ def guessed_node_id(network: LintedNetwork) -> Conflicts:
 
 
 def _watches(network: LintedNetwork) -> Iterator[tuple[Spot, str, int, int, NetworkNode | None]]:
-    """Give every consumer heartbeat time: its place, whose it is, the node-ID watched, the time in ms, that node."""
+    """Yield every consumer heartbeat time: its place, whose it is, the node-ID watched, the time in ms, that node."""
     for node in network.nodes:
         for variable, node_id, time in heartbeats(node.device):
             yield node.spot(variable.place), node.name, node_id, time, network.node_ids.get(node_id)

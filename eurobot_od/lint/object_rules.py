@@ -26,7 +26,7 @@ COMPLEX_TYPES = (range(0x20, 0x26), range(0x40, 0x260))
 
 
 def _simple(device: LintedDevice) -> Iterator[Section]:
-    """Give what describes variables that have a value of their own: VARs, sub-indices and compact templates."""
+    """Yield what describes variables that have a value of their own: VARs, sub-indices and compact templates."""
     # `2` and `0x2` are a DOMAIN, of which DataType and AccessType may be left out.
     return (each.section for each in device.variables if not each.section.text("objecttype").endswith("2"))
 
@@ -43,7 +43,7 @@ def undefined_type(device: LintedDevice) -> Violations:
 
 
 def _composed(device: LintedDevice) -> Iterator[tuple[DescribedObject, Section]]:
-    """Give arrays and records with their sections."""
+    """Yield arrays and records with their sections."""
     return ((o, o.section) for o in device.objects.values() if o.section and o.code in COMPOSED)
 
 
@@ -272,13 +272,13 @@ def no_number(device: LintedDevice) -> Violations:
 
 
 def is_wrong_octal(text: str) -> bool:
-    """Whether a text is a number with a leading zero, hence octal, that has an 8 or a 9."""
+    """Return whether a text is a number with a leading zero, hence octal, that has an 8 or a 9."""
     digits = text.removeprefix("-")
     return digits[:1] == "0" and digits.isdecimal() and len(digits) > 1 and bool(set(digits) & {"8", "9"})
 
 
 def _octals(device: LintedDevice) -> Iterator[Entry]:
-    """Give the entries whose value starts with a 0 and a further digit."""
+    """Yield the entries whose value starts with a 0 and a further digit."""
     entries = [entry for key in NUMERIC_KEYS for _, entry in device.entries[key]]
     for entry in entries + [each.entry for each in device.integers]:
         # `00` is 0 in any base, so nobody can mistake it.
@@ -376,7 +376,7 @@ def limits_without_meaning(device: LintedDevice) -> Violations:
 
 
 def is_real(text: str) -> bool:
-    """Whether a text is a REAL, as a decimal number or as its bits: 0x and hexadecimal digits."""
+    """Return whether a text is a REAL, as a decimal number or as its bits: 0x and hexadecimal digits."""
     if text[:2].lower() == "0x":
         return parse_number(text) is not None
     try:
@@ -478,7 +478,7 @@ RULES += (
 
 
 def _known(device: LintedDevice) -> Iterator[tuple[DescribedVariable, Known]]:
-    """Give every variable of the communication profile that the standard says something about."""
+    """Yield every variable of the communication profile that the standard says something about."""
     for index, found in device.objects.items():
         # most objects of a device are its own: none of them has to go through the table
         for known in KNOWN if index < values.MANUFACTURER[0] else ():
@@ -528,7 +528,7 @@ def value_of(index: int, subs: range, fits: Callable[[int], bool], sentence: str
 
 
 def is_cob_id(value: int) -> bool:
-    """Whether a COB-ID of SYNC, TIME or EMCY has none of the bits that have to be 0 in a base frame."""
+    """Return whether a COB-ID of SYNC, TIME or EMCY has none of the bits that have to be 0 in a base frame."""
     # With bit 29 set all 29 bits are the identifier.
     return 0 <= value <= UNSIGNED32.high and (bool(value & values.EXTENDED) or not value & 0x1FFFF800)
 

@@ -26,7 +26,7 @@ RESERVED_BITS = 0x1FFFF800
 
 
 def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[DescribedRecords, Entry, int]]:
-    """Give a communication parameter of every PDO that has it: the PDO, where it stands, its value without node-ID."""
+    """Yield a communication parameter of every PDO that has it: the PDO, where it stands, its value without node-ID."""
     for pdo in device.pdos:
         variable = pdo.setting(sub)
         at, value = (variable.value_entry, variable.value) if variable else (None, None)
@@ -78,7 +78,7 @@ def without_parameters(device: LintedDevice) -> Violations:
 
 
 def _identifiers(device: LintedDevice) -> Iterator[tuple[DescribedRecords, Entry | Section, int]]:
-    """Give every PDO that is valid with its identifier for the lowest node-ID, and where that stands."""
+    """Yield every PDO that is valid with its identifier for the lowest node-ID, and where that stands."""
     for pdo in device.pdos:
         identifier, variable = pdo.identifier(device.node_ids[0]), pdo.setting(1)
         if identifier is not None and variable:
@@ -159,7 +159,7 @@ RTR_TYPES = (252, 253)
 
 
 def is_reserved(type_: int) -> bool:
-    """Whether a transmission type has no meaning, for PDOs of either direction."""
+    """Return whether a transmission type has no meaning, for PDOs of either direction."""
     return not (type_ in values.SYNCHRONOUS or 252 <= type_ <= 255)
 
 
@@ -225,7 +225,7 @@ RULES += (
 
 
 def _counts(device: LintedDevice) -> Iterator[tuple[DescribedRecords, DescribedVariable, int]]:
-    """Give the number of mapped objects of every PDO that says one: the PDO, sub-index 0, the number."""
+    """Yield the number of mapped objects of every PDO that says one: the PDO, sub-index 0, the number."""
     for pdo in device.pdos:
         zero, count = pdo.entry(0), pdo.amount
         if zero and count:
@@ -344,7 +344,7 @@ def _shorter(device: LintedDevice) -> Iterator[MappedObject]:
 
 
 def _fits(each: MappingEntry, variable: DescribedVariable) -> bool:
-    """Whether the limits of an object leave no value that the mapped bits cut."""
+    """Return whether the limits of an object leave no value that the mapped bits cut."""
     low, high = variable.number("lowlimit"), variable.number("highlimit")
     if high is None or variable.type is None:  # without a limit any value of the type may come
         return False

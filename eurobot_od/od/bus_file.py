@@ -129,7 +129,7 @@ def number(said: Tree) -> int:
 
 
 def is_bus(text: str) -> bool:
-    """Whether YAML is a bus file: its master is a mapping, which in our own network file it never is."""
+    """Return whether YAML is a bus file: its master is a mapping, which in our own network file it never is."""
     with suppress(YamlError), telling("") as problems:
         root = compose(text, problems)
         pairs = root.value if isinstance(root, yaml.MappingNode) else ()
@@ -223,7 +223,7 @@ class _Configuration:
         self._device = DescribedDevice(completed(read(read_bytes(node.file))))
 
     def writes(self) -> Iterator[BusWrite]:
-        """Give the writes in dcfgen's order."""
+        """Yield the writes in dcfgen's order."""
         said = self._node.said
         yield from self._heartbeat_of_the_master()
         for key, address in OBJECTS.items():

@@ -191,7 +191,7 @@ def missing(document: Document) -> list[str]:
 
 
 def _listed(document: Document, name: str) -> Iterator[str]:
-    """Give the names of the sections that a list of objects announces; the list itself where a file must have it."""
+    """Yield the names of the sections that a list of objects announces; the list itself where a file must have it."""
     section = document.sections.get(name.lower())
     if section is None:
         if name == OBJECT_LISTS[0]:  # a device need not have any other objects (CiA 306-1, 4.6.1)

@@ -194,7 +194,7 @@ class DescribedObject:
         return DescribedVariable(self.index, sub, self._written_out(sub, self.section))
 
     def variables(self) -> Iterator[DescribedVariable]:
-        """Give all variables, compact ones written out."""
+        """Yield all variables, compact ones written out."""
         for sub in sorted({*self.subs, *range(self.compact + 1 if self.compact else 0)}):
             variable = self.variable(sub)
             if variable:
@@ -271,7 +271,7 @@ class DescribedRecords(PdoRecords):
         return cob_id.at(node_id) & values.BASE_IDENTIFIER
 
     def mapped(self) -> Iterator[tuple[MappingEntry, DescribedVariable]]:
-        """Give the first `amount` entries of the mapping that are there and are numbers, and where they stand."""
+        """Yield the first `amount` entries of the mapping that are there and are numbers, and where they stand."""
         # Bounded, as a file may say any number; there is one more sub-index, 0xFF, which is not an entry.
         amount = self.amount.value if self.amount and not self.is_multiplexed else 0
         for sub in range(1, min(amount, values.MOST_SUBS) + 1):

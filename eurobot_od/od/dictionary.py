@@ -181,7 +181,7 @@ class Dictionary:
         return number.value if number else 0
 
     def addresses(self) -> Iterator[Address]:
-        """Give the addresses of all variables, in the file's order."""
+        """Yield the addresses of all variables, in the file's order."""
         return ((index, sub) for index, subs in self.members.items() for sub in subs)
 
     def default(self, address: Address) -> Value:
@@ -198,7 +198,7 @@ class Dictionary:
         return value
 
     def has_own_value(self, address: Address) -> bool:
-        """Whether a variable's value is this device's own, a ParameterValue, not what all of its kind have."""
+        """Return whether a variable's value is this device's own, a ParameterValue, not what all of its kind have."""
         variable = self.variable(address)
         return address in self._present or (variable is not None and variable.value is not None)
 

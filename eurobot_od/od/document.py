@@ -272,7 +272,7 @@ def parse(text: str) -> Document:
 
 
 def is_text(text: str, encoding: str = "ascii") -> bool:
-    """Whether a line of a file in this encoding can hold a text so that every reader finds the same."""
+    """Return whether a line of a file in this encoding can hold a text so that every reader finds the same."""
     # Asked of the reader itself: blanks at an end, ` ;`, `#` and lines that are too long all come out here.
     line = parse(f"[x]\nParameterValue={text}") if text.isprintable() else Document({})
     kinds = {each.kind for each in line.oddities} - {Odd.NOT_ASCII}

@@ -69,7 +69,7 @@ def removed(target: str) -> Change:
 
 
 def _is_part(name: str, index: int, sub: int | None) -> bool:
-    """Whether a section, by its name in lower case, describes an object or a part of it, or one sub-index."""
+    """Return whether a section, by its name in lower case, describes an object or a part of it, or one sub-index."""
     named = parse_section_name(name)
     return named is not None and named.object_index == index and (sub is None or named.sub == sub)
 
@@ -145,7 +145,7 @@ def _mapping_entry(device: DescribedDevice, carried: Mapping[Address, MappingEnt
 
 
 def _mapping(records: DescribedRecords, entries: Sequence[MappingEntry]) -> Iterator[ObjectPatch]:
-    """Give what the records of a PDO say: its entries, 0 behind them, how many there are, and whether it is valid."""
+    """Yield what the records of a PDO say: its entries, 0 behind them, how many there are, and whether it is valid."""
     for sub, each in enumerate(entries, start=1):
         variable, text = records.entry(sub), f"0x{each.number:08X}"
         if variable is None:
@@ -166,7 +166,7 @@ def _mapping(records: DescribedRecords, entries: Sequence[MappingEntry]) -> Iter
 
 
 def _with_value(variable: DescribedVariable, number: int, text: str) -> Iterator[ObjectPatch]:
-    """Give the patch by which a variable has a number, in the key in which it has its value; none if it has it."""
+    """Yield the patch by which a variable has a number, in the key in which it has its value; none if it has it."""
     if variable.value is None or variable.value.value != number:
         key = "ParameterValue" if variable.section.text("parametervalue") else "DefaultValue"
         yield _patch((variable.index, variable.sub), {key: text})

@@ -54,7 +54,7 @@ def _read_xml(data: bytes) -> Document:
 
 
 def is_xml(data: bytes) -> bool:
-    """Whether a file begins as one in XML: no EDS begins so."""
+    """Return whether a file begins as one in XML: no EDS begins so."""
     is_wide = data.startswith(WIDE_MARKS)
     start = data[:200].decode("utf-16", "replace") if is_wide else data[:200].removeprefix(BOM_UTF8).decode("latin-1")
     return start.lstrip().startswith("<")
@@ -127,7 +127,7 @@ def decimal_subs(document: Document) -> dict[str, str]:
 
 
 def looks_odd(name: str) -> bool:
-    """Whether a section's name, in lower case, may be that of an object in an unusual form."""
+    """Return whether a section's name, in lower case, may be that of an object in an unusual form."""
     return name[:1].isdigit() and parse_section_name(name) is None
 
 
@@ -140,7 +140,7 @@ def usual_name(name: str) -> str | None:
 
 
 def misspelled(document: Document) -> Iterator[Remark]:
-    """Give the sections and keys that are not spelled as CiA 306 has them, and how they are spelled there."""
+    """Yield the sections and keys that are not spelled as CiA 306 has them, and how they are spelled there."""
     for name, counted in decimal_subs(document).items():
         section = document.sections[name]
         yield Remark(section.line, f"section [{section.name}] named [{counted}]: its object counts in decimal")

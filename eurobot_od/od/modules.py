@@ -43,7 +43,7 @@ FIXED = re.compile(r"(m[0-9]+fixed[0-9a-f]{4})((?:sub.*)?)")
 
 
 def is_of_modules(name: str) -> bool:
-    """Whether the section of a name, in lower case, describes modules that may be connected."""
+    """Return whether the section of a name, in lower case, describes modules that may be connected."""
     return name == SUPPORTED or MODULE_SECTION.fullmatch(name) is not None
 
 
@@ -267,7 +267,7 @@ class _Built:
         return {**self._fixed, **{each.name.lower(): each for each in (*made, *self._module_list())}}
 
     def _module_list(self) -> Iterator[Section]:
-        """Give 0x1027 its values, as far as the file describes it: the modules' numbers (CiA 301)."""
+        """Yield the values of 0x1027, the modules' numbers, as far as the file describes it (CiA 301)."""
         for sub, number in enumerate([len(self.numbers), *self.numbers]):
             section = self._there.get(f"{MODULE_LIST:x}sub{sub:x}")
             if section is not None:

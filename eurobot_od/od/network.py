@@ -56,7 +56,7 @@ def read_network(path: str | Path) -> NetworkFile:
 
 
 def is_network(path: str | Path) -> bool:
-    """Whether a path names a network, by what it is or its suffix."""
+    """Return whether a path names a network, by what it is or its suffix."""
     return Path(path).is_dir() or Path(path).suffix.lower() in READERS
 
 

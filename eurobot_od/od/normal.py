@@ -538,7 +538,7 @@ class _Writer:
             self._entry(each.index, sub, key, entry, type_)
 
     def _limits_of_type(self, each: DescribedVariable) -> Iterator[tuple[str, Entry]]:
-        """Give the limits of a type of CanFestival's editor, such as INTEGER32[1-100], that a variable itself lacks."""
+        """Yield the limits of a type of CanFestival's editor, such as INTEGER32[1-100], that a variable lacks."""
         code = each.number("datatype")
         for sub, key in enumerate(ENTRIES, start=2):
             section = self._device.document.sections.get(f"{code.value:x}sub{sub}") if code else None

@@ -70,7 +70,7 @@ def data_type(variable: ODVariable) -> DataType:
 
 
 def is_described(variable: ODVariable) -> bool:
-    """Tell whether a file describes a variable."""
+    """Return whether a file describes a variable."""
     return variable.data_type is not None
 
 
@@ -127,7 +127,7 @@ def allowed_range(variable: ODVariable, range_: Range) -> str:
 
 
 def in_limits(variable: ODVariable, value: Value) -> bool:
-    """Whether a value is within the limits, as everything is that is not a number."""
+    """Return whether a value is within the limits, as everything is that is not a number."""
     range_ = limits(variable)
     outside = isinstance(value, Real) and range_ and (value < range_.low or value > range_.high)
     return not outside
@@ -165,7 +165,7 @@ def members(objects: ObjectDictionary, index: int) -> list[ODVariable]:
 
 
 def all_objects(objects: ObjectDictionary) -> Iterator[ODVariable]:
-    """Give every variable by address; what is below 0x1000 describes data types."""
+    """Yield every variable by address; what is below 0x1000 describes data types."""
     for index in sorted(index for index in objects.indices if index >= values.FIRST):
         yield from members(objects, index)
 

@@ -113,7 +113,7 @@ def _of_configuration(data: bytes, file: Path) -> Patch:
 
 
 def _configured(variable: DescribedVariable, file: Path) -> Iterator[Entry]:
-    """Give the entries of a DCF that are a variable's value; files are where they stand beside the DCF."""
+    """Yield the entries of a DCF that are a variable's value; files are where they stand beside the DCF."""
     for key in ("parametervalue", *FILES):
         entry = variable.section.entries.get(key)
         if entry and entry.value:

@@ -37,7 +37,7 @@ PADDING, RESERVED = "Padding", "Reserved"
 
 
 def carries_nothing(name: str) -> bool:
-    """Whether a ParameterName is that of bits without a value: `Padding`, `Reserved 2`, `Reserved (5:2)`."""
+    """Return whether a ParameterName is that of bits without a value: `Padding`, `Reserved 2`, `Reserved (5:2)`."""
     return re.fullmatch(rf"({PADDING}|{RESERVED})[\W\d_]*", name) is not None
 
 

@@ -135,7 +135,7 @@ _FOREIGN = re.compile(r"(?P<sign>-?)(?:(?P<hex>[0-9][0-9A-F]*)H|(?P<number>(?:0X
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def is_standard_number(text: str) -> bool:
-    """Whether a number is written as CiA 306 writes it: every tool can read it."""
+    """Return whether a number is written as CiA 306 writes it: every tool can read it."""
     first, plus, rest = (each.strip() for each in text.partition("+"))
     if first == NODE_ID:
         return not plus or (rest[:1] != "-" and _integer(rest.upper()) is not None)

@@ -170,7 +170,7 @@ def _lists(at: XmlElement, indices: Iterable[int]) -> Iterator[Section]:
 
 
 def _object(index: int, each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
-    """Give the sections of an object and its sub-indices."""
+    """Yield the sections of an object and its sub-indices."""
     name, subs = f"{index:04X}", _subs(each)[0]
     if not subs and "subNumber" not in each.attributes:
         yield section_at(name, each, _entries(each, parameters))
@@ -271,7 +271,7 @@ class _Parameters:
         return self._said[name]
 
     def is_disabled(self, each: XmlElement) -> bool:
-        """Whether an object is one that CANopenEditor keeps for later: it makes no EDS and no device with it."""
+        """Return whether an object is one that CANopenEditor keeps for later: it makes no EDS and no device with it."""
         said = each.attributes
         return said.get("disabled") == "true" or said.get("uniqueIDRef", "") in self._disabled
 

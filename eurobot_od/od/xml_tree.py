@@ -35,7 +35,7 @@ class XmlElement(NamedTuple):
         return " ".join("".join(self.texts).split())
 
     def all(self, tag: str) -> Iterator[XmlElement]:
-        """Give all elements of a name in it, in the file's order."""
+        """Yield all elements of a name in it, in the file's order."""
         waiting = [self]
         while waiting:
             each = waiting.pop()

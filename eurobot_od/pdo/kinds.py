@@ -599,7 +599,7 @@ def units(message_type: type[Message]) -> Mapping[str, str]:
 
 
 def is_flagged(message: Message) -> bool:
-    """Tell whether any value of a received message is out of range."""
+    """Return whether any value of a received message is out of range."""
     return OutOfRange in map(type, message)
 
 

@@ -98,7 +98,7 @@ def _begin(end: Connection) -> None:
 
 @contextmanager
 def local(number: int) -> Iterator[Workers]:
-    """Give a number of processes of this machine; one is this process itself. They end with the `with` block."""
+    """Yield a number of processes of this machine; one is this process itself. They end with the `with` block."""
     # A single process would do the work no sooner than this one, and cost its start.
     if number == 1:
         yield HERE
@@ -109,7 +109,7 @@ def local(number: int) -> Iterator[Workers]:
 
 @contextmanager
 def dask(address: str) -> Iterator[Workers]:
-    """Give the workers of a dask scheduler, `HOST:PORT`; work that is not done at the end is given up.
+    """Yield the workers of a dask scheduler, `HOST:PORT`; work that is not done at the end is given up.
 
     Raises LocalError if nobody answers there, without a worker, and for a worker with several threads: they would share
     `sys.stdout`. Raises ModuleNotFoundError without dask.

@@ -220,7 +220,7 @@ class _Field:
             self.whole = pl.all_horizontal(*(_raw(binding, each) == code for each, code in unknown.codes.items()))
 
     def columns(self) -> Iterator[FieldColumn]:
-        """Give the column of the values, and one of flags if there can be any."""
+        """Yield the column of the values, and one of flags if there can be any."""
         outside = self.outside()
         flags: list[pl.Expr] = [] if self.whole is None else [pl.when(self.whole).then(pl.lit(UNKNOWN))]
         flags += [] if self.known is None else [pl.when(~self.known).then(pl.lit(UNKNOWN))]

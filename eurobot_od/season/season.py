@@ -203,7 +203,7 @@ def footer_of(file: Path) -> bytes:
 
 
 def is_described(file: Path, seal: Seal | None) -> bool:
-    """Tell whether a Parquet file has the footer of its seal; without a seal, whether it has one."""
+    """Return whether a Parquet file has the footer of its seal; without a seal, whether it has one."""
     try:
         footer = footer_of(file)
     except (OSError, ValueError):
@@ -212,7 +212,7 @@ def is_described(file: Path, seal: Seal | None) -> bool:
 
 
 def is_sound(file: Path, seal: Seal | None) -> bool:
-    """Tell whether a Parquet file is as it was sealed, or has no seal; it is read whole for that."""
+    """Return whether a Parquet file is as it was sealed, or has no seal; it is read whole for that."""
     try:
         return seal is None or Seal.of(file) == seal
     except (OSError, ValueError):

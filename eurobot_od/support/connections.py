@@ -28,7 +28,7 @@ def parse(text: str) -> Address:
 
 
 def is_token(shown: str, token: str) -> bool:
-    """Whether a peer has shown the token, in constant time: the duration must not tell how much of it was right."""
+    """Return whether a peer has shown the token; the time it takes does not depend on how much of it is right."""
     import hmac  # and with it OpenSSL, of which only a shared bus has a use
 
     return hmac.compare_digest(encodable(shown).encode(), token.encode())

@@ -19,12 +19,12 @@ WITH_COLOURS = {"WT_SESSION", "TERM", "ANSICON", "ConEmuANSI"}
 
 
 def redraws(stream: TextIO) -> bool:
-    """Whether a line can be written over: on a terminal, unless it says that it is dumb."""
+    """Return whether a line can be written over: on a terminal, unless it says that it is dumb."""
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def in_colour(stream: TextIO) -> bool:
-    """Whether colours are wanted and shown: NO_COLOR is not set (no-color.org), and the terminal has them."""
+    """Return whether colours are wanted and shown: NO_COLOR is not set (no-color.org), and the terminal has them."""
     is_known = os.name != "nt" or bool(WITH_COLOURS & os.environ.keys())
     return is_known and redraws(stream) and not os.environ.get("NO_COLOR")  # set, but empty, it does not count
 
@@ -86,7 +86,7 @@ def bar(
     unit: Unit = BYTES,
     after: float = 0.0,
 ) -> Iterator[Progress]:
-    """Give a function that draws the bar, once `after` s have passed; at the end the bar is wiped out.
+    """Yield a function that draws the bar, once `after` s have passed; at the end the bar is wiped out.
 
     Without a terminal nothing is drawn.
     """
@@ -141,7 +141,7 @@ Thing = TypeVar("Thing")
 
 @contextmanager
 def passing(what: str, things: Iterable[Thing]) -> Iterator[Iterator[Thing]]:
-    """Give the objects `things` one after the other; if that takes long, a bar for `what` is drawn."""
+    """Yield the objects `things` one after the other; if that takes long, a bar for `what` is drawn."""
     listed = list(things)
     with bar(what, unit=OBJECTS, after=SHORT) as draw:
 

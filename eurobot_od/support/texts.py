@@ -102,7 +102,7 @@ def seconds(text: str) -> float:
 
 
 def is_duration(text: str) -> bool:
-    """Tell whether a text is a duration."""
+    """Return whether a text is a duration."""
     match = _DURATION.fullmatch(text)
     return match is not None and match[2] in UNITS
 

@@ -79,7 +79,7 @@ class Tolerances(NamedTuple):
     fields: Mapping[tuple[str, str], float] = MappingProxyType({})
 
     def allow(self, field: tuple[str, str], modulus: int | None, old: Any, new: Any) -> bool:
-        """Tell whether two values of a field count as equal."""
+        """Return whether two values of a field count as equal."""
         if old == new or not isinstance(old, (int, float)) or not isinstance(new, (int, float)):
             return bool(old == new)
         apart, tolerance = abs(old - new), self.fields.get(field, 0.0)

@@ -181,7 +181,7 @@ def _stamped(batch: Batch) -> Batch:
 
 
 def gathered(entries: Entries, most: int) -> Iterator[Batch]:
-    """Give entries in batches of at most so many, and those before an error before that is raised."""
+    """Yield entries in batches of at most so many, and those before an error before that is raised."""
     some: list[LogEntry] = []
     try:
         for entry in entries:

@@ -631,7 +631,7 @@ def _pdo(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> PeriodicMess
 def _by_itself(
     device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]
 ) -> Iterator[PeriodicMessage]:
-    """Give what a device sends by timer or SYNC, or whenever its inhibit time allows."""
+    """Yield what a device sends by timer or SYNC, or whenever its inhibit time allows."""
     cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
     for pdo in _sent_pdos(device):
         message, inhibit = _pdo(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
@@ -657,7 +657,7 @@ def _emcy(device: Dictionary) -> PeriodicMessage:
 
 
 def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[tuple[str, PeriodicMessage]]:
-    """Give the services with the names of their rows: EMCY without an inhibit time, SDO if a client is there."""
+    """Yield the services with the names of their rows: EMCY without an inhibit time, SDO if a client is there."""
     if not device.number(standard.EMCY_INHIBIT_TIME):
         yield "EMCY", _emcy(device)
     for client in devices:
@@ -682,7 +682,7 @@ class _Rows:
             raise self._error(name, f"traffic of {name!r}, which no node sends")
 
     def sent(self, name: str, message: PeriodicMessage) -> Iterator[PeriodicMessage]:
-        """Give a message as its row says, if there is one."""
+        """Yield a message as its row says, if there is one."""
         row = self._rows.get(name)
         if row is not None:
             sent = message.every(self._period(name, row), row.reason)

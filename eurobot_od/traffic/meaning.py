@@ -585,7 +585,7 @@ class Unmapped:
                     self._known[cob_id] = _left(devices[node_id], each)
 
     def is_in_file(self, cob_id: int) -> bool:
-        """Whether a file says what an identifier is for."""
+        """Return whether a file says what an identifier is for."""
         return cob_id in self._known
 
     def get(self, cob_id: int) -> IdentifierMeaning | None:

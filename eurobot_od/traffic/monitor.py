@@ -268,7 +268,7 @@ def selected(rows: Iterable[MonitorRow], sort: str, part: str) -> list[MonitorRo
 
 
 def named(meaning: Meaning, part: str) -> bool:
-    """Tell whether `part` is part of the name of a message, of its protocol, or of a node that has it."""
+    """Return whether `part` is part of the name of a message, of its protocol, or of a node that has it."""
     return part.casefold() in " ".join((meaning.name, meaning.group, *meaning.nodes)).casefold()
 
 

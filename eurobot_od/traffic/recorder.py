@@ -40,7 +40,7 @@ GO_ON, END = "go-on", "end"
 def recording(
     file: Path | None, on_failure: str = GO_ON, tell: Callable[[str], object] = print
 ) -> Iterator[Callable[[float, Frame], None]]:
-    """Give a function that writes a frame and its time in seconds to a new file, or nowhere if that is None.
+    """Yield a function that writes a frame and its time in seconds to a new file, or nowhere if that is None.
 
     It may be called on any thread, and never fails: `tell` is called with what goes wrong at once. It is raised as
     OSError at the end of the block, unless an error ends it. Raises LocalError for a format that python-can cannot

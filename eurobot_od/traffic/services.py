@@ -123,7 +123,7 @@ class SdoEnd(NamedTuple):
         return COMMANDS[self.is_answer].get(command_of(self.is_answer, data))
 
     def is_in_blocks(self, data: bytes) -> bool:
-        """Whether a frame is of a block transfer."""
+        """Return whether a frame is of a block transfer."""
         return data[0] >> 5 in (wire.ANSWER_SUB_COMMAND if self.is_answer else wire.REQUEST_SUB_COMMAND)
 
     def content(self, direction: str, data: bytes) -> tuple[bytes | None, int | None]:

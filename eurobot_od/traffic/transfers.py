@@ -164,7 +164,7 @@ class Running:
         return f"the {'read' if self.is_upload else 'write'} of {self.object} before did not end; {came} came{has}"
 
     def is_left(self, end: SdoEnd, time: float, data: bytes) -> bool:
-        """Whether a frame in a block cannot be of that block: who sent it has left the transfer."""
+        """Return whether a frame in a block cannot be of that block: who sent it has left the transfer."""
         if end.is_answer is not self.is_upload:
             return data[0] >> 5 != ServerCommand.BLOCK_DOWNLOAD  # the same number as the client's BLOCK_UPLOAD
         number = data[0] & ~BLOCK_LAST
@@ -207,7 +207,7 @@ class Running:
             self.lost = -(-(self.announced - self.size) // SEGMENT_SIZE)
 
     def ends_with(self, end: SdoEnd, data: bytes) -> bool:
-        """Whether this is not a segment but the end, which comes after a last segment; a block never begins like it."""
+        """Return whether this is the end, which follows a last segment; a block never begins like it."""
         command = ServerCommand.BLOCK_UPLOAD if self.is_upload else ClientCommand.BLOCK_DOWNLOAD
         is_possible = self.is_last or not self.taken
         ends = data[0] >> 5 == command and bool(data[0] & Block.END)

@@ -93,5 +93,5 @@ def _is_address(text: str) -> bool:
 
 
 def is_local(host: str) -> bool:
-    """Tell whether only this machine can reach a server that listens at a host."""
+    """Return whether only this machine can reach a server that listens at a host."""
     return host == LOCAL_NAME or (_is_address(host) and ip_address(host).is_loopback)

@@ -275,7 +275,7 @@ class Desk:
         self.send(self.session.decoder.protocol.encode(message))
 
     def is_as_in_its_file(self, node: str) -> bool:
-        """Tell whether a node has the revision number of its EDS; one that does not answer SDO is trusted."""
+        """Return whether a node has the revision number of its EDS; one that does not answer SDO is trusted."""
         dictionary = next(each for each in self.session.decoder.dictionaries if each.name == node)
         try:
             theirs = self.master.node(self.node_id(node)).upload(REVISION)

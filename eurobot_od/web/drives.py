@@ -130,7 +130,7 @@ MOVING = (
 
 
 def moves(address: Address) -> bool:
-    """Tell whether a new value of an object may move a drive."""
+    """Return whether a new value of an object may move a drive."""
     above = address[0] - cia402.FIRST_AXIS.start
     return above >= 0 and cia402.FIRST_AXIS.start + above % cia402.AXIS_STEP in MOVING
 

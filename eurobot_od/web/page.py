@@ -52,7 +52,7 @@ class Control(typing.Protocol):
         """Send a message; raises BusError."""
 
     def is_as_in_its_file(self, node: str) -> bool:
-        """Tell whether a node has the revision number of its EDS; one that does not answer SDO is trusted."""
+        """Return whether a node has the revision number of its EDS; one that does not answer SDO is trusted."""
 
 
 class Panel:
@@ -74,7 +74,7 @@ class Panel:
 
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:
-        """Tell whether a network has what the panel shows."""
+        """Return whether a network has what the panel shows."""
         raise NotImplementedError
 
     @classmethod
@@ -176,7 +176,7 @@ def hex_of(meaning: Meaning) -> str:
 
 
 def is_foreign(meaning: Meaning) -> bool:
-    """Tell whether a frame is only unknown: whoever has no file for a node does not make it faulty."""
+    """Return whether a frame is only unknown: whoever has no file for a node does not make it faulty."""
     return bool(meaning.defects) and all(each.damage is Damage.UNKNOWN_IDENTIFIER for each in meaning.defects)
 
 

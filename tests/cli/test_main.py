@@ -267,7 +267,7 @@ def functions_of(command: Command) -> Iterable[Callable[..., Any]]:
 
 
 def options(function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
-    """Give the help and the default of each option of a function, those of its groups too."""
+    """Yield the help and the default of each option of a function, those of its groups too."""
     hints, texts = get_type_hints(function, include_extras=True), told(function)
     for name, parameter in signature(function).parameters.items():
         hint = Hint.of(hints[name], Parser("of"))

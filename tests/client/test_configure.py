@@ -77,7 +77,7 @@ def test_objects_are_mapped_in_their_order(node: RemoteDevice, names: list[str])
 
 
 def same_pdos(node: RemoteNode, file: Dictionary) -> bool:
-    """Whether a node's PDOs are the same read without its file, but for their names."""
+    """Return whether a node's PDOs are the same read without its file, but for their names."""
     asked = [each for each in PDO_RECORDS if each & 0xFF < 0x20]  # a sample, for the test's sake: none has more
     found, known = made(node.node_id, all_pdo_parameters(node, asked)), file.configured(pdo_parameters(node, file))
     read = [pdo for each in found for pdo in each.pdos]

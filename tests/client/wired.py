@@ -137,6 +137,6 @@ def agree_on_parameters(dictionary: Dictionary) -> None:
 
 
 def is_unused_entry(dictionary: Dictionary, address: Address) -> bool:
-    """Whether it is an entry of a mapping beyond their number: a configuration leaves those alone."""
+    """Return whether it is an entry of a mapping beyond their number: a configuration leaves those alone."""
     count = dictionary.number((address[0], 0)) if address[0] in MAPPINGS else None
     return count is not None and address[1] > count

@@ -224,7 +224,7 @@ def bits_of(binding: Binding, data: bytes) -> dict[str, int]:
 
 
 def is_exact(binding: Binding, data: bytes) -> bool:
-    """Whether no REAL in a frame is a NaN, whose bits no number keeps."""
+    """Return whether no REAL in a frame is a NaN, whose bits no number keeps."""
     return all(
         not math.isnan(struct.unpack(REALS[field.width], raw.to_bytes(field.width // 8, "little"))[0])
         for raw, field in zip(bits_of(binding, data).values(), message_of(binding).fields, strict=True)

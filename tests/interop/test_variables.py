@@ -38,7 +38,7 @@ def test_the_files_as_they_are_do_not_differ() -> None:
 
 
 def differing(folder: Path) -> Iterator[str]:
-    """Give the messages of all nodes' files that canopen does not read and write as we do."""
+    """Yield the messages of all nodes' files that canopen does not read and write as we do."""
     for binding, pdo in variables.stock_pdos(folder):
         if any(isinstance(kind, Real) for kind in binding.kinds.values()):
             continue  # its raw value is a number there, and its bits here

@@ -56,7 +56,7 @@ def never(what: object) -> Frame:
 
 
 def cases_of(dictionary: Dictionary, objects: Any) -> Iterator[Case]:
-    """Give the PDOs of a file that we read as `dictionary`, and canopen as `objects`."""
+    """Yield the PDOs of a file that we read as `dictionary`, and canopen as `objects`."""
     node: Any = canopen.Network().add_node(canopen.RemoteNode(NODE_ID, objects))
     for each in dictionary.read_pdos(dictionary.default, refused=lambda _: None):
         pdos = node.rpdo if each.direction is PdoDirection.RPDO else node.tpdo
@@ -88,7 +88,7 @@ def made_cases() -> Iterator[Case]:
 
 
 def foreign_cases() -> Iterator[Case]:
-    """Give the PDOs of other makers' files that can be read, each as the dictionary has it."""
+    """Yield the PDOs of other makers' files that can be read, each as the dictionary has it."""
     for file in sorted([*ROOT.glob("tests/lint/samples/*"), *ROOT.glob("docs/*.eds")]):
         try:
             dictionary = Dictionary.load(file, NODE_ID)
@@ -101,12 +101,12 @@ def foreign_cases() -> Iterator[Case]:
 
 
 def is_held(stock: Any) -> bool:
-    """Whether canopen 2.4.1 can read and write every variable of a PDO."""
+    """Return whether canopen 2.4.1 can read and write every variable of a PDO."""
     return all(type_is_held(v.od.data_type, v.offset, v.length, len(stock.data)) for v in stock.map)
 
 
 def type_is_held(type_: int, offset: int, bits: int, length: int) -> bool:
-    """Whether canopen can read and write so many bits of a type at an offset in a frame of so many bytes.
+    """Return whether canopen can read and write so many bits of a type at an offset in a frame of so many bytes.
 
     Whole bytes are taken as they are, as many as the type has. Anything else is bits of a number that begins with the
     byte in which they begin; it has to cover them, and to end within the frame. Such a number is not negative, as the
@@ -177,7 +177,7 @@ def quiet() -> Iterator[None]:
 
 
 def frames(case: Case) -> Iterator[bytes]:
-    """Give all bits unset, all set, and random ones."""
+    """Yield all bits unset, all set, and random ones."""
     length, chance = case.layout.length, random.Random(case.name)
     yield from (bytes(length), b"\xff" * length)
     yield from (chance.randbytes(length) for _ in range(FRAMES if length else 0))

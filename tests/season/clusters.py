@@ -29,7 +29,7 @@ DASK_WORKER = (sys.executable, "-m", "distributed.cli.dask_worker")
 
 @contextmanager
 def two_workers(folder: Path) -> Iterator[Cluster]:
-    """Give a scheduler and two workers on 127.0.0.1, each a process of its own without a nurse; skip without dask."""
+    """Yield a scheduler and two workers on 127.0.0.1, each a process of its own without a nurse; skip without dask."""
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     file = folder / "scheduler.json"
     quiet = {"text": True, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

@@ -131,7 +131,7 @@ def test_steps_of_a_unit_and_codes_are_what_the_protocol_says(tmp_path: Path) ->
 
 
 def _is_nan(protocol: Protocol, timed: Timed) -> bool:
-    """Whether a frame has a number that is not equal to itself."""
+    """Return whether a frame has a number that is not equal to itself."""
     try:
         return any(value != value for value in protocol.decode(*timed[1]))
     except EurobotError:

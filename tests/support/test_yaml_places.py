@@ -103,7 +103,7 @@ LOOK_ALIKE = [
 
 
 def parts(node: yaml.Node) -> Iterator[tuple[object, ...]]:
-    """Give all that a reader looks at, of a node and of those in it."""
+    """Yield all that a reader looks at, of a node and of those in it."""
     place = node.start_mark.line, node.start_mark.column
     if isinstance(node, yaml.ScalarNode):
         yield node.tag, node.value, bool(node.style), place

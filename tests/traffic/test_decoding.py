@@ -67,7 +67,7 @@ def one_by_one(decoder: Decoder, log: str) -> str:
 
 
 def made_up(decoder: Decoder, seed: int) -> Iterator[str]:
-    """Give lines with frames of all messages and lengths, services, guarding, and what is not a frame."""
+    """Yield lines with frames of all messages and lengths, services, guarding, and what is not a frame."""
     chance = random.Random(seed)
     for number in range(3000):
         known = chance.choice(decoder.protocol.bindings)

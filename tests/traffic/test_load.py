@@ -185,7 +185,7 @@ def test_no_phasing_is_later_than_the_bound_and_one_is_as_late(found: list[Perio
 
 
 def by_the_package(found: list[PeriodicMessage]) -> Iterator[int | None]:
-    """Give what the package says: the longest time from a release to the end, not from when a message falls due."""
+    """Yield what the package says: the longest time from a release to the end, not from when a message falls due."""
     fp, model = (pytest.importorskip(f"response_time_analysis{name}") for name in (".analysis.fp", ".model"))
     tasks = [
         model.Task(

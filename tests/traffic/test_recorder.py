@@ -34,7 +34,7 @@ def record(file: Path | None, frames: Iterable[tuple[float, Frame]], on_failure:
 
 
 def given_up() -> Iterator[tuple[float, Frame]]:
-    """Give a frame, and then up."""
+    """Yield a frame, and then up."""
     yield MANY[1]
     raise LocalError("the match was given up")
 

@@ -62,7 +62,7 @@ class Way(Enum):
         return COMPARISONS[self](ours, peer)
 
     def reaches(self, value: float, wanted: float) -> bool:
-        """Tell whether a value is good enough."""
+        """Return whether a value is good enough."""
         return value >= wanted if self is Way.TIMES_AS_FAST else value <= wanted
 
 
@@ -136,7 +136,7 @@ class Measured:
 
     @property
     def wrong(self) -> bool:
-        """Tell whether anything was wrong."""
+        """Whether anything was wrong."""
         return any(gap.wrong for gap in self.gaps.values())
 
     def gap(self, claim: Claim) -> Gap | None:

@@ -46,13 +46,13 @@ def mix() -> tuple[Frame, ...]:
 
 
 def recorded_traffic(count: int) -> Iterator[Timed]:
-    """Give the frames of a match, again and again, as they are."""
+    """Yield the frames of a match, again and again, as they are."""
     for number, frame in zip(range(count), cycle(mix())):
         yield Timed(BEGIN + PERIOD * number, frame)
 
 
 def random_traffic(count: int) -> Iterator[Timed]:
-    """Give frames in the order of a match, again and again, each message with other values."""
+    """Yield frames in the order of a match, again and again, each message with other values."""
     chance = random.Random(SEED)
     makers = {binding.cob_id: maker(binding) for binding in EurobotProtocol.load().bindings}
     for time, frame in recorded_traffic(count):

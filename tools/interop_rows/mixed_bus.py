@@ -64,7 +64,7 @@ def named_by_tshark(folder: Path) -> Answer:
 
 
 def is_same(line: str, meaning: Meaning) -> bool:
-    """Whether a line of tshark and a meaning of ours name the same service."""
+    """Return whether a line of tshark and a meaning of ours name the same service."""
     if found := PDO.match(line):
         return meaning.name.endswith(f"{'TPDO' if found['way'] == 'tx' else 'RPDO'}{found['number']}")
     # The longest beginning: NMT is that of NMT Error Control, too.

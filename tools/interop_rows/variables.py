@@ -42,7 +42,7 @@ def compare(binding: Binding, pdo: Any, count: int) -> None:
 
 
 def stock_pdos(folder: Path) -> Iterator[tuple[Binding, Any]]:
-    """Give every PDO of every node as we and as canopen have it; one without data has no variables."""
+    """Yield every PDO of every node as we and as canopen have it; one without data has no variables."""
     protocol = EurobotProtocol.load(folder)
     for file in sorted(folder.glob("*.eds")):
         node: Any = canopen.Network().add_node(1, canopen.import_od(str(file), node_id=1))
@@ -52,7 +52,7 @@ def stock_pdos(folder: Path) -> Iterator[tuple[Binding, Any]]:
 
 
 def frames(binding: Binding, count: int) -> Iterator[bytes]:
-    """Give random frames of a message, of each length that it may have in turn."""
+    """Yield random frames of a message, of each length that it may have in turn."""
     chance = random.Random(binding.name)
     for number in range(count):
         yield chance.randbytes(binding.lengths[number % len(binding.lengths)])

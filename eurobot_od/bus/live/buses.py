@@ -147,7 +147,7 @@ def _number(error: BaseException) -> int | None:
 
 
 def is_named(interface: str | None) -> bool:
-    """Tell whether a caller or python-can's configuration names an interface, so that it is not our default."""
+    """Return whether a caller or python-can's configuration names an interface, so that it is not our default."""
     return bool(_named({"interface": interface} if interface else {}) & INTERFACE_KEYS)
 
 
@@ -248,7 +248,7 @@ class Driver:
 
 
 def _is_of(bus: can.BusABC, interface: str) -> bool:
-    """Tell whether a bus is of an interface of python-can, without importing the drivers of the others."""
+    """Return whether a bus is of an interface of python-can, without importing the drivers of the others."""
     from can.interfaces import BACKENDS
 
     module, name = BACKENDS[interface]

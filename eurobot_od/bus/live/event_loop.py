@@ -190,7 +190,7 @@ class _Waits(selectors.DefaultSelector):
             self._waited, self._waiting = self._waited or self._waiting, False
 
     def has_moved(self) -> bool:
-        """Tell whether it is waiting, or has waited since the last call."""
+        """Return whether it is waiting, or has waited since the last call."""
         waited, self._waited = self._waited or self._waiting, False
         self._spins = not waited
         return waited

@@ -93,7 +93,7 @@ class Bus:
         self._attempt: Attempt | None = None  # None in the intermission
 
     def is_free(self, now: float) -> bool:
-        """Tell whether an attempt may begin."""
+        """Return whether an attempt may begin."""
         return self.next_event == inf and self.off_until <= now
 
     def arbitrate(self, now: float) -> None:
@@ -366,7 +366,7 @@ class Simulation:
     # The bus
 
     def _is_awake(self, station: Station) -> bool:
-        """Tell whether a station takes part."""
+        """Return whether a station takes part."""
         return station in self._places and self._places[station].transceiver.silent_until <= self.now
 
     def _has_ended(self, frame: Frame, senders: Sequence[Transceiver], receivers: Sequence[Transceiver]) -> None:

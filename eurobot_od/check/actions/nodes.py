@@ -205,7 +205,7 @@ class SelfReported(NamedTuple):
 
 
 async def follows_from_own_error(tester: BenchTester, action: object) -> bool:
-    """Whether a node that does not send what is awaited has a known error, and was just told to be OPERATIONAL.
+    """Return whether a node that does not send what is awaited has a known error, and was just told to be OPERATIONAL.
 
     By 0x1029 such a node may refuse that, or leave it again.
     """

@@ -206,7 +206,7 @@ def whole_upload(address: Address, wait: float) -> sdo.Transfer:
 
 
 def _meanwhile(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:
-    """Give the objects that must have another value while an object is changed, and what becomes of theirs."""
+    """Yield the objects that must have another value while an object is changed, and what becomes of theirs."""
     index, sub = address
     if index in MAPPINGS or (index in values.COMMUNICATIONS and sub in NOT_WHILE_VALID):
         yield (index - values.MAPPING_OFFSET * (index in MAPPINGS), COB_ID), lambda cob_id: cob_id | values.NOT_VALID

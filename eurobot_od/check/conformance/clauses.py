@@ -54,7 +54,7 @@ class Tier(Enum):
     """I/O modules only: outputs are switched."""
 
     def allows(self, tier: Tier) -> bool:
-        """Whether a run of this tier does the steps of another: what is more than reading is reversible as well."""
+        """Return whether a run of this tier does the steps of another one; all but reading include reversible ones."""
         return tier in (self, Tier.READING) or (tier is Tier.REVERSIBLE and self is not Tier.READING)
 
 
@@ -73,7 +73,7 @@ def need(found: FoundT | None, reason: str) -> FoundT:
 
 
 def has(needed: Callable[..., object], *arguments: object) -> bool:
-    """Whether the file lacks nothing of what is needed."""
+    """Return whether the file lacks nothing of what is needed."""
     try:
         needed(*arguments)
     except Lacks:
@@ -185,7 +185,7 @@ class Subject:
         return next(each for each in reversed(NODE_IDS) if each != self.dictionary.node_id and each not in watched)
 
     def may_be(self, address: Address, *values: int) -> bool:
-        """Whether an object can be written, given its default again, and may have some values meanwhile."""
+        """Return whether an object can be written, given its default again, and may have some values meanwhile."""
         found = self.settable(address)
         return found is not None and all(in_limits(found, value) for value in values)
 
@@ -376,7 +376,7 @@ class Clause(Generic[SubjectT]):
         return steps
 
     def named(self, subject: SubjectT, steps: StepsOf[SubjectT]) -> Iterator[Data]:
-        """Give the steps, each with a name that begins with the clause and ends with tier and CTT number."""
+        """Yield the steps, each with a name that begins with the clause and ends with tier and CTT number."""
         left_out = [step.skip("not done", f"only with --{self.tier.value}")]
         allowed = subject.tier.allows(self.tier)
         for each in or_skipped(self.group or self.name, self._made, subject, steps) if allowed else left_out:

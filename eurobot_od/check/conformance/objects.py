@@ -51,12 +51,12 @@ WRITE_ONLY = (AbortCode.WRITE_ONLY, AbortCode.UNSUPPORTED_ACCESS, AbortCode.GENE
 
 
 def _writable(subject: Subject) -> Iterator[ODVariable]:
-    """Give the objects whose writing means nothing but their value."""
+    """Yield the objects whose writing means nothing but their value."""
     return (each for each in subject.objects if each.writable and each.index not in (*ACTING, *MAPPINGS))
 
 
 def _tried(subject: Subject) -> Iterator[ODVariable]:
-    """Give the objects to which something else may be written than they have, if only to be refused."""
+    """Yield the objects to which something else may be written than they have, if only to be refused."""
     return (each for each in _writable(subject) if not subject.dictionary.flags(address_of(each)))
 
 
@@ -167,7 +167,7 @@ def _default(each: ODVariable) -> Steps:
 
 
 def _numbers(first: str, others: str) -> Iterator[str]:
-    """Give the number of CiA's tool that asks one object, then for ever the one that asks them all."""
+    """Yield the number of CiA's tool that asks one object, then for ever the one that asks them all."""
     return chain([first], repeat(others))
 
 
@@ -211,7 +211,7 @@ def _own_values(subject: Subject) -> Steps:
 
 
 def _has_value(each: ODVariable) -> bool:
-    """Whether the file gives an object a value that it may have."""
+    """Return whether the file gives an object a value that it may have."""
     default = default_of(each)
     return default is not None and in_limits(each, default)
 

@@ -268,7 +268,7 @@ def text(file: Path, reports: Sequence[DeviceRun]) -> str:
 
 
 def blocks(run: DeviceRun) -> Iterator[DocBlock]:
-    """Give the page of a device."""
+    """Yield the page of a device."""
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
     told = report.changed, report.remarks, report.slowest, report.not_run
     yield from (Paragraph(line) for each in told for line in each(run.results))

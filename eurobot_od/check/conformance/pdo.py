@@ -291,7 +291,7 @@ def _other_entries(subject: Subject, pdo: Pdo) -> Steps:
 
 
 def _may_be_tried(subject: Subject, pdo: Pdo, entry: int, sub: int = 1) -> bool:
-    """Whether a PDO's entry may be this: it can be mapped there, and is within the entry's own limits."""
+    """Return whether a PDO's entry may be this: it can be mapped there, and is within the entry's own limits."""
     return subject.may_be((pdo.mapping_index, sub), entry) and _may_be_mapped(subject, pdo, entry)
 
 

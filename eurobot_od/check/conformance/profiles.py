@@ -315,7 +315,7 @@ class TestedModule(Subject):
     """A module under test."""
 
     def blocks(self, kinds: Sequence[Kind]) -> Iterator[tuple[Kind, ODVariable]]:
-        """Give the blocks and channels of some kinds that the file has."""
+        """Yield the blocks and channels of some kinds that the file has."""
         subs = ((kind, (kind.value, sub)) for kind in kinds for sub in self.dictionary.members.get(kind.value, ()))
         return ((kind, found) for kind, at in subs if 0 < at[1] < 0xFF and (found := self.find(at)))
 

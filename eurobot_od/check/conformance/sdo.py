@@ -36,7 +36,7 @@ SDO_BASES = {SDO_REQUESTS: SDO_REQUEST_BASE, SDO_ANSWERS: SDO_RESPONSE_BASE}
 
 
 def _known(each: ODVariable) -> bool:
-    """Whether an object is readable, and has the file's value after a reset."""
+    """Return whether an object is readable, and has the file's value after a reset."""
     steady = each.access_type in CONFIGURED or each.index in FIXED
     return each.readable and steady and default_bytes(each) is not None and each.index not in ACTING
 

@@ -101,7 +101,7 @@ class DriveAxis(MovedAxis):
             self.following_error, self._lag = False, 0.0
 
     def takes(self, mode: int) -> bool:
-        """Tell whether the drive has a mode: the file says so, and it can be simulated."""
+        """Return whether the drive has a mode: the file says so, and it can be simulated."""
         said = self.values.get(cia402.SUPPORTED_MODES, default=-1)
         return mode in MODES and (mode == Mode.NONE or bool(said >> mode - 1 & 1))
 

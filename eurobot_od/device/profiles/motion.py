@@ -46,7 +46,7 @@ class AxisValues:
         return self._known[index, sub]
 
     def has(self, index: int, sub: int = 0) -> bool:
-        """Tell whether the axis has an object."""
+        """Return whether the axis has an object."""
         return self._address(index, sub) is not None
 
     def find(self, index: int, sub: int = 0) -> int | None:

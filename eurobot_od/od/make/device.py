@@ -56,7 +56,7 @@ class DeviceTable(NamedTuple):
 
 
 def is_device_table(text: str) -> bool:
-    """Whether a table describes one device, and not the nodes of a network."""
+    """Return whether a table describes one device, and not the nodes of a network."""
     return re.search(r"^device:", text, re.MULTILINE) is not None
 
 

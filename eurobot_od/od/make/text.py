@@ -222,7 +222,7 @@ class ObjectLayout:
         return {part.field: at % BYTE for part, at in zip(self.parts, offsets) if self.is_whole(part)}
 
     def is_whole(self, part: Slice) -> bool:
-        """Tell whether a part is a whole field."""
+        """Return whether a part is a whole field."""
         return part.field in self.fields and part.bits == self.fields[part.field].bits
 
 
@@ -408,7 +408,7 @@ def clients(table: Table, node: NodeRow) -> list[MadeObject]:
 def pdo_records(
     index: int, name: str, cob_id: int, event_timer: int, mapping: Sequence[int], entries: int
 ) -> Iterator[MadeObject]:
-    """Give a PDO's communication record, and its mapping record padded to `entries` (7.5.2.35 to 7.5.2.38)."""
+    """Yield a PDO's communication record, and its mapping record padded to `entries` (7.5.2.35 to 7.5.2.38)."""
     yield record(
         index,
         name,
@@ -435,7 +435,7 @@ def received(table: Table, name: PlacedText) -> dict[PlacedText, MessageRow]:
 
 
 def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
-    """Give the records of all PDOs of the node `name`.
+    """Yield the records of all PDOs of the node `name`.
 
     They are numbered in the order of their COB-IDs. That is not only tidy: CANopenNode takes a COB-ID that equals the
     default of the very PDO that has it (TPDO1 0x180, RPDO1 0x200, ...) for that default, and adds the node-ID.
@@ -471,7 +471,7 @@ def data_names(table: Table, name: PlacedText) -> set[PlacedText]:
 
 
 def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
-    """Give the data that the PDOs of the node `name` map: objects of fields and, if a dialect cuts them, of slices."""
+    """Yield the data that the PDOs of the node `name` map: objects of fields and, if a dialect cuts them, of slices."""
     out = {each.object for each in sent(table, name).values()}
     come = {each.object for each in received(table, name).values()}
     ordered = {table.messages[each].object for each in table.nodes[name].orders}

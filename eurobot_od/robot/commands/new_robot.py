@@ -85,7 +85,7 @@ def _package(name: str) -> str:
 
 
 def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, str]]:
-    """Give the files of a new robot, those that its table makes among them; `package` is `` for a folder.
+    """Yield the files of a new robot, those that its table makes among them; `package` is `` for a folder.
 
     In them NAME is what the robot is called, FOLDER/ and TESTS/ where its files are, PACKAGE. what its modules are
     imported from, and SETUP what is typed first.

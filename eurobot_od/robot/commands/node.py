@@ -68,7 +68,7 @@ class NodeOptions:
             raise LocalError("--strategy goes with --world only: a match is played in a world")
 
     def _has(self, option: str) -> bool:
-        """Whether an option is given; the colour yellow is 0."""
+        """Return whether an option is given; the colour yellow is 0."""
         return getattr(self, option) is not None and getattr(self, option) is not False
 
     def values(self, kind: type[Node], dictionary: Dictionary, facts: Sequence[tuple[str, str]]) -> Mapping[str, Any]:

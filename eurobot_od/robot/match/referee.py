@@ -149,7 +149,7 @@ PLACE = re.compile(r'^  File "(.+)", line ([0-9]+)', re.MULTILINE)
 
 
 def is_foreign(file: str) -> bool:
-    """Whether a file is a team's own."""
+    """Return whether a file is a team's own."""
     return not file.startswith("<") and PACKAGE not in Path(file).resolve().parents
 
 

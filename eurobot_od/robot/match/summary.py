@@ -133,7 +133,7 @@ class RobotTouch(NamedTuple):
 
     @property
     def is_wrong(self) -> bool:
-        """Tell whether the robot should have kept off: it was told to, or the thing cannot have got in its way."""
+        """Whether the robot should have kept off: it was told to, or the thing cannot have got in its way."""
         return self.forced or (self.at_fault and not self.driven_into and self.kind in AVOIDABLE)
 
 

@@ -321,7 +321,7 @@ class StartConfigurationSet(NamedTuple):
     enemy_2_diameter: Annotated[int, Kind("cm")]
 
     def includes(self, whom: Source) -> bool:
-        """Tell whether a robot is in the match; ours always is."""
+        """Return whether a robot is in the match; ours always is."""
         if whom is Source.CONFEDERATE:
             return self.confederates >= 1
         # The document gives the number of enemies, not which: a single one is enemy 1.

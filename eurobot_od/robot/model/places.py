@@ -22,7 +22,7 @@ Place: TypeAlias = tuple[float | None, float | None, float | None]
 
 
 def is_near(here: Place, there: Place, distance: float, angle: float) -> bool:
-    """Tell whether two places are at most `distance` mm and `angle` degrees apart.
+    """Return whether two places are at most `distance` mm and `angle` degrees apart.
 
     An unknown place is near only to an unknown one; an unknown angle is near to any.
     """

@@ -161,7 +161,7 @@ class Field:
     trees: Trees = NO_TREES
 
     def contains(self, point: Point, edge: float = 0.0) -> bool:
-        """Tell whether a point is on the field, at least `edge` mm from its edges."""
+        """Return whether a point is on the field, at least `edge` mm from its edges."""
         return edge <= point.x <= self.width - edge and edge <= point.y <= self.height - edge
 
     def seen_by(self, team: TeamColour, point: Point) -> Point:
@@ -291,7 +291,7 @@ Changes = tuple[tuple[str, str], ...]
 
 
 def is_fact(name: str) -> bool:
-    """Tell whether a name is one of a fact, such as `body.radius`, and not of a node's setting."""
+    """Return whether a name is one of a fact, such as `body.radius`, and not of a node's setting."""
     return name.partition(".")[0] in SECTIONS
 
 

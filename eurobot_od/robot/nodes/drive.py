@@ -324,7 +324,7 @@ class Drive(FollowingNode):
             self._brake()
 
     def _is_unsure(self) -> bool:
-        """Tell whether the place is too uncertain to drive on: without the navigation it gets worse with time."""
+        """Return whether the place is too uncertain to drive on: without the navigation it gets worse with time."""
         return self.estimate.spread > self.largest_deviation
 
     def _forget_obstruction(self) -> None:

@@ -54,7 +54,7 @@ class Seen(NamedTuple):
     time: float
 
     def agrees(self, earlier: Seen | None) -> bool:
-        """Tell whether a robot that was seen earlier can be here by now."""
+        """Return whether a robot that was seen earlier can be here by now."""
         if earlier is None:
             return False
         return math.dist(self.point, earlier.point) <= SPREAD + TOP_SPEED * (self.time - earlier.time)
@@ -217,7 +217,7 @@ class Estimate:
         return True
 
     def _is_stale(self, fix: Fix) -> bool:
-        """Tell whether a position is repeated although the wheels have moved since it first came."""
+        """Return whether a position is repeated although the wheels have moved since it first came."""
         here = self._odometer[-1][1]
         if self._repeated is None or self._repeated[0] != fix:
             self._repeated = fix, here

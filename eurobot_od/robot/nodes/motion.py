@@ -94,13 +94,13 @@ class Odometry(NamedTuple):
     turn: float
 
     def follows(self, command: WheelCommand, dt: float) -> bool:
-        """Tell whether the wheels did some of what they were commanded for `dt` seconds."""
+        """Return whether the wheels did some of what they were commanded for `dt` seconds."""
         driven = abs(self.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
         turned = abs(self.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
         return driven or turned or command == AT_REST
 
     def falls_short(self, command: WheelCommand, dt: float) -> bool:
-        """Tell whether the wheels drove much less than they were commanded for `dt` seconds."""
+        """Return whether the wheels drove much less than they were commanded for `dt` seconds."""
         return abs(self.distance) < SHORT * abs(command.speed) * dt
 
 
@@ -150,7 +150,7 @@ class Profile(NamedTuple):
         return _towards(rate, 0.0, self.fall * dt)
 
     def over(self, rate: float, left: float, dt: float) -> bool:
-        """Tell whether the movement may end now: near enough, and slow enough to stop within a step."""
+        """Return whether the movement may end now: near enough, and slow enough to stop within a step."""
         return abs(left) <= self.tolerance * EXACTNESS and abs(rate) <= self.fall * dt
 
     def seconds(self, left: float, rate: float = 0.0) -> float:
@@ -310,7 +310,7 @@ class Motion:
         return self._straight.tolerance if point == self._points[-1] else self._deviation
 
     def _in_line(self, view: View) -> bool:
-        """Tell whether a rolling robot may keep rolling."""
+        """Return whether a rolling robot may keep rolling."""
         return self.command.speed != 0.0 and abs(view.error) <= IN_LINE
 
     def _final_turn(self, pose: Pose) -> float:
@@ -475,7 +475,7 @@ class Clearances(NamedTuple):
         return cls(facts, {each.kind.name: reach + each.kind.radius for each in facts.barriers}, reach, radius)
 
     def around(self, barrier: Barrier) -> float:
-        """Tell the radius of the disc to avoid around a barrier, mm."""
+        """Return the radius of the disc to avoid around a barrier, mm."""
         return self.kinds[barrier.kind.name]
 
 
@@ -487,11 +487,11 @@ class Disc(NamedTuple):
     toll: float
 
     def contains(self, point: Point) -> bool:
-        """Tell whether `point` is inside; on the edge is outside."""
+        """Return whether `point` is inside; on the edge is outside."""
         return math.dist(self.centre, point) < self.radius - ROUNDING
 
     def meets(self, start: Point, end: Point) -> bool:
-        """Tell whether any point of the straight leg from `start` to `end` is inside."""
+        """Return whether any point of the straight leg from `start` to `end` is inside."""
         (start_x, start_y), (end_x, end_y), (x, y), reach = start, end, self.centre, self.radius
         # Most legs pass far away on one side; a match asks this some hundred thousand times.
         if (start_x < x - reach and end_x < x - reach) or (start_x > x + reach and end_x > x + reach):

@@ -72,7 +72,7 @@ class Navigation(FollowingNode):
         return self.position_noise, self.angle_noise
 
     def position(self, asked: messages.Position) -> messages.PositionResponse:
-        """Tell where a robot is, or that it is unknown, within the limits that an object has for a place."""
+        """Return where a robot is, or that it is unknown, within the limits that an object has for a place."""
         record, _, response, whom = asked
         # Before the start configuration, any robot may be there.
         expected = self.configuration is None or self.configuration.includes(whom)

@@ -70,7 +70,7 @@ class FieldPanel(Panel):
 
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:
-        """Tell whether a network has what there is to see on the field."""
+        """Return whether a network has what there is to see on the field."""
         return {messages.KalmanPositionResponse, messages.GotoXY} <= {each.type for each in protocol.bindings}
 
     @classmethod
@@ -199,7 +199,7 @@ PAGE_LEGEND = (
 
 
 def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
-    """Give touches and points as events; times are the page's."""
+    """Yield touches and points as events; times are the page's."""
     scene = MatchScene(facts)
     for number, touch in enumerate(truth.touches):
         name, data = f"touch {number}", _drawn([scene.touch(touch)])

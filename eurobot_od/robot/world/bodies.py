@@ -168,7 +168,7 @@ def nearest_on(corners: list[Point], point: Point) -> Point:
 
 
 def contains(corners: list[Point], point: Point) -> bool:
-    """Tell whether a point is inside an outline: a ray from it crosses an odd number of sides."""
+    """Return whether a point is inside an outline: a ray from it crosses an odd number of sides."""
     # A corner at exactly the height of the point counts for only one of its two sides: the ray crosses the outline
     # there once.
     sides = [side for side in pairwise([*corners, corners[0]]) if (side[0].y > point.y) != (side[1].y > point.y)]
@@ -232,7 +232,7 @@ class Touch(NamedTuple):
     y: float
 
     def is_fault_of(self, robot: str) -> bool:
-        """Tell whether a robot drove into the other body, rather than being driven into."""
+        """Return whether a robot drove into the other body, rather than being driven into."""
         own, other = (self.speed, self.met) if robot == self.robot else (self.met, self.speed)
         return own >= max(other, AT_FAULT)
 

@@ -153,7 +153,7 @@ class ObservedAxis:
 
     @property
     def is_open(self) -> bool:
-        """Return whether time alone may show what is wrong, or that it was lost sight of in a gap."""
+        """Whether time alone may show what is wrong, or that it was lost sight of in a gap."""
         return bool(self.state is None or self.wanted or self.lasting or self.fault or self.target)
 
     @property

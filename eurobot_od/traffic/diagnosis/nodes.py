@@ -108,7 +108,7 @@ class Beats:
             self.usual = max(self.period, sorted(self.intervals)[place])
 
     def is_lost(self, now: float) -> bool:
-        """Whether the next one should have come by now."""
+        """Return whether the next one should have come by now."""
         if self.last is None or not now - self.last > LOST_AFTER * self.usual > 0:
             return False
         return len(self.intervals) >= SURE or now - self.last > PATIENCE  # it may have another period than its file

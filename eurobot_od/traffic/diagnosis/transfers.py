@@ -189,7 +189,7 @@ class SdoWatcher(Watcher):
         return any((node.node_id, each) == self.bus.own_question for each in addresses)
 
     def _is_hasty(self, asked: float) -> bool:
-        """Whether no client would have given up waiting for an answer by now; a log without times does not tell."""
+        """Return whether no client would have given up waiting by now; a log without times does not tell."""
         return 0 < self.bus.now - asked < IMPATIENT
 
     def _answer(self, time: float, line: SdoLine, node: ObservedNode, data: bytes) -> None:

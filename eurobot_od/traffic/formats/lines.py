@@ -38,7 +38,7 @@ class LineFormat:
         raise NotImplementedError
 
     def parts(self, piece: bytes) -> Iterator[Batch | bytes]:
-        """Give whole lines in their order: batches of those that are read at once, counted from 1, and all others."""
+        """Yield whole lines in their order: batches of those that are read at once, counted from 1, and all others."""
         yield piece
 
 

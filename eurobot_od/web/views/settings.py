@@ -119,7 +119,7 @@ def _written(dcf: Dcf, file: Path) -> None:
 
 @contextmanager
 def _source(desk: Desk, said: Arguments, job: Job, master: Master, target: SetNode) -> Iterator[Dictionary]:
-    """Give the settings that a node is to have: those of a file, or of another node."""
+    """Yield the settings that a node is to have: those of a file, or of another node."""
     chosen = look_up("choice for COB-IDs", str(said.get("cob_ids", "")), COB_IDS)
     if "file" in said:
         name, content = desk.file(said)

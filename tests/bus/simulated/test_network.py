@@ -282,7 +282,7 @@ class Silence(NamedTuple):
     until: float
 
     def fits(self, times: list[float]) -> bool:
-        """Tell whether something came at these times that comes only from a station that is not silent."""
+        """Return whether something came at these times that comes only from a station that is not silent."""
         return all(time > self.until for time in times) and bool(times) == (self.until < inf)
 
 

@@ -131,5 +131,5 @@ class Bench:
         return self[0x6064]
 
     def is_set(self, bit: int) -> bool:
-        """Tell whether a bit of the statusword is set."""
+        """Return whether a bit of the statusword is set."""
         return bool(self[0x6041] >> bit & 1)

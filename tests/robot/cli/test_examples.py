@@ -44,7 +44,7 @@ STATUS = {"export": 1, "lint": 1, "diff": 1, "compare": 1, "boot": 1, "diagnose"
 
 
 def examples() -> Iterator[tuple[str, str]]:
-    """Give each command with an example of it."""
+    """Yield each command with an example of it."""
     for command in (*cli.COMMANDS, *plugin.COMMANDS):
         found = cli.find(command, "eurobot2014" if command in plugin.COMMANDS else None)
         for each in found.functions.values() if isinstance(found, Forms) else [found]:

@@ -104,7 +104,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 
 def is_on_its_way(drive: Drive) -> bool:
-    """Tell whether the drive has left its start place; it takes some 100 ms for that."""
+    """Return whether the drive has left its start place; it takes some 100 ms for that."""
     pose = drive.estimate.pose
     return drive.goto is not None and pose is not None and pose.distance(FACTS.start(TeamColour.RED).point) > 10
 

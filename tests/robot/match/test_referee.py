@@ -37,7 +37,7 @@ def kinds(events: list[MatchEvent]) -> list[EventKind]:
 
 
 def stands(world: World) -> bool:
-    """Tell whether the robot has not moved in the last second."""
+    """Return whether the robot has not moved in the last second."""
     vehicle = world.vehicle()
     return vehicle.pose(Source.INTERNAL) == vehicle.pose(Source.INTERNAL, 0.5)
 

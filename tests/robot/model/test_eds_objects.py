@@ -147,7 +147,7 @@ def test_fields_and_reserved_bits_may_lie_anywhere(tmp_path: Path) -> None:
 
 
 def touched_and_typed(od: Any) -> Iterator[tuple[str, int, int]]:
-    """Give what is mapped with a type of other bytes than it touches, with both numbers."""
+    """Yield what is mapped with a type of other bytes than it touches, with both numbers."""
     for record in (each for index, each in od.items() if 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00):
         offset = 0
         for n in range(1, record[0].default + 1):

@@ -445,7 +445,7 @@ PATIENCE = 5.0
 
 @pytest.fixture
 def live_drive(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Drive, Any]]:
-    """Give a live drive, and stock canopen's node for it, on an in-process bus."""
+    """Yield a live drive, and stock canopen's node for it, on an in-process bus."""
     monkeypatch.setattr("canopen.sdo.client.SdoClient.RESPONSE_TIMEOUT", PATIENCE)
     buses = (can.Bus(interface="virtual", channel=request.node.name) for _ in range(2))
     drive, network = Drive(DICTIONARIES["drive"]), canopen.Network(next(buses))

@@ -45,7 +45,7 @@ def after(step: Odometry | Fix, belief: Belief, travel: Travel, tuning: Tuning) 
 
 
 def is_covariance(covariance: Covariance) -> bool:
-    """Tell whether it is symmetric and, to what is rounded, positive: no part is known better than not at all."""
+    """Return whether it is symmetric and, to what is rounded, positive: no part is known better than not at all."""
     symmetric = all(covariance[i][j] == covariance[j][i] for i, j in itertools.product(range(4), repeat=2))
     sizes = [math.sqrt(max(covariance[i][i], 0.0)) for i in range(4)]
     pairs = (abs(covariance[i][j]) <= sizes[i] * sizes[j] * (1 + 1e-9) + 1e-9 for i in range(4) for j in range(i))

@@ -69,7 +69,7 @@ def served(address: Address = Address("127.0.0.1", 0), token: str = "") -> Itera
 
 @contextmanager
 def reaching(address: WorldAddress) -> Iterator[tuple[RemoteVehicle, list[str]]]:
-    """Give a vehicle, and what it reports."""
+    """Yield a vehicle, and what it reports."""
     reports: list[str] = []
     vehicle = RemoteVehicle(address, reports.append)
     yield vehicle, reports

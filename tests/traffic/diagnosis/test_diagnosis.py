@@ -75,7 +75,7 @@ def test_a_bus_with_everything_on_it_shows_what_was_done_to_it_and_nothing_else(
 
 
 def frames(number: int) -> Iterator[tuple[float, Frame | Foreign]]:
-    """Give frames that break many rules again and again."""
+    """Yield frames that break many rules again and again."""
     for n in range(number // 4):
         yield n / 100, Foreign(Damage.ERROR_FRAME, f"2000{n % 0x1000:04X}#")
         yield n / 100 + 0.001, Frame(0x600 + n % 3 + 1, bytes([0x40, n & 0xFF, n >> 8 & 0xFF, 0, 0, 0, 0, 0]))

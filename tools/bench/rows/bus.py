@@ -65,7 +65,7 @@ def carried(count: int) -> Figures:
 
 @contextmanager
 def bare(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give the bus, and canopen that reads three EDS files, as a measure of the machine."""
+    """Yield the bus, and canopen that reads three EDS files, as a measure of the machine."""
     count = scale.of(FRAMES, 100)
     yield {"peer": partial(run, [PYTHON, "-c", LOADING, *eds_files(ALL)]), "calm": partial(carried, count)}
 

@@ -199,7 +199,7 @@ def task_of(protocol: Protocol, task: str, message: Message) -> Statement:
 
 
 def opened(make: Callable[[], Statements], scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give the statements as contenders."""
+    """Yield the statements as contenders."""
     calls = scale.of(10_000, 10)
     yield {name: partial(statement.timed, calls) for name, statement in make().items()}
 

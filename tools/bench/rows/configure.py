@@ -56,7 +56,7 @@ def descriptions(folder: Path) -> dict[str, Dictionary]:
 
 
 def other_values(dictionary: Dictionary) -> Iterator[tuple[Address, int]]:
-    """Give another value to every parameter that can have any; PDOs another transmission type."""
+    """Yield another value to every parameter that can have any; PDOs another transmission type."""
     for each in parameters(dictionary):
         address, value, range_ = address_of(each), default_of(each), limits(each)
         if address == dictionary.device.node_id_address or each.index in SAME:

@@ -160,7 +160,7 @@ SIDES: dict[str, Side] = {
 
 @contextmanager
 def opened(beside: Beside, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give all sides as contenders."""
+    """Yield all sides as contenders."""
     seconds = scale.of(400, 10) / 1000
     yield {name: partial(echoes, side, beside, seconds) for name, side in SIDES.items()}
 

@@ -18,7 +18,7 @@ from bench.process import DCFCHK, OURS, run
 
 @contextmanager
 def beside_dcfchk(_: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give both checkers, with the EDS of a device of 200 objects."""
+    """Yield both checkers, with the EDS of a device of 200 objects."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "bench.eds")
         file.write_text(make_eds(200))

@@ -57,7 +57,7 @@ def _pairs(ours: Iterable[str], peer: Iterable[str]) -> Iterator[tuple[str, str]
 
 
 def agree(ours: str, peer: str) -> bool:
-    """Tell whether two lines have the same fields with the same numbers; words for codes may differ."""
+    """Return whether two lines have the same fields with the same numbers; words for codes may differ."""
     if UNKNOWN in peer:
         return True
     own, other = dict(OUR_FIELDS.findall(ours)), dict(PEER_FIELDS.findall(peer.partition(" ::")[2]))

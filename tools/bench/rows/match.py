@@ -22,7 +22,7 @@ MORE, FURTHER = 8, 0.7
 
 @contextmanager
 def one(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give a match with all defaults, and canopen that reads its EDS files."""
+    """Yield a match with all defaults, and canopen that reads its EDS files."""
     yield {
         "peer": partial(run, [PYTHON, "-c", LOADING, *eds_files(ALL)]),
         "ours": partial(run, [*OURS, "match", *SHORT * scale.short]),
@@ -31,7 +31,7 @@ def one(scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 @contextmanager
 def many(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give one match, and many: one after the other in one process, whose start counts only once, and side by side."""
+    """Yield one match, and many: one after the other in one process, whose start counts only once, and side by side."""
     words = [*OURS, "match", *SHORT * scale.short]
     seeds = [*words, "--seeds", str(scale.of(MORE, 2)), "--jobs"]
     yield {"one": partial(run, words), "1 job": partial(run, [*seeds, "1"]), "2 jobs": partial(side_by_side, seeds)}

@@ -61,7 +61,7 @@ def _swallow(control: int) -> None:
 
 @contextmanager
 def opened(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give the readers; raises NotHere without terminals."""
+    """Yield the readers; raises NotHere without terminals."""
     if not hasattr(os, "openpty"):
         raise NotHere("no pseudo-terminals")
     yield {reader: partial(on_terminal, reader, scale.of(1500, 100) / 1000) for reader in READERS}

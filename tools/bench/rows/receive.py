@@ -138,7 +138,7 @@ def check_messages(frames: list[can.Message]) -> None:
 
 @contextmanager
 def opened(different: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give the readers; `different` is how many of the waiting frames differ."""
+    """Yield the readers; `different` is how many of the waiting frames differ."""
     frames = received_gotos(scale.of(different, 50)) * scale.of(WAITING // different, 1)
     check_messages(frames[:1000])
     readers: dict[str, Reader] = {name: partial(live, register, 1) for name, register in KINDS.items()}

@@ -89,7 +89,7 @@ def stock_network(channel: str) -> Iterator[canopen.Network]:
 
 @contextmanager
 def our_client(channel: str) -> Iterator[Mapping[str, tuple[Read, Write]]]:
-    """Give reading and writing by each kind of transfer."""
+    """Yield reading and writing by each kind of transfer."""
     with Master(new_bus(channel)) as master:
         node = master.node(NODE)
 
@@ -109,7 +109,7 @@ def our_client(channel: str) -> Iterator[Mapping[str, tuple[Read, Write]]]:
 
 @contextmanager
 def stock_client(channel: str) -> Iterator[Mapping[str, tuple[Read, Write]]]:
-    """Give reading and writing by each kind of transfer."""
+    """Yield reading and writing by each kind of transfer."""
     with stock_network(channel) as network:
         sdo = network.add_node(NODE, canopen.ObjectDictionary()).sdo  # type: ignore[no-untyped-call]
 

@@ -96,7 +96,7 @@ def _wait_until_quiet(count: Count) -> None:
 
 @contextmanager
 def opened(shortest: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give both readers for messages with at least `shortest` bytes; raises NotHere."""
+    """Yield both readers for messages with at least `shortest` bytes; raises NotHere."""
     if not Path("/sys/class/net", CHANNEL).exists():
         raise NotHere(f"no {CHANNEL} here")
     seconds = scale.of(3, 1)

@@ -129,7 +129,7 @@ def peer(nodes: Sequence[str]) -> str:
 
 @contextmanager
 def bare(_: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give what needs no canopen, and a Python that does nothing."""
+    """Yield what needs no canopen, and a Python that does nothing."""
     with made_files() as files:
         yield {
             "pass": partial(run, [PYTHON, "-c", "pass"]),
@@ -140,7 +140,7 @@ def bare(_: Scale) -> Iterator[Mapping[str, Contender]]:
 
 @contextmanager
 def beside_canopen(_: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give canopen loading the files, and the commands."""
+    """Yield canopen loading the files, and the commands."""
     needs = dict.fromkeys(command.needs for command in COMMANDS)
     loading = {peer(nodes): partial(run, [PYTHON, "-c", LOADING, *eds_files(nodes)]) for nodes in needs}
     with made_files() as files:
@@ -166,7 +166,7 @@ SCANNED = "".join(
 
 @contextmanager
 def library(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give a log decoded by a file that is named, and by the same one of a library, whose index is made beforehand."""
+    """Yield a log decoded by a file that is named, and by the same one of a library, whose index is made beforehand."""
     with tempfile.TemporaryDirectory() as name, variable_set("XDG_CACHE_HOME", name):
         makers, log = Path(name, "makers"), Path(name, "scan.log")
         makers.mkdir()
@@ -200,7 +200,7 @@ def variable_set(name: str, value: str) -> Iterator[None]:
 
 @contextmanager
 def loading(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give both readers of an EDS file."""
+    """Yield both readers of an EDS file."""
     file, times = eds_files([NODE])[0], scale.of(10, 1)
     yield {
         "ours": partial(timed, partial(Dictionary.load, file), times),
@@ -221,7 +221,7 @@ def timed(load: Callable[[], object], times: int) -> Figures:
 
 @contextmanager
 def opening(_: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give for each command the count of EDS and DCF files that it opens beyond those it needs or is given."""
+    """Yield for each command the count of EDS and DCF files that it opens beyond those it needs or is given."""
     with made_files() as files:
         yield {each.name: partial(not_needed, each, files) for each in ENDING}
 

@@ -222,7 +222,7 @@ class NotStanding(RemoteError):
 
 
 def is_driving(state: messages.GotoStateResponse) -> bool:
-    """Tell from an answer to a state request whether the drive carries out a goto."""
+    """Return whether an answer to a state request says that the drive carries out a goto."""
     return isinstance(state.time, int) and not isinstance(state.time, GotoFault) and state.time > 0
 
 

@@ -274,7 +274,7 @@ def test_a_shutdown_that_races_gotos_always_wins_and_every_call_ends() -> None:
 
 
 def comes_to_rest(drive: Drive) -> bool:
-    """Tell whether the drive stands soon: in stop periods of 5 ms it may roll the last of its braking unseen."""
+    """Return whether the drive stands soon: in stop periods of 5 ms it may roll the last of its braking unseen."""
     end, pause = time.monotonic() + 1.0, threading.Event()
     while drive.moving and time.monotonic() < end:
         pause.wait(0.01)

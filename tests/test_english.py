@@ -1,0 +1,58 @@
+"""How a docstring begins, by what the function returns: one verb for one job."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("eurobot_od", "tools", "tests")
+PROPERTIES = ("property", "cached_property")
+
+
+class Described(NamedTuple):
+    """A function with its docstring: where it stands, what it returns, its first line."""
+
+    place: str
+    returns: str
+    is_property: bool
+    first: str
+
+
+def functions(folder: str) -> Iterator[Described]:
+    for file in sorted((ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or not (said := ast.get_docstring(node)):
+                continue
+            returns = ast.unparse(node.returns) if node.returns else ""
+            is_property = any(ast.unparse(each).rpartition(".")[2] in PROPERTIES for each in node.decorator_list)
+            place = f"{file.relative_to(ROOT)}:{node.lineno}"
+            yield Described(place, returns, is_property, said.partition("\n")[0])
+
+
+RULES = {
+    # what is wrong, by the kind of function
+    "a bool": lambda each: (
+        each.returns == "bool" and not each.is_property and re.match("(Tell|Say) |Whether", each.first)
+    ),
+    "a property": lambda each: each.is_property and re.match("(Return|Tell|Say) whether", each.first),
+    "an iterator": lambda each: (
+        re.match("(Async)?(Iterator|Generator)", each.returns) and each.first.startswith("Give ")
+    ),
+}
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_a_docstring_begins_with_the_verb_for_what_is_returned(folder: str) -> None:
+    wrong = [
+        f"{each.place}: {kind}: {each.first}"
+        for each in functions(folder)
+        for kind, is_wrong in RULES.items()
+        if is_wrong(each)
+    ]
+    assert wrong == [], "Return whether ...; of a property Whether ...; Yield ..."
