@@ -1,4 +1,4 @@
-"""How a docstring begins, by what the function returns: one verb for one job."""
+"""What a program can see of plain English: how a docstring begins, by what is returned, and clever expressions."""
 
 from __future__ import annotations
 
@@ -56,3 +56,28 @@ def test_a_docstring_begins_with_the_verb_for_what_is_returned(folder: str) -> N
         if is_wrong(each)
     ]
     assert wrong == [], "Return whether ...; of a property Whether ...; Yield ..."
+
+
+CONDITIONS = (ast.Compare, ast.BoolOp, ast.UnaryOp)
+
+
+def is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str | bytes))
+
+
+def is_condition(node: ast.AST) -> bool:
+    return isinstance(node, CONDITIONS) or (isinstance(node, ast.Call) and ast.unparse(node.func) == "bool")
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_no_text_is_multiplied_by_a_condition(folder: str) -> None:
+    wrong = [
+        f"{file.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}"
+        for file in sorted((ROOT / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text("utf-8")))
+        if isinstance(node, ast.BinOp)
+        and isinstance(node.op, ast.Mult)
+        and is_text(node.left)
+        and is_condition(node.right)
+    ]
+    assert wrong == [], "write a conditional expression"

@@ -418,7 +418,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(
                 *(f"trial {result.trial.number} ({result.trial.dialect}): {line}" for line in result.wrong),
                 sep="\n",
-                end="\n" * bool(result.wrong),
+                end="\n" if result.wrong else "",
             )
     print(*(f"{count:9} {name.replace('_', ' ')}" for name, count in sorted(made.items())), sep="\n")
     took = time.perf_counter() - started

@@ -546,7 +546,7 @@ def _figures(results: Sequence[Result]) -> str:
     if not results:
         return ""
     seconds, distance = max(each.seconds for each in results), max(each.distance for each in results)
-    return f"{seconds:.2f} s, {distance:.0f} mm" + "*" * (not any(each.went_on for each in results))
+    return f"{seconds:.2f} s, {distance:.0f} mm" + ("" if any(each.went_on for each in results) else "*")
 
 
 def _with_counts(results: Sequence[Result]) -> str:

@@ -197,7 +197,7 @@ def _lengths(binding: Binding) -> str:
     """Say how many bytes a frame has, and how many without the fields that may be left out."""
     if binding.layout.length == 0:
         return "no data"
-    text = f"{binding.layout.length} byte{'s' * (binding.layout.length > 1)}"
+    text = f"{binding.layout.length} byte{'s' if binding.layout.length > 1 else ''}"
     if len(binding.lengths) == 1:
         return text
     *others, last = binding.optional

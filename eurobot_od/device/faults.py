@@ -110,7 +110,7 @@ def generated(binding: Binding, node: str) -> dict[str, Fault]:
         for end, wrong in kinds.items() if node in nodes else ():
             fault = NO_STEP.fault(wrong.text.format(words(binding.type)), wrong.mixin(binding.type))
             # A message of several senders has a fault in each of them, and the command line names faults, not nodes.
-            made[f"{name}-{end}" + f"-by-{node}" * (len(nodes) > 1)] = fault
+            made[f"{name}-{end}-by-{node}" if len(nodes) > 1 else f"{name}-{end}"] = fault
     return made
 
 

@@ -242,7 +242,9 @@ def signed(value: int, bits: int) -> str:
     if value == -1 << (bits - 1):
         return f"({signed(value + 1, bits)} - 1)"
     text = str(value) if bits <= 16 else f"INT{bits}_C({abs(value)})"
-    return f"({'-' * (bits > 16)}{text})" if value < 0 else text
+    if value >= 0:
+        return text
+    return f"(-{text})" if bits > 16 else f"({text})"
 
 
 # Functions

@@ -235,7 +235,7 @@ def _anchor(message: DescribedMessage) -> str:
 def _message(message: DescribedMessage) -> Iterator[DocBlock]:
     yield DocHeading(3, message.name, _anchor(message))
     lengths = " or ".join(map(str, sorted({message.shortest, message.length})))
-    size = f"{lengths} byte{'s' * (message.length > 1)}"
+    size = f"{lengths} byte{'s' if message.length > 1 else ''}"
     yield Paragraph(f"COB-ID 0x{message.cob_id:03X}, {message.path}, {size}. {message.text}".rstrip())
     head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
     rows = []

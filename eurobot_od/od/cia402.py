@@ -259,7 +259,9 @@ STAYING = range(5, 9)
 
 OPTION_WORDS: Mapping[int, Mapping[int, str]] = {
     index: {
-        code: ramp.value + ", stays in Quick stop active" * (index == QUICK_STOP_OPTION and code in STAYING)
+        code: f"{ramp.value}, stays in Quick stop active"
+        if index == QUICK_STOP_OPTION and code in STAYING
+        else ramp.value
         for code, ramp in codes.items()
     }
     for index, codes in OPTIONS.items()

@@ -411,7 +411,7 @@ class _Writer:
             return
         self._head(name, section)
         for key, entry in section.entries.items():
-            self._line(entry, f"{';' * (':' in key)}{entry.key}={entry.value}")
+            self._line(entry, f"{';' if ':' in key else ''}{entry.key}={entry.value}")
 
     def _lists(self) -> None:
         """Write the lists of objects as they are, or anew where they are not those of the objects there are."""

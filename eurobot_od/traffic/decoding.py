@@ -115,7 +115,7 @@ class TextOutput(Output):
         self._several = several
 
     def row(self, meaning: Meaning) -> str:
-        name, text = meaning.name or "?" * bool(meaning.defects), with_defects(meaning)
+        name, text = meaning.name or ("?" if meaning.defects else ""), with_defects(meaning)
         return one_line(f"{name.ljust(NAME_WIDTH)} {text}" if text else name)
 
     def rows_of(self, binding: Binding) -> Rows:

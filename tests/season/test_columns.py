@@ -54,7 +54,9 @@ def all_types(file: Path) -> DecodedNetwork:
     """An EDS with a PDO for each type, the field at an offset and, where there is room, another one after it."""
     text = DEVICE_TYPE
     for number, (type_, bits, offset) in enumerate(TYPES):
-        text += variable(f"{0x2000 + number:X}", "value", type_, more="LowLimit=-3\nHighLimit=0x60\n" * (number < 4))
+        text += variable(
+            f"{0x2000 + number:X}", "value", type_, more="LowLimit=-3\nHighLimit=0x60\n" if number < 4 else ""
+        )
         entries = [f"0x{0x00050000 | offset:08X}"] if offset else []
         entries.append(f"0x{0x2000 + number:04X}00{bits:02X}")
         text += pdo(0x1800 + number, *entries, cob_id=f"0x{0x181 + 16 * number:X}", name=f"Of {type_} {bits} {offset}")

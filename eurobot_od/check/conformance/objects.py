@@ -227,8 +227,9 @@ def _wrong_lengths(subject: Subject) -> Steps:
         # Downloaded in one frame or by segments, as the length asks for: what is to be refused is the length, not the
         # transfer.
         longer = 4 if size in (1, 2) else size + 1
-        sizes = [(longer, "many", "2.8" * (longer == 4))] * bool(size)
-        sizes += [(1, "few", "2.9" * (size in (2, 4)))] * (size > 1)
+        sizes = [(longer, "many", "2.8" if longer == 4 else "")] if size else []
+        if size > 1:
+            sizes.append((1, "few", "2.9" if size in (2, 4) else ""))
         if sizes:
             yield _refused(each, [_of_length(each, *wrong) for wrong in sizes])
 

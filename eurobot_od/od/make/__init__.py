@@ -200,7 +200,10 @@ class DialectRow:
     def reserved_before(self, name: PlacedText) -> dict[PlacedText, PlacedText]:
         """Return the names of the reserved bits of the object `name`, by the field that they stand before."""
         fields = self.reserved.get(name, {})
-        return {each: PlacedText(RESERVED + f" {n}" * (n > 1), each.place) for n, each in enumerate(fields, start=1)}
+        return {
+            each: PlacedText(f"{RESERVED} {n}" if n > 1 else RESERVED, each.place)
+            for n, each in enumerate(fields, start=1)
+        }
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ class Observer:
             self._tell_end(report.outcome.value, report.why, report.ended)
 
     def _tell_end(self, outcome: str, why: str, seconds: float) -> None:
-        text = f"{outcome} after {seconds:.2f} s" + f": {why}" * bool(why)
+        text = f"{outcome} after {seconds:.2f} s" + (f": {why}" if why else "")
         self._timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome, why=why or None, seconds=seconds)
 
     def _tell_arrival(self, report: GotoReport) -> None:

@@ -430,14 +430,14 @@ def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     bad = [match for match in matches if match.wrong]
     for match in bad[:MOST_LISTED]:
         first, *others = match.wrong
-        yield f"seed {match.seed}: {first}" + f", and {len(others)} more" * bool(others)
+        yield f"seed {match.seed}: {first}" + (f", and {len(others)} more" if others else "")
     if len(bad) > MOST_LISTED:
         yield f"and {len(bad) - MOST_LISTED} more seeds"
     if len(matches) > LOWEST and any(match.summary for match in matches):
         # Worth a look even if nothing went wrong: this is where a strategy can gain most.
         low = sorted((match for match in matches if match.summary), key=attrgetter("points"))[:LOWEST]
         yield "fewest points: " + ", ".join(f"seed {match.seed} with {match.points}" for match in low)
-    played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"
+    played = f"{len(matches)} match{'' if len(matches) == 1 else 'es'}, seeds {matches[0].seed} to {matches[-1].seed}"
     yield f"{played}: something went wrong in {len(bad)}" if bad else f"{played}: nothing went wrong"
 
 

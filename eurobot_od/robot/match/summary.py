@@ -56,7 +56,7 @@ class Summary:
         lines += ["", f"{sent} of {known} messages in {self.seconds:.1f} s, bus load {self.load:.2%}"]
         if self.errors:
             reached, mean = len(self.errors), sum(self.errors) / len(self.errors)
-            places = f"{reached} place{'s' * (reached != 1)} reached"
+            places = f"{reached} place{'' if reached == 1 else 's'} reached"
             lines.append(f"{places}, position error {mean:.1f} mm on average, {max(self.errors):.0f} mm at most")
         if self.points:
             points = ", ".join(f"{name} {points}" for name, points in self.points.items())

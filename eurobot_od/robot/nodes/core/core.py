@@ -348,7 +348,9 @@ class Core(CoreSettings):
                 if where is None or where(heard):
                     return heard
         except NoAnswer:  # its time would be what was left after the last one
-            raise NoAnswer("", message.__name__ + " as wanted" * (where is not None), 1, timeout) from None
+            raise NoAnswer(
+                "", message.__name__ if where is None else f"{message.__name__} as wanted", 1, timeout
+            ) from None
 
     def start_match(self, duration: float | None = None) -> None:
         """Start the match: after `duration` seconds the drive is stopped, and gotos are no longer sent.

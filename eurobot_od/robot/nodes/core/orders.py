@@ -79,4 +79,4 @@ def _failure(ended: Future[Any]) -> str:
     report = ended.result()
     if not isinstance(report, GotoReport) or report.outcome in (Outcome.ARRIVED, Outcome.REPLACED):
         return ""
-    return f"goto {report.outcome.value}" + f", {report.why}" * bool(report.why)
+    return f"goto {report.outcome.value}, {report.why}" if report.why else f"goto {report.outcome.value}"
