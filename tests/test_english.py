@@ -35,26 +35,19 @@ def functions(folder: str) -> Iterator[Described]:
             yield Described(place, returns, is_property, said.partition("\n")[0])
 
 
-RULES = {
-    # what is wrong, by the kind of function
-    "a bool": lambda each: (
-        each.returns == "bool" and not each.is_property and re.match("(Tell|Say) |Whether", each.first)
-    ),
-    "a property": lambda each: each.is_property and re.match("(Return|Tell|Say) whether", each.first),
-    "an iterator": lambda each: (
-        re.match("(Async)?(Iterator|Generator)", each.returns) and each.first.startswith("Give ")
-    ),
-}
+def mistake(each: Described) -> str:
+    """Return what is wrong with the first line of a docstring, if anything is."""
+    if each.is_property:
+        return "a property" if re.match("(Return|Tell|Say) whether", each.first) else ""
+    if each.returns == "bool" and re.match("(Tell|Say) |Whether", each.first):
+        return "a bool"
+    is_iterator = re.match("(Async)?(Iterator|Generator)", each.returns)
+    return "an iterator" if is_iterator and each.first.startswith("Give ") else ""
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_a_docstring_begins_with_the_verb_for_what_is_returned(folder: str) -> None:
-    wrong = [
-        f"{each.place}: {kind}: {each.first}"
-        for each in functions(folder)
-        for kind, is_wrong in RULES.items()
-        if is_wrong(each)
-    ]
+    wrong = [f"{each.place}: {what}: {each.first}" for each in functions(folder) if (what := mistake(each))]
     assert wrong == [], "Return whether ...; of a property Whether ...; Yield ..."
 
 
