@@ -43,7 +43,7 @@ ALWAYS = (
 OF_NEW_ROBOT = (
     Try(("doctor",), "robot      wings loads: wings.robot:ROBOT"),
     Try(("match", "--for", "10"), "Lift State Response "),
-    Try(("check", "--simulate"), "1 suite: 20 ok"),
+    Try(("check", "--simulate"), "1 suite: 22 ok"),
     Try(("export", "c"), "lift_set"),
 )
 """What is tried once the robot that `new-robot --package` has written is installed beside it."""

@@ -76,8 +76,9 @@ def send_goto(page: Page) -> None:
         const [x, y] = document.querySelectorAll('form.goto input');
         [x.value, y.value] = {json.dumps(GOAL)};
     }})()""")
-    for _ in range(2):  # what moves something is asked twice
-        page.click("form.goto button")
+    page.click("form.goto button")  # what moves something is asked twice
+    page.wait("document.querySelector('form.goto button.armed')")
+    page.click("form.goto button")
 
 
 def true_place(world: World) -> tuple[float, float]:
