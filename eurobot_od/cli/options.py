@@ -241,12 +241,7 @@ def write(output: Path | None, text: str) -> None:
 def write_dcf(output: Path | None, dcf: Dcf) -> None:
     """Write a DCF, after the files beside it; raises as `write`, and LocalError where there is no place for those."""
     if output is not None:
-        from eurobot_od.support.files import write_whole
-
-        # First, so that a DCF that is there is whole: it names them.
-        for name, content in dcf.files.items():
-            write_whole(output.with_name(name), content)
-        write_whole(output, dcf.content)
+        dcf.write(output)
     elif dcf.files:
         raise LocalError(f"the DCF needs files beside it ({', '.join(dcf.files)}): write it by -o FILE")
     else:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
@@ -18,6 +19,7 @@ from eurobot_od.od.modules import CONNECTED, is_of_modules
 from eurobot_od.od.objects import data_type, value_text
 from eurobot_od.od.renumbering import relative_text
 from eurobot_od.od.values import DOMAIN, TIMES, UNICODE_STRING, VISIBLE_STRING, Address, Value, label, parse_number
+from eurobot_od.support.files import write_whole
 
 if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
@@ -50,6 +52,12 @@ class Dcf(NamedTuple):
 
     content: bytes
     files: dict[str, bytes]
+
+    def write(self, file: Path) -> None:
+        """Write it, after the files beside it: a DCF that is there is whole, as it names them. Raises OSError."""
+        for name, content in self.files.items():
+            write_whole(file.with_name(name), content)
+        write_whole(file, self.content)
 
 
 # Objects' bytes there and back

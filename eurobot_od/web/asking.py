@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any, NamedTuple
@@ -27,6 +28,14 @@ class PageRequest(NamedTuple):
     function: Callable[[Any, Arguments], Any]
     way: Way = Way.ASKS
     acts: bool = False
+
+
+def read_request(text: str) -> dict[str, Any]:
+    """Return the fields of a request; raises ValueError and RecursionError for what is not JSON, LocalError."""
+    said = json.loads(text)
+    if not isinstance(said, dict):
+        raise LocalError("a request is a JSON object")
+    return said
 
 
 def text_of(said: Arguments, name: str) -> str:

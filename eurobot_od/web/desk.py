@@ -132,8 +132,8 @@ class Desk:
         named = {each.name: each.node_id for each in self.session.decoder.dictionaries}
         # `node 5` is the page's name for a node that no file describes.
         number = int(name.removeprefix("node ")) if name.removeprefix("node ").isdecimal() else None
-        if number in NODE_IDS:
-            return int(name.removeprefix("node "))
+        if number is not None and number in NODE_IDS:
+            return number
         return look_up("node", name, named)
 
     def node(self, said: Arguments) -> RemoteNode:
@@ -153,11 +153,6 @@ class Desk:
         """Return the node and the object of a request; raises LocalError."""
         node = self.node(said)
         return node, objects.find_one(text_of(said, "object"), self.objects(node.node_id))
-
-    def file(self, said: Arguments) -> tuple[str, bytes]:
-        """Return the name and the content of the file that a request means; raises UnknownName."""
-        name = text_of(said, "file")
-        return name, bytes(look_up("file", name, self.uploads[said["who"]]))
 
     @property
     def library(self) -> Library:

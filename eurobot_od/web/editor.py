@@ -31,7 +31,7 @@ from eurobot_od.od.editing import PROFILES, readable
 from eurobot_od.od.values import ACCESS_TYPES, DATA_TYPES, DUMMIES, MappingEntry, label
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.texts import one_line
-from eurobot_od.web.asking import Arguments, text_of
+from eurobot_od.web.asking import Arguments, read_request, text_of
 from eurobot_od.web.page import picked
 
 SUFFIXES = (".eds", ".dcf")
@@ -81,9 +81,7 @@ class FileEditor:
     def answer(self, body: str) -> str:
         """Answer a request, both as JSON; it never raises."""
         try:
-            said = json.loads(body)
-            if not isinstance(said, dict):
-                raise LocalError("a request is a JSON object")
+            said = read_request(body)
             function = look_up("request", str(said.get("do"))[:40], REQUESTS)
             return json.dumps({"ok": function(self, said)})
         except (ValueError, RecursionError):  # RecursionError: too many nested brackets

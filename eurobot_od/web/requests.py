@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from eurobot_od.errors import EurobotError, LocalError, look_up
-from eurobot_od.web.asking import Arguments, PageRequest, Way
+from eurobot_od.web.asking import Arguments, PageRequest, Way, read_request
 from eurobot_od.web.desk import Desk
 from eurobot_od.web.drives import LOOK, MayMove, MotionThread
 from eurobot_od.web.views import checks, drives, files, layouts, nodes, objects, send, settings
@@ -69,9 +69,7 @@ class Requests:
         """
         number: Any = None
         try:
-            said = json.loads(text)
-            if not isinstance(said, dict):
-                raise LocalError("a request is a JSON object")
+            said = read_request(text)
             number, name = said.get("id"), str(said.get("do"))
             asked = look_up("request", name[:40], REQUESTS)
             if asked.acts and not self.desk.control:

@@ -21,7 +21,7 @@ from eurobot_od.library.library import Library
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support.files import write_whole
 from eurobot_od.web import page
-from eurobot_od.web.asking import Arguments, text_of, whole_of
+from eurobot_od.web.asking import Arguments, read_request, text_of, whole_of
 from eurobot_od.web.views import files
 
 LOGS = (".log", ".asc", ".blf", ".trc", ".csv", ".pcap", ".pcapng", ".txt", ".mf4", ".db")
@@ -73,9 +73,7 @@ class StartPage:
     async def answer(self, text: str) -> str:
         """Answer a request, both as JSON."""
         try:
-            said = json.loads(text)
-            if not isinstance(said, dict):
-                raise LocalError("a request is a JSON object")
+            said = read_request(text)
             if not self._may_act:
                 raise LocalError("this page is read-only: start the server with --control")
             ask = look_up("request", str(said.get("do"))[:40], REQUESTS)
@@ -87,11 +85,6 @@ class StartPage:
         finally:
             if self.choice is not None:
                 self.chosen.set()
-
-    def file(self, said: Arguments) -> tuple[str, bytes]:
-        """Return the name and the content of the file that a request means; raises UnknownName."""
-        name = text_of(said, "file")
-        return name, bytes(look_up("file", name, self.uploads[said["who"]]))
 
 
 # What is here
@@ -154,7 +147,7 @@ def simulate(start: StartPage, said: Arguments) -> None:
 def open_log(start: StartPage, said: Arguments) -> None:
     """Choose a log: one that was sent, or one of the folder."""
     if "file" in said:
-        name, content = start.file(said)
+        name, content = files.sent_file(start, said)
         write_whole(start.folder / name, content)
     else:
         name = look_up("log", text_of(said, "log"), dict.fromkeys(logs(start, said), text_of(said, "log")))

@@ -8,7 +8,7 @@ from binascii import Error as NotBase64
 from pathlib import Path
 from typing import Protocol
 
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, look_up
 from eurobot_od.library.adding import checked
 from eurobot_od.library.library import Library
 from eurobot_od.support.files import write_whole
@@ -24,9 +24,6 @@ class FileDesk(Protocol):
     @property
     def library(self) -> Library:
         """The user's device files."""
-
-    def file(self, said: Arguments) -> tuple[str, bytes]:
-        """Return the name and the content of the file that a request means; raises UnknownName."""
 
 
 LARGEST = 32 << 20
@@ -57,9 +54,15 @@ def upload(desk: FileDesk, said: Arguments) -> int:
     return len(content)
 
 
+def sent_file(desk: FileDesk, said: Arguments) -> tuple[str, bytes]:
+    """Return the name and the content of the file that a request means; raises UnknownName."""
+    name = text_of(said, "file")
+    return name, bytes(look_up("file", name, desk.uploads[said["who"]]))
+
+
 def add_to_library(desk: FileDesk, said: Arguments) -> list[str]:
     """Add a device file to the library, as `devices add` does; return what it prints."""
-    name, content = desk.file(said)
+    name, content = sent_file(desk, said)
     library = desk.library
     if not library.folders:
         raise LocalError("there is no library: start the server with --library FOLDER")

@@ -24,11 +24,11 @@ from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.renumbering import ChosenCobIds, renumbered
 from eurobot_od.od.values import label
-from eurobot_od.support.files import write_whole
 from eurobot_od.support.texts import amount
 from eurobot_od.web.asking import Arguments, PageRequest, Way, text_of, whole_of
 from eurobot_od.web.desk import Desk
 from eurobot_od.web.jobs import Job
+from eurobot_od.web.views.files import sent_file
 
 HEARTBEAT_WAIT = 1.2
 """Time in s in which a node's heartbeat shows its state; most nodes send one a second."""
@@ -90,7 +90,7 @@ def begin_saving(desk: Desk, said: Arguments) -> int:
 def _save(desk: Desk, job: Job, master: Master, target: SetNode) -> dict[str, Any]:
     name = f"{target.device.name}-{datetime.now():%Y%m%d-%H%M%S}"
     dcf = _dcf(desk, job, master, target, name)
-    _written(dcf, desk.reports / f"{name}.dcf")
+    dcf.write(desk.reports / f"{name}.dcf")
     return {"file": f"{name}.dcf", "text": f"{name}.dcf is saved"}
 
 
@@ -111,24 +111,18 @@ def _dcf(desk: Desk, job: Job, master: Master, target: SetNode, stem: str) -> Dc
     return dcf
 
 
-def _written(dcf: Dcf, file: Path) -> None:
-    for name, content in dcf.files.items():  # first, so that a DCF that is there is whole: it names them
-        write_whole(file.with_name(name), content)
-    write_whole(file, dcf.content)
-
-
 @contextmanager
 def _source(desk: Desk, said: Arguments, job: Job, master: Master, target: SetNode) -> Iterator[Dictionary]:
     """Yield the settings that a node is to have: those of a file, or of another node."""
     chosen = look_up("choice for COB-IDs", str(said.get("cob_ids", "")), COB_IDS)
     if "file" in said:
-        name, content = desk.file(said)
+        name, content = sent_file(desk, said)
         yield renumbered(Dictionary.read(content, Path(name), target.node_id), target.node_id, chosen)
         return
     other = _target(desk, {**said, "node": text_of(said, "from")})
     with TemporaryDirectory(prefix="eurobot-od-") as folder:  # a DOMAIN stands beside the DCF
         file = Path(folder, f"{other.device.name}.dcf")
-        _written(_dcf(desk, job, master, other, file.stem), file)
+        _dcf(desk, job, master, other, file.stem).write(file)
         yield renumbered(Dictionary.load(file, target.node_id), target.node_id, chosen)
 
 
@@ -204,7 +198,7 @@ def _restore(_: Job, master: Master, target: SetNode) -> dict[str, Any]:
 def begin_program(desk: Desk, said: Arguments) -> int:
     """Download a program into a node, as `program` does."""
     target, number = _target(desk, said), whole_of(said, "number")
-    name, content = desk.file(said)
+    name, content = sent_file(desk, said)
     if not content:
         raise LocalError(f"{name}: the file is empty")
     procedure = desk.equipment.procedure(Identity.of(target.device), content, said.get("force") is True)
