@@ -39,13 +39,13 @@ class HowToRun(Protocol):
 
     @property
     def is_made(self) -> bool:
-        """Whether the steps do not build on each other."""
+        """Whether each step stands alone, so that a red one does not end the run."""
 
     def how(self, seed: int) -> str:
-        """Say how suites are run, for reports."""
+        """Return how suites are run, in words for reports."""
 
     def skips(self, suite: Suite) -> str:
-        """Say why a suite is skipped, `` if it is not."""
+        """Return why a suite is skipped; empty if it is run."""
 
     def run(self, suite: Suite, seed: int, interrupt: Interrupt, reported: set[Report], show: Show) -> SuiteResult:
         """Run a suite; `reported` has what suites before it have found in a node."""
@@ -69,7 +69,7 @@ class OnBus:
     steps: Sequence[str] = ()
 
     def how(self, _: int) -> str:
-        """Say how suites are run, for reports."""
+        """Return how suites are run, in words for reports."""
         return "on the bus"
 
     def skips(self, _: Suite) -> str:

@@ -289,11 +289,11 @@ class Checks:
         return self.made.is_wanted
 
     def how(self, seed: int) -> str:
-        """Say how suites are run, for reports."""
+        """Return how suites are run, in words for reports."""
         return f"simulated, seed {seed}" if self.simulate else "on the bus"
 
     def skips(self, suite: Suite) -> str:
-        """Say why a suite is skipped, `` if it is not."""
+        """Return why a suite is skipped; empty if it is run."""
         if suite.world and not self.simulate and not self.shared_world:
             return "skipped: its nodes have to share a world (--shared-world: they do)"
         folder = self.devices.robot.dialects.folder
