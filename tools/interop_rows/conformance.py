@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from eurobot_od.check.on_bus import run_live
 from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.shapes import Networks
+from eurobot_od.check.suite import Suite
 from eurobot_od.od.dictionary import Dictionary
 from interop_rows.bench import new_channel, open_bus, stock_network
 from interop_rows.row import Answer, agree
@@ -80,16 +82,22 @@ def of_stock_node(_: Path) -> Answer:
     return Answer(f"{len(green)} topics green, {len(red)} red", f"red topics: {reasons}")
 
 
-def results(file: Path) -> Iterator[SuiteResult]:
-    """Run all chapters of a file against stock canopen's node with that file."""
+def results(file: Path) -> list[SuiteResult]:
+    """Run all chapters of a file at the same time, each against a node of stock canopen on a bus of its own."""
     dictionary = Dictionary.load(file, NODE_ID)
     networks = Networks(lambda _: file, load=lambda _: (dictionary,), refused=lambda _: None)
     text = suite.text(dictionary, Tier.DESTRUCTIVE).replace(BOOT_TIME, PATIENCE)
+    chapters = tuple(SuiteReader(networks).read_texts({file: text}))
+    with _silent(), ThreadPoolExecutor(len(chapters)) as threads:  # a chapter waits most of its time
+        return list(threads.map(lambda each: result(each, file), chapters))
+
+
+def result(chapter: Suite, file: Path) -> SuiteResult:
+    """Run one chapter against a new node."""
     channel = new_channel()
-    with _silent(), stock_network(open_bus(channel)) as network:
+    with stock_network(open_bus(channel)) as network:
         network.create_node(NODE_ID, str(file))
-        for each in SuiteReader(networks).read_texts({file: text}):
-            yield run_live(each, RunOptions(keep_going=True), lambda: open_bus(channel))
+        return run_live(chapter, RunOptions(keep_going=True), lambda: open_bus(channel))
 
 
 @contextmanager
