@@ -42,11 +42,12 @@ NAMES = (STOCK, *SIMULATED)
 def run(name: str) -> DeviceRun:
     """Ask a device for everything, and return what there is to say."""
     if name == STOCK:
-        dictionary, done = Dictionary.load(stock.FILE, NODE_ID, "stock canopen"), stock.results(stock.FILE)
+        dictionary = Dictionary.load(stock.FILE, NODE_ID, "stock canopen")
+        done = stock.results(stock.FILE)
     else:
         dictionary = SIMULATED[name]()
-        done = results(suites_of(dictionary, Tier.DESTRUCTIVE))
-    return DeviceRun(dictionary, Tier.DESTRUCTIVE, list(done))
+        done = list(results(suites_of(dictionary, Tier.DESTRUCTIVE)))
+    return DeviceRun(dictionary, Tier.DESTRUCTIVE, done)
 
 
 def write(names: Iterable[str]) -> None:
