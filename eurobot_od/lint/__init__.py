@@ -1,4 +1,4 @@
 """The EDS checker: a tolerant reader, rules for files and for networks, and the comparison of two dictionaries.
 
-Rule of this package: nothing raises, whatever the bytes; and nothing imports canopen, which takes longer than a check.
+Nothing in this package raises for any input bytes. Nothing imports canopen, because that takes longer than a check.
 """

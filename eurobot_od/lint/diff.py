@@ -1,7 +1,7 @@
 """Compares two object dictionaries by meaning: objects, types, limits, values, identifiers, and mappings bit by bit.
 
-Notation does not count: number base, order, case, comments, compact or written out. A file's value is its
-ParameterValue, or else its DefaultValue. Names count only on request.
+Notation is ignored: number base, order, case, comments, compact or expanded arrays. A variable's value is its
+ParameterValue, or else its DefaultValue. Names are compared only on request.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, load
 from eurobot_od.od import values
-from eurobot_od.od.description import COMPOSED, DescribedRecords, DescribedVariable
+from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedRecords, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.formats import no_objects
 from eurobot_od.od.renumbering import following
@@ -26,14 +26,14 @@ from eurobot_od.support.texts import one_line
 
 ABSENT = "-"
 STATE = (ERROR_REGISTER[0], 0x1002, ERROR_FIELD, STORE, RESTORE)
-"""Objects whose value is a running node's state, not its configuration."""
+"""Objects whose value is the state of a running node, not its configuration."""
 
 WHOLE_DEVICE = (-1, -1)
 """Address of a difference that belongs to no object."""
 
 
 class EdsDifference(NamedTuple):
-    """One difference: where (a sub-index below 0: in the whole object), in what, the two texts, the object's name."""
+    """One difference: address (sub-index -1: the whole object), aspect, both texts, and the object's name."""
 
     where: Address
     aspect: str
@@ -47,7 +47,7 @@ class EdsDifference(NamedTuple):
 
 
 def place(address: Address) -> str:
-    """Write where a difference is: `device`, 0x1018, 0x1018 sub 1."""
+    """Format the address of a difference: `device`, 0x1018, 0x1018 sub 1."""
     index, sub = address
     if address == WHOLE_DEVICE:
         return "device"
@@ -66,9 +66,9 @@ def read_device(file: str) -> LintedDevice:
 def compare(
     left: LintedDevice, right: LintedDevice, node_id: int | None = None, with_names: bool = False
 ) -> list[EdsDifference]:
-    """Compare two devices, for a node-ID if one is given or one of them is a DCF; ordered by index and sub-index."""
+    """Compare two devices and return the differences, ordered by index and sub-index."""
     nodes = {each.node_id for each in (left, right)} - {None}
-    if len(nodes) == 1:  # of DCFs of two nodes, what follows the node-ID stays relative
+    if len(nodes) == 1:  # for DCFs of two nodes, values with the node-ID stay relative
         node_id = node_id or next(iter(nodes))
     left, right = followed(left, node_id), followed(right, node_id)
     aspects = {**ASPECTS, **NAMES} if with_names else ASPECTS
@@ -82,22 +82,25 @@ def compare(
 
 
 def followed(device: LintedDevice, node_id: int | None) -> LintedDevice:
-    """Return a device for a comparison at a node-ID: if it has another one, its values that follow that say so."""
+    """Return a device for a comparison at `node_id`.
+
+    If the device's own node-ID differs, values made from it become `$NODEID+...`.
+    """
     if device.node_id in (None, node_id):
         return device
     sections = dict(device.document.sections)
     for variable, text in following(device, device.node_id or 0):
         name = variable.section.name.lower()
-        if name in sections:  # sub-indices of a compact object have none of their own
+        if name in sections:  # sub-indices of a compact object have no sections
             sections[name] = sections[name].saying(ParameterValue=text)
     return LintedDevice(device.document._replace(sections=sections), device.name)
 
 
 def _named(found: Iterable[EdsDifference], *devices: LintedDevice) -> list[EdsDifference]:
-    """Return differences with the names of their objects, from the first device that has what they are in."""
+    """Add the objects' names to differences, from the device whose name says more."""
     return [
         each._replace(
-            # a name with its record's tells more than the record's alone, which is all that the other file may have
+            # `record.entry` says more than the record's name, which may be all that the other file has
             name=max((_name_in(one, each.where) for one in devices), key=lambda name: (name != "", "." in name))
         )
         for each in found
@@ -114,23 +117,28 @@ def _name_in(device: LintedDevice, address: Address) -> str:
 
 
 def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
-    """Compare the bit rates of both devices, and the kinds of their objects."""
+    """Compare the bit rates of both devices and the object codes of all objects."""
     rates = (", ".join(map(str, sorted(bit_rates(each)))) or "none" for each in (one, other))
     yield EdsDifference(WHOLE_DEVICE, "bit rates", *rates)
-    # What only one of them has is reported here, once; its sub-indices would repeat it.
+    # An object that only one of them has is reported once, without its sub-indices.
     for index in one.objects.keys() | other.objects.keys():
         objects = (each.objects.get(index) for each in (one, other))
-        kinds = (ABSENT if each is None else each.code.name if each.code else "unknown" for each in objects)
-        yield EdsDifference((index, -1), "object", *kinds)
+        yield EdsDifference((index, -1), "object", *map(_code, objects))
+
+
+def _code(whole: DescribedObject | None) -> str:
+    if whole is None:
+        return ABSENT
+    return whole.code.name if whole.code else "unknown"
 
 
 def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
-    """Return all variables of a device, compact ones written out."""
+    """Return all variables of a device by address, with compact arrays expanded."""
     return {(each.index, each.sub): each for whole in device.objects.values() for each in whole.variables()}
 
 
 def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Members, Members]]:
-    """Yield the objects that both have, one at a time: a small file may describe millions of sub-indices."""
+    """Yield the sub-indices of the objects that both have; one object at a time, as a file may describe millions."""
     for index in one.objects.keys() & other.objects.keys():
         left, right = ({each.sub: each for each in device.objects[index].variables()} for device in (one, other))
         yield index, left, right
@@ -144,7 +152,7 @@ Members: TypeAlias = dict[int, DescribedVariable]
 """The variables of an object by sub-index."""
 
 Aspect = Callable[[DescribedVariable, int | None], str]
-"""Writes one aspect of a variable, for a node-ID; without one, what depends on it stays relative."""
+"""Formats one aspect of a variable for a node-ID; without one, values with the node-ID stay relative."""
 
 
 def _variables(
@@ -163,13 +171,13 @@ ENTRIES: Mapping[str, Callable[[DescribedVariable], Entry | None]] = {
     "low limit": lambda each: each.section.entries.get("lowlimit"),
     "high limit": lambda each: each.section.entries.get("highlimit"),
 }
-"""The entry that holds the number of an aspect."""
+"""Entry of the number that is compared, by aspect."""
 
 
 def _as_written(aspect: str, texts: tuple[str, str], *variables: DescribedVariable) -> Iterator[str]:
-    """Yield two texts, whole numbers in hexadecimal if one of the files writes it so."""
+    """Yield both texts, with whole numbers in hexadecimal if one of the files writes them so."""
     entries = [ENTRIES[aspect](each) for each in variables] if aspect in ENTRIES else []
-    # Numbers were compared in decimal digits; a COB-ID or a mapping is recognised in hexadecimal ones only.
+    # Numbers were compared in decimal; a COB-ID or a mapping is easier to recognise in hexadecimal.
     is_hexadecimal = any(each and each.value.lstrip().lower().startswith("0x") for each in entries)
     digits = 2 * max((each.type.size for each in variables if each.type), default=0) if is_hexadecimal else 0
     for text in texts:
@@ -177,11 +185,11 @@ def _as_written(aspect: str, texts: tuple[str, str], *variables: DescribedVariab
 
 
 def _limit_of(key: str) -> Aspect:
-    """Make the aspect of a limit; without one it is the type's."""
+    """Return the aspect of a limit; an omitted limit is that of the data type."""
 
     def limit(variable: DescribedVariable, node_id: int | None) -> str:
         number = variable.number(key)
-        # A file that writes the type's own limits says no more than one that leaves them out.
+        # Writing the type's own limits is the same as omitting them.
         if number is None and variable.type and variable.type.is_integer:
             number = Number(variable.type.low if key == "lowlimit" else variable.type.high)
         return _number(number, node_id) if number else ABSENT
@@ -194,9 +202,9 @@ def _number(number: Number, node_id: int | None) -> str:
 
 
 def _value(variable: DescribedVariable, node_id: int | None) -> str:
-    """Write a variable's value, but not of PDO mappings and COB-IDs, which are compared as bits and identifiers."""
+    """Format a variable's value; PDO mappings and COB-IDs are left to `_pdos`, which compares their meaning."""
     text = variable.value_entry.value if variable.value_entry else ""
-    # `_pdos` compares these by what they mean: two mappings may carry the same bits in other words.
+    # Different mapping entries may carry the same bits.
     is_cob_id = variable.sub == values.COB_ID and variable.index in values.COMMUNICATIONS
     if not text or variable.index in values.MAPPINGS or is_cob_id:
         return "" if text else ABSENT
@@ -206,13 +214,13 @@ def _value(variable: DescribedVariable, node_id: int | None) -> str:
         return text.replace(" ", "").lower()
     if variable.type in values.REALS:
         with suppress(ValueError, OverflowError):
-            # as the type holds it: a node gives 0.1 back as 0.10000000149
+            # As the type stores it: a node returns 0.10000000149 for 0.1.
             return repr(variable.type.read(variable.type.write(float(text))))
     return text
 
 
 def _type(variable: DescribedVariable) -> str:
-    """Write a variable's type: the name of a basic one, the number of any other."""
+    """Return the name of a basic data type, or the number of any other."""
     if variable.type:
         return variable.type.name
     number = variable.number("datatype")
@@ -220,7 +228,7 @@ def _type(variable: DescribedVariable) -> str:
 
 
 _UNDIRECTED = {"rwr": "rw", "rww": "rw"}
-"""Access types that say in which direction an object goes in PDOs, and what they say of one that goes in none."""
+"""Access types with a PDO direction, and the equivalent for an object that is not mappable."""
 
 ASPECTS: Mapping[str, Aspect] = {
     "type": lambda each, _: _type(each),
@@ -239,13 +247,14 @@ def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterat
     """Compare the PDOs that both have."""
     left, right = ({each.index: each for each in device.pdos} for device in (one, other))
     for index in left.keys() & right.keys():
-        pdo, pdos = left[index], (left[index], right[index])
+        pdo = left[index]
+        pdos = (left[index], right[index])
         yield EdsDifference((index, values.COB_ID), f"{pdo.title} COB-ID", *(cob_id(each, node_id) for each in pdos))
         yield EdsDifference((pdo.mapping_index, -1), f"{pdo.title} mapping", *map(mapping, pdos))
 
 
 def cob_id(pdo: DescribedRecords, node_id: int | None) -> str:
-    """Write a PDO's COB-ID: identifier, and what its upper bits mean."""
+    """Format a PDO's COB-ID: identifier and set upper bits."""
     number = pdo.value(1)
     if number is None:
         return ABSENT
@@ -258,12 +267,13 @@ def cob_id(pdo: DescribedRecords, node_id: int | None) -> str:
 
 
 def mapping(pdo: DescribedRecords) -> str:
-    """Write a PDO's mapping as bits: which of them are which object."""
+    """Format a PDO's mapping as bit ranges, each with its object."""
     if pdo.amount is None:
         return ABSENT
     if pdo.is_multiplexed:
         return f"multiplexed ({pdo.amount.value})"
-    start, parts = 0, []
+    start = 0
+    parts = []
     for each, _ in pdo.mapped():
         parts.append(f"{start}..{start + each.bits - 1} {each.where}")
         start += each.bits
@@ -274,32 +284,31 @@ def mapping(pdo: DescribedRecords) -> str:
 
 
 def readable(device: LintedDevice) -> list[Address]:
-    """Return the variables that can be read from a node and compared, in order."""
+    """Return the addresses of variables that can be read from a node and compared, in order."""
     found = variables(device).items()
     return sorted(address for address, each in found if each.access != "wo" and each.type is not values.DOMAIN)
 
 
 Answers: TypeAlias = Mapping[Address, bytes | int]
-"""What a node answers when its objects are read: an object's bytes, or the abort code."""
+"""A node's answers to SDO reads by address: the data, or the abort code."""
 
 
 def compare_live(
     device: LintedDevice, answers: Answers, node_id: int, process_data: Container[Address] = frozenset()
 ) -> list[EdsDifference]:
-    """Compare a file with a node's answers to SDO reads; process data and states only have to be there.
+    """Compare a file with a node's answers to SDO reads.
 
-    A DCF describes one device: an object that it gives no value
-    need not be there, and one that cannot be written need not have its default.
+    Objects in `process_data`, measured values and states only have to exist. For a DCF, an object without
+    ParameterValue may be missing, and one that cannot be written may differ from its default.
     """
     device = followed(device, node_id)
     known = variables(device)
     if device.node_id is not None:
-        # Where the DCF has no value, an abort is not a difference, and what cannot be written need not be the default.
         said = {each for each in answers if known[each].section.text("parametervalue")}
         given = {each for each, answer in answers.items() if isinstance(answer, bytes) and known[each].is_writable}
         answers = {address: answer for address, answer in answers.items() if address in said | given}
     missing = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
-    # The answers as a file of their own: so a live node is compared by the same rules as two files.
+    # As the answers become a second device, a node is compared by the same rules as two files.
     return sorted([*_named(missing, device), *compare(device, _overlaid(device, answers, process_data), node_id)])
 
 
@@ -316,24 +325,25 @@ def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) 
 
 
 def _overlaid(device: LintedDevice, answers: Answers, process_data: Container[Address]) -> LintedDevice:
-    """Return the device with the values that were read, where the file has some to compare them with."""
+    """Return the device with the values that were read, for variables with a value in the file."""
     sections = dict(device.document.sections)
     for (index, sub), variable in variables(device).items():
         text = _read_text(variable, answers.get((index, sub)), device.document.text_encoding)
-        # What can be mapped and not be written is measured; a setting is one although it can be mapped.
+        # A mappable variable that cannot be written is measured.
         is_measured = variable.is_mappable and not variable.is_writable
         is_configured = not is_measured and index not in STATE and (index, sub) not in process_data
         if text is not None and is_configured and variable.value_entry is not None:
-            whole, section = device.objects[index], variable.section
+            whole = device.objects[index]
+            section = variable.section
             entry = Entry("ParameterValue", text, section.line, section.column)
-            # a compact object is described by one section: what was read needs one for each sub-index
+            # A compact object has one section; values that were read need one for each sub-index.
             name = f"{index:04X}sub{sub:X}" if whole.compact or whole.code in COMPOSED else f"{index:04X}"
             sections[name.lower()] = section._replace(name=name, entries={**section.entries, "parametervalue": entry})
     return LintedDevice(Document(sections), device.name)
 
 
 def _read_text(variable: DescribedVariable, answer: bytes | int | None, encoding: str) -> str | None:
-    """Write what was read as a file in this encoding would; None if nothing was."""
+    """Format an answer as a file in this encoding would write the value; None if there is none."""
     if not isinstance(answer, bytes) or variable.type is None:  # `_unread` reports an abort
         return None
     if variable.type.is_integer:

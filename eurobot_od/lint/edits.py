@@ -1,6 +1,6 @@
-"""One edit of an EDS or DCF, as words say it: `set 2100 DefaultValue=5`; and whether the file that it makes may be.
+"""Edits of an EDS or DCF, written as words such as `set 2100 DefaultValue=5`, and the findings that they cause.
 
-The command `edit` and the view Files of the page make the same edits here.
+The command `edit` and the page's view Files share this module.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from eurobot_od.od.editing import PROFILES, Change, edited, mapped, profile, rem
 from eurobot_od.support.texts import one_line
 
 NEW = {"ObjectType": "VAR", "DataType": "UNSIGNED32", "AccessType": "rw", "PDOMapping": "0"}
-"""What a new object is if nothing else is said."""
+"""Default entries of a new object."""
 
 SHORT = {
     "type": "DataType",
@@ -27,30 +27,30 @@ SHORT = {
     "map": "PDOMapping",
     "kind": "ObjectType",
 }
-"""Short words for keys."""
+"""Short names of keys."""
 
 
 class Verb(NamedTuple):
-    """One kind of change: the form of its words, how many it needs at least, and what makes changes of them."""
+    """One kind of edit: its syntax, its least number of words, and the function that makes changes from them."""
 
     form: str
     needed: int
     read: Callable[[Sequence[str]], list[Change]]
 
     def changes(self, words: Sequence[str]) -> list[Change]:
-        """Return the changes that words ask for; raises LocalError for words that it does not understand."""
+        """Return the changes for the words; raises LocalError for invalid ones."""
         if len(words) < self.needed:
             raise LocalError(f"write {self.form}")
         return self.read(words)
 
 
 def _entries(words: Sequence[str]) -> dict[str, str]:
-    """Read KEY=VALUE words; raises LocalError."""
+    """Parse KEY=VALUE words; raises LocalError."""
     entries = {}
     for word in words:
         key, equals, value = word.partition("=")
         if not equals:
-            raise LocalError(f"{word}: write KEY=VALUE, such as DefaultValue=5; an empty value takes the key away")
+            raise LocalError(f"{word}: write KEY=VALUE, such as DefaultValue=5; an empty value removes the key")
         entries[SHORT.get(key.lower(), key)] = value
     return entries
 
@@ -79,7 +79,7 @@ VERBS: Mapping[str, Verb] = {
 
 
 class Edit(NamedTuple):
-    """A file after an edit: its bytes, all that lint finds in it, and what of that it did not find before."""
+    """A file after an edit: its bytes, all its lint findings, and those that are new."""
 
     data: bytes
     findings: list[Finding]
@@ -87,7 +87,7 @@ class Edit(NamedTuple):
 
     @property
     def errors(self) -> list[Finding]:
-        """The new errors; with one of them the edit is refused."""
+        """The new errors; an edit with one is refused."""
         return [each for each in self.new if each.severity is Severity.ERROR]
 
     @property
@@ -97,14 +97,14 @@ class Edit(NamedTuple):
 
 
 def make_edit(before: bytes, file: str, changes: Sequence[Change]) -> Edit:
-    """Make changes to the bytes of an EDS or DCF; `file` is what errors and findings call it. Raises as `edited`."""
+    """Apply changes to an EDS or DCF; `file` is its name in errors and findings. Raises as `edited`."""
     after = edited(before, file, changes)
     found = lint(after, file)
-    there = {(each.code, each.message) for each in lint(before, file)}  # a line may be another one afterwards
+    there = {(each.code, each.message) for each in lint(before, file)}  # an edit may change the line number
     return Edit(after, found, [each for each in found if (each.code, each.message) not in there])
 
 
 def difference(before: bytes, after: bytes, file: str) -> list[str]:
-    """Return the difference of two texts as `diff -u` writes it, with what cannot be printed replaced."""
+    """Return a unified diff of two texts, with unprintable characters escaped."""
     old, new = (each.decode("utf-8", "replace").splitlines() for each in (before, after))
     return [one_line(line) for line in unified_diff(old, new, file, file, lineterm="")]

@@ -1,10 +1,8 @@
-"""Rules about the file itself (CiA 306): how it is written, [FileInfo], [DeviceInfo], dummies, comments, object lists.
+"""Rules about the file itself (CiA 306): syntax, [FileInfo], [DeviceInfo], dummies, comments, object lists.
 
-At the end are those about what is configured, and about modules.
-
-Here and in the other files of rules, a rule is a function that takes the device and yields problems; its docstring is
-what it demands. Rules that differ only in their data are rows of a table, and a function named `..._of` makes their
-checks.
+The rules about configuration (DCF) and about modules are at the end. In all files of rules, a rule is a function that
+takes the device and yields problems; its docstring states the rule. Rules that differ only in data are rows of a table,
+and functions named `..._of` make their checks.
 """
 
 from __future__ import annotations
@@ -23,16 +21,22 @@ from eurobot_od.od.modules import CONNECTED, COUNT, SUPPORTED
 from eurobot_od.od.standard import MANDATORY, MODULE_LIST
 from eurobot_od.od.values import MOST_SUBS, UNSIGNED32, Number, PdoDirection, parse_number
 
-RULES, CONFIGURATION, MODULES = Rules(), Rules(), Rules()
-"""The rules of the file itself, of what is configured, and of modules."""
+RULES = Rules()
+"""Rules about the file itself."""
+
+CONFIGURATION = Rules()
+"""Rules about the configuration in a DCF."""
+
+MODULES = Rules()
+"""Rules about the modules of a modular device."""
 
 Check = Callable[[LintedDevice], Violations]
 
-# How it is written
+# Syntax
 
 
 def oddity_of(kind: Odd, sentence: str) -> Check:
-    """Make the rule that reports what the reader stumbled over; `{}` in the sentence is the oddity's own text."""
+    """Return the check that reports one kind of irregularity found by the reader; `{}` in the sentence is its text."""
 
     def check(device: LintedDevice) -> Violations:
         return ((each, sentence.format(each.text)) for each in device.document.oddities if each.kind is kind)
@@ -66,7 +70,7 @@ ODDITIES = (
      "Ctrl-Z or NUL at the end, which most tools take for an entry"),
     ("W114", "A comment starts with a semicolon.", Odd.HASH, "a comment with #, which only some tools skip"),
 )  # fmt: skip
-"""Code, demand, what the reader stumbled over, and the sentence about it."""
+"""Code, rule, kind of irregularity, and the sentence about it."""
 
 RULES += (Rule(code, demand, "CiA 306, file format", oddity_of(kind, text)) for code, demand, kind, text in ODDITIES)
 RULES += (
@@ -90,14 +94,14 @@ KNOWN_KEYS = {**KNOWN_KEYS, "devicecommissioning": KNOWN_KEYS[cia306.COMMISSIONI
 
 LISTS = tuple(each.lower() for each in cia306.OBJECT_LISTS)
 NUMBERED = {"comments": ("lines", "line"), **dict.fromkeys(LISTS, ("supportedobjects", ""))}
-"""Sections that count: the key with the number of entries, and what stands before an entry's number."""
+"""Sections with numbered entries: the key of their number, and the prefix of each entry's number."""
 
 ELSEWHERE = ("tool", "dynamicchannels", "supportedmodules", "connectedmodules", "standarddatatypes", "links")
-"""First words of further sections that exist (tools, modular devices, older editions) and are not checked."""
+"""Beginnings of names of further valid sections (tools, modular devices, older editions), which are not checked."""
 
 
 DEFTYPE = 5
-"""The object code of a type."""
+"""Object code DEFTYPE."""
 
 
 @RULES.rule("W116", "CiA 306, all sections")
@@ -115,12 +119,12 @@ def unknown_sections(device: LintedDevice) -> Violations:
 
 
 def looks_like_object(name: str) -> bool:
-    """Return whether a name is meant as that of an object's section, such as 0x1000, 01000 and 1000sub01."""
+    """Return whether a name is a possibly malformed name of an object's section, such as 0x1000, 01000 or 1000sub01."""
     head, sub, tail = name.replace(" ", "").replace("\t", "").removeprefix("0x").partition("sub")
     digits = head.lstrip("0") if len(head) != 4 else head
     fits = bool(tail.lstrip("0") or "0" in tail) if sub else bool(digits)
     is_hexadecimal = not (digits + tail).strip("0123456789abcdef")
-    # [Feed] is made of hexadecimal letters as well: what has no digit is taken for a word.
+    # A name without a decimal digit is taken for a word, such as [Feed].
     return fits and 3 <= len(digits) <= 4 and is_hexadecimal and any(each.isdigit() for each in digits)
 
 
@@ -136,10 +140,10 @@ def malformed_names(device: LintedDevice) -> Violations:
 def unknown_keys(device: LintedDevice) -> Violations:
     """A key is one that its section can have."""
     known = [(section, keys) for name, keys in KNOWN_KEYS.items() for section in [device.section(name)] if section]
-    # lists such as [2000Name] have a key for each sub-index: E424 looks at those
+    # Lists such as [2000Name] have a key for each sub-index; E424 checks those.
     known += [(section, OBJECT_KEYS) for name, section in device.object_sections if not name.list]
     for section, keys in known:
-        for key in section.entries.keys() - keys - {""}:  # an entry without a key is E111's
+        for key in section.entries.keys() - keys - {""}:  # E111 reports an entry without a key
             yield section.entries[key], f"unknown key {section.entries[key].key} in [{section.name}]"
 
 
@@ -162,7 +166,7 @@ def _entries(device: LintedDevice, name: str) -> Mapping[str, Entry]:
 @RULES.rule("W121", "public: canopen, dcf-tools and others look sections and keys up letter by letter")
 def other_spelling(device: LintedDevice) -> Violations:
     """Sections and keys are spelled as CiA 306 spells them."""
-    # The section of the commissioning has a rule of its own (W702): CiA 306 itself misspells it.
+    # W702 checks the section of the commissioning, which CiA 306 itself misspells.
     found = [each for each in misspelled(device.document) if "comissioning" not in each.what.lower()]
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
@@ -183,7 +187,7 @@ def missing_sections(device: LintedDevice) -> Violations:
 def missing_of(
     sections: Callable[[LintedDevice], Iterable[Section]], *keys: str, sentence: str = "{key} is missing in [{name}]"
 ) -> Check:
-    """Make the rule that some sections have these keys."""
+    """Return the check that some sections have these keys."""
 
     def check(device: LintedDevice) -> Violations:
         for section, key in product(sections(device), keys):
@@ -198,12 +202,13 @@ def _only(name: str) -> Callable[[LintedDevice], Iterable[Section]]:
 
 
 Form = tuple[Callable[[str], bool], str]
-"""The test whether a value has a form, and the words for the form."""
+"""A predicate for the format of a value, and the description of the format."""
 
 
 def form_of(keys: Sequence[str], form: Form, *names: str) -> Check:
-    """Make the rule that the values of these keys of some sections, where they are given, have a form."""
-    lower, (fits, words) = _lower(*keys), form
+    """Return the check that the values of these keys, where given, have a format; `names` are the sections."""
+    lower = _lower(*keys)
+    (fits, words) = form
 
     def check(device: LintedDevice) -> Violations:
         for key, entry in (each for name in names for each in _entries(device, name).items()):
@@ -214,7 +219,7 @@ def form_of(keys: Sequence[str], form: Form, *names: str) -> Check:
 
 
 def up_to(high: int, words: str = "") -> Form:
-    """Make the form of a number from 0 to `high`."""
+    """Return the format of a number from 0 to `high`."""
 
     def fits(text: str) -> bool:
         number = parse_number(text)
@@ -224,21 +229,22 @@ def up_to(high: int, words: str = "") -> Form:
 
 
 def is_version(text: str) -> bool:
-    """Return whether a text is a version: 4.0."""
+    """Return whether a text is a version, such as 4.0."""
     return re.fullmatch(r"[0-9]+(\.[0-9]+)?", text) is not None
 
 
 def is_time(text: str) -> bool:
-    """Return whether a text is a time: 09:30AM."""
+    """Return whether a text is a time, such as 09:30AM."""
     return re.fullmatch(r"(0[0-9]|1[0-2]):[0-5][0-9](AM|PM)", text, re.IGNORECASE) is not None
 
 
 def is_date(text: str) -> bool:
-    """Return whether a text is a date: 05-28-2014."""
+    """Return whether a text is a date, such as 05-28-2014."""
     return re.fullmatch(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", text) is not None
 
 
-FLAG, BYTE = up_to(1, "0 or 1"), up_to(255)
+FLAG = up_to(1, "0 or 1")
+BYTE = up_to(255)
 FORMS = (
     ("E204", "FileVersion is a number from 0 to 255.", "FileInfo", ("FileVersion",), BYTE),
     ("E205", "FileRevision is a number from 0 to 255.", "FileInfo", ("FileRevision",), BYTE),
@@ -256,14 +262,14 @@ FORMS = (
     ("E228", "DynamicChannelsSupported is a number from 0 to 255.", "DeviceInfo", ("DynamicChannelsSupported",), BYTE),
     ("E231", "Dummy... are 0 or 1.", "DummyUsage", tuple(KNOWN_KEYS["dummyusage"]), FLAG),
 )  # fmt: skip
-"""Code, demand, section, and the form that these keys' values have."""
+"""Code, rule, section, keys, and the format of their values."""
 
 
 @RULES.rule("W207", "CiA 306, [FileInfo]")
 def old_edition(device: LintedDevice) -> Violations:
     """EDSVersion is 4.0 or later."""
     version = device.document.text("fileinfo", "edsversion")
-    # Cut to nine digits, as `int` raises for thousands; a number as long as that is above 4 in any case.
+    # Cut to nine digits, because `int` raises for thousands of them.
     if is_version(version) and int(version.partition(".")[0][:9]) < 4:
         at = device.at("fileinfo", "edsversion")
         yield at, f"EDSVersion {version[:40]} is before 4.0, the edition with all of today's keys"
@@ -273,15 +279,16 @@ def old_edition(device: LintedDevice) -> Violations:
 def other_file_name(device: LintedDevice) -> Violations:
     """FileName is the file's name."""
     name = device.document.text("fileinfo", "filename")
-    if name and name.lower() != device.name.lower():  # file systems differ in whether letter case counts
+    if name and name.lower() != device.name.lower():  # some file systems ignore case
         yield device.at("fileinfo", "filename"), f"FileName is {name[:60]}, the file is {device.name}"
 
 
 def identity_of(key: str, sub: int) -> Check:
-    """Make the rule that a number of [DeviceInfo] is the one in the identity object."""
+    """Return the check that a number of [DeviceInfo] equals a sub-index of the identity object."""
 
     def check(device: LintedDevice) -> Violations:
-        declared, identity = device.number("deviceinfo", key.lower()), device.value(0x1018, sub)
+        declared = device.number("deviceinfo", key.lower())
+        identity = device.value(0x1018, sub)
         if declared and identity and declared != identity:
             at = device.at("deviceinfo", key.lower())
             yield at, f"{key} is 0x{declared.value:08X}, but 0x1018 sub {sub} is 0x{identity.value:08X}"
@@ -302,12 +309,12 @@ def bit_rates(device: LintedDevice) -> set[int]:
 
 
 def pdo_count_of(key: str, direction: PdoDirection) -> Check:
-    """Make the rule that the number of PDOs is the number of communication records."""
+    """Return the check that the declared number of PDOs is the number of communication records."""
 
     def check(device: LintedDevice) -> Violations:
         declared, compact = (device.number("deviceinfo", each) for each in (key.lower(), "compactpdo"))
         real = sum(index in values.COMMUNICATION_RECORDS[direction] for index in device.objects)
-        # With CompactPDO the count is of records that have no sections, so there is nothing to compare it with.
+        # CompactPDO describes records without sections, which cannot be counted here.
         if declared and declared.value != real and not (compact and compact.value):
             at = device.at("deviceinfo", key.lower())
             yield at, f"{key} is {declared.value}, but there are {real} records from 0x{direction.value:04X} on"
@@ -316,7 +323,7 @@ def pdo_count_of(key: str, direction: PdoDirection) -> Check:
 
 
 def granularity(device: LintedDevice) -> int | None:
-    """Return the granularity of mappings in bits, if [DeviceInfo] has one from 0 to 64."""
+    """Return the mapping granularity in bits, if [DeviceInfo] has a valid one (0 to 64)."""
     number = device.number("deviceinfo", "granularity")
     return number.value if number and 0 <= number.value <= 64 else None
 
@@ -413,18 +420,20 @@ def short_dummies(device: LintedDevice) -> Violations:
 @RULES.rule("E234", "CiA 306, [Comments]")
 def comment_lines(device: LintedDevice) -> Violations:
     """Lines is the number of comment lines."""
-    declared, real = device.number("comments", "lines"), len(_entries(device, "comments").keys() - {"lines"})
+    declared = device.number("comments", "lines")
+    real = len(_entries(device, "comments").keys() - {"lines"})
     if device.section("comments") and (declared is None or declared.value != real):
         text = device.document.text("comments", "lines")[:20] or "missing"
         yield device.at("comments", "lines"), f"Lines is {text}, but there are {real} lines"
 
 
 def gaps_of(*names: str) -> Check:
-    """Make the rule that the entries of counting sections have no gap."""
+    """Return the check that the entries of sections with numbered entries have no gap."""
 
     def check(device: LintedDevice) -> Violations:
         for name in names:
-            section, numbers = device.section(name), _numbers(device, name)
+            section = device.section(name)
+            numbers = _numbers(device, name)
             missing = next((n for n in range(1, len(numbers) + 1) if n not in numbers), None)
             if section and missing:
                 yield section, f"{NUMBERED[name][1].title()}{missing} is missing in [{section.name}]"
@@ -433,9 +442,9 @@ def gaps_of(*names: str) -> Check:
 
 
 def _numbers(device: LintedDevice, name: str) -> dict[int, Entry]:
-    """Return the entries of a counting section by number."""
+    """Return the entries of a section with numbered entries, by number."""
     keys = ((key.removeprefix(NUMBERED[name][1]), entry) for key, entry in _entries(device, name).items())
-    # Longer numbers are E119's: `int` raises for thousands of digits.
+    # E119 reports longer numbers; `int` raises for thousands of digits.
     return {int(key): entry for key, entry in keys if key.isdecimal() and len(key) < 10}
 
 
@@ -443,12 +452,15 @@ def _numbers(device: LintedDevice, name: str) -> dict[int, Entry]:
 
 
 def _lists(device: LintedDevice) -> Iterator[tuple[Section, dict[int, Entry]]]:
-    """Yield the lists that are there, with their entries by number."""
-    return ((section, _numbers(device, name)) for name in LISTS for section in [device.section(name)] if section)
+    """Yield the object lists in the file, with their entries by number."""
+    for name in LISTS:
+        section = device.section(name)
+        if section:
+            yield section, _numbers(device, name)
 
 
 def listed(device: LintedDevice, *names: str) -> list[tuple[int, Entry]]:
-    """Return the indices of some lists, in their order, with their entries."""
+    """Return the indices in some object lists, in order, with their entries."""
     entries = (entry for name in names for _, entry in sorted(_numbers(device, name).items()))
     return [(number.value, entry) for entry in entries for number in [parse_number(entry.value)] if number]
 
@@ -465,7 +477,8 @@ def no_supported_objects(device: LintedDevice) -> Violations:
 def supported_objects(device: LintedDevice) -> Violations:
     """SupportedObjects is the number of entries."""
     for section, entries in _lists(device):
-        declared, real = parse_number(section.text("supportedobjects")), len(entries)
+        declared = parse_number(section.text("supportedobjects"))
+        real = len(entries)
         if declared and declared.value != real:
             at = section.at("supportedobjects")
             yield at, f"SupportedObjects is {declared.value}, but [{section.name}] has {real} entries"
@@ -494,7 +507,7 @@ def listed_twice(device: LintedDevice) -> Violations:
 def listed_only(device: LintedDevice) -> Violations:
     """A listed object has a section."""
     for index, entry in listed(device, *LISTS):
-        # What is below 0x1000 or above 0xFFFF is reported as no object at all (W313, E304).
+        # W313 and E304 report indices below 0x1000 or above 0xFFFF.
         if values.FIRST <= index <= 0xFFFF and (index not in device.objects or device.objects[index].section is None):
             yield entry, f"0x{index:04X} is listed, but there is no section [{index:04X}]"
 
@@ -512,12 +525,12 @@ def described_only(device: LintedDevice) -> Violations:
 def missing_mandatory(device: LintedDevice) -> Violations:
     """0x1000, 0x1001 and 0x1018 exist."""
     for index in MANDATORY:
-        if index not in device.objects and device.objects:  # of a file without any object E120 says enough
+        if index not in device.objects and device.objects:  # E120 reports a file without objects
             yield device.section("mandatoryobjects") or TOP, f"0x{index:04X} is missing, which every device has"
 
 
 def misplaced_of(names: Sequence[str], is_wrong: Callable[[int], bool], sentence: str) -> Check:
-    """Make the rule that some indices are not in some lists."""
+    """Return the check that some object lists do not contain the wrong indices."""
 
     def check(device: LintedDevice) -> Violations:
         return ((entry, f"0x{index:04X} {sentence}") for index, entry in listed(device, *names) if is_wrong(index))
@@ -544,11 +557,11 @@ RULES += (
 )  # fmt: skip
 
 
-# What is configured: [DeviceComissioning], and what only a DCF has
+# Configuration: [DeviceComissioning], and keys of a DCF
 
 
 SPELLINGS = ("devicecomissioning", "devicecommissioning")
-"""The section, as CiA 306 misspells it and as the dictionary spells it."""
+"""Names of the section: as CiA 306 misspells it, and in correct spelling."""
 
 DCF_KEYS = ("parametervalue", "denotation", "uploadfile", "downloadfile", "paramrefd")
 """Keys of objects that only a DCF has."""
@@ -580,7 +593,8 @@ def node_id(device: LintedDevice) -> Violations:
 @CONFIGURATION.rule("E704", "CiA 306, [DeviceComissioning]")
 def bit_rate(device: LintedDevice) -> Violations:
     """Baudrate is a bit rate of CANopen in kbit/s."""
-    section, number = device.commissioning, device.commissioned("baudrate")
+    section = device.commissioning
+    number = device.commissioned("baudrate")
     if section and (number is None or number.value not in BIT_RATES):
         text = section.text("baudrate")[:20] or "missing"
         yield section.at("baudrate"), f"Baudrate is {text}, not one of {BIT_RATES} kbit/s"
@@ -589,7 +603,9 @@ def bit_rate(device: LintedDevice) -> Violations:
 @CONFIGURATION.rule("E705", "CiA 306, [DeviceComissioning]")
 def unsupported_bit_rate(device: LintedDevice) -> Violations:
     """Baudrate is one that the device supports."""
-    section, number, rates = device.commissioning, device.commissioned("baudrate"), bit_rates(device)
+    section = device.commissioning
+    number = device.commissioned("baudrate")
+    rates = bit_rates(device)
     if section and number and number.value in BIT_RATES and rates and number.value not in rates:
         yield section.at("baudrate"), f"Baudrate is {number.value} kbit/s, but BaudRate_{number.value} is not 1"
 
@@ -597,7 +613,9 @@ def unsupported_bit_rate(device: LintedDevice) -> Violations:
 @CONFIGURATION.rule("E708", "CiA 306, [DeviceComissioning]")
 def serial_number(device: LintedDevice) -> Violations:
     """LSS_SerialNumber equals 0x1018 sub 4."""
-    section, declared, real = device.commissioning, device.commissioned("lss_serialnumber"), device.value(0x1018, 4)
+    section = device.commissioning
+    declared = device.commissioned("lss_serialnumber")
+    real = device.value(0x1018, 4)
     if section and declared and real and declared != real:
         at = section.at("lss_serialnumber")
         yield at, f"LSS_SerialNumber is 0x{declared.value:08X}, but 0x1018 sub 4 is 0x{real.value:08X}"
@@ -614,7 +632,9 @@ def without_last_eds(device: LintedDevice) -> Violations:
 @CONFIGURATION.rule("W710", "CiA 306, DCF")
 def dcf_keys_in_eds(device: LintedDevice) -> Violations:
     """ParameterValue, Denotation, UploadFile and DownloadFile are only in a DCF."""
-    for key in DCF_KEYS if not device.is_dcf else ():
+    if device.is_dcf:
+        return
+    for key in DCF_KEYS:
         for section, entry in device.entries[key]:
             yield entry, f"{entry.key} of [{section.name}] belongs in a DCF"
 
@@ -624,7 +644,7 @@ def parameter_of_constant(device: LintedDevice) -> Violations:
     """A constant's ParameterValue equals its DefaultValue."""
     for each in device.variables:
         given, default = each.number("parametervalue"), each.number("defaultvalue")
-        if each.access == "const" and given and default and given != default:  # no master could write it
+        if each.access == "const" and given and default and given != default:  # a master cannot write it
             at = each.section.at("parametervalue")
             yield at, f"ParameterValue of {each.where}, which is const, is not its DefaultValue"
 
@@ -635,7 +655,6 @@ def file_of_number(device: LintedDevice) -> Violations:
     for each in device.variables:
         for key in ("uploadfile", "downloadfile"):
             entry = each.section.entries.get(key)
-            # A number fits into its line.
             if entry and entry.value and each.type and each.type.size:
                 yield entry, f"{entry.key} of {each.where}, a {each.type.name}"
 
@@ -652,10 +671,9 @@ def is_concise(text: str) -> bool:
 @CONFIGURATION.rule("E713", "CiA 302-3, object 0x1F22; public: dcf-tools, dcfgen")
 def concise_dcf(device: LintedDevice) -> Violations:
     """A concise DCF is complete."""
-    found = device.objects.get(0x1F22)
-    for sub, variable in found.subs.items() if found else ():
+    for sub, variable in device.subs(0x1F22).items():
         at = variable.value_entry
-        if sub and at and at.value and not is_concise(at.value):  # an empty one is of a node without configuration
+        if sub and at and at.value and not is_concise(at.value):  # an empty one is valid
             yield at, f"{variable.where} is not a concise DCF: count, then index, sub-index, size and data for each"
 
 
@@ -667,20 +685,21 @@ CONFIGURATION += (
 )  # fmt: skip
 
 
-# Modules of a device that may have several: they bring objects that are there as soon as they are connected (CiA 306-1)
+# Modules of a modular device (CiA 306-1); their objects exist once they are connected
 
 
 CLAUSE = "CiA 306, modular devices"
 
 INFO_KEYS = ("ProductName", "ProductVersion", "ProductRevision", "OrderCode")
 DESCRIBED_BY = {"fixedobjects": "Fixed", "subextends": "SubExt"}
-"""A module's lists, and how the sections of the listed objects begin after the module's number."""
+"""A module's lists, and the prefix of the sections of their objects after the module's number."""
 
 
 @MODULES.rule("E461", CLAUSE)
 def module_count(device: LintedDevice) -> Violations:
     """NrOfEntries of [SupportedModules] is the number of modules that are described."""
-    section, real = device.section(SUPPORTED), len(device.modules.supported)
+    section = device.section(SUPPORTED)
+    real = len(device.modules.supported)
     if section and parse_number(section.text("nrofentries")) != Number(real):
         yield section.at("nrofentries"), f"NrOfEntries is not {real}, the number of [M...ModuleInfo] sections"
     elif section is None and real:
@@ -704,7 +723,7 @@ def undescribed_module_object(device: LintedDevice) -> Violations:
 def extension_count(device: LintedDevice) -> Violations:
     """Count is a number of sub-indices, or `0;` and the bits of one; ObjExtend is a sub-index."""
     for section in _extensions(device):
-        # COUNT takes a 0 as any number, but nothing is added by it.
+        # COUNT also matches 0, which adds nothing.
         if not COUNT.fullmatch(section.text("count")) or section.text("count") == "0":
             yield section.at("count"), f"Count of [{section.name}] is neither a number of sub-indices nor 0;bits"
         last = section.text("objextend")
@@ -718,10 +737,11 @@ def _infos(device: LintedDevice) -> Iterator[Section]:
 
 
 def _extensions(device: LintedDevice) -> list[Section]:
-    """Return the sections that describe what modules add to arrays."""
+    """Return the sections that describe the sub-indices that modules add to arrays."""
     modules = device.modules
-    # [M1SubExt6000] describes what [M1SubExtends] lists; both begin alike.
-    heads, sections = tuple(f"m{number}subext" for number in modules.supported), device.document.sections
+    # [M1SubExtends] is the list of the [M1SubExt6000] sections.
+    heads = tuple(f"m{number}subext" for number in modules.supported)
+    sections = device.document.sections
     return [each for name, each in sections.items() if name.startswith(heads) and not name.endswith("extends")]
 
 
@@ -753,7 +773,7 @@ def doubly_described(device: LintedDevice) -> Violations:
             index = parse_number(entry.value)
             if index and index.value in extended:
                 yield entry, f"0x{index.value:04X} is both in [M{number}FixedObjects] and in [M{number}SubExtends]"
-            # a DCF of connected modules describes their objects in sections of their own
+            # A DCF has sections for the objects of connected modules.
             elif index and index.value in device.objects and not device.modules.connected:
                 yield entry, f"0x{index.value:04X} of module {number} is described as an object of the device, too"
 

@@ -1,6 +1,6 @@
-"""Findings of a check: how they are selected and written, as text and as SARIF.
+"""Findings of a check: selecting them, and writing them as text and as SARIF.
 
-The first letter of a code is its severity.
+The first letter of a finding's code is its severity.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Severity(Enum):
-    """How bad a finding is; the value is the first letter of its code."""
+    """Severity of a finding; the value is the first letter of its code."""
 
     ERROR = "E"
     WARNING = "W"
@@ -25,21 +25,21 @@ class Severity(Enum):
 
 
 LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
-"""What a level is called, here and in SARIF."""
+"""Name of each severity in SARIF."""
 
 
 Located: TypeAlias = "Entry | Section | Oddity"
-"""What has a line and a column, both from 1."""
+"""A part of the file with a line and a column, both from 1."""
 
 Violations: TypeAlias = Iterator[tuple[Located, str]]
-"""What a check of a file yields: the places where a rule does not hold, each with what is wrong there in a sentence."""
+"""Places in a file that break a rule, each with a sentence about what is wrong."""
 
 
 class Rule(NamedTuple):
-    """A rule: `code` (E, W or I and three digits), what it demands, where that is written, and the check itself.
+    """A rule: `code` (E, W or I and three digits), `demand` (what it requires), `clause` (its source), and `check`.
 
-    `clause` names the standard by its section or object; where the text of the standard was not available, it names a
-    public source that says the same. A check gets what it is for, a device or a network, and yields places with texts.
+    `clause` names the section or object of the standard, or a public source that says the same where the standard was
+    not available. A check takes a device or a network, and yields places with texts.
     """
 
     code: str
@@ -49,7 +49,7 @@ class Rule(NamedTuple):
 
     @property
     def severity(self) -> Severity:
-        """How bad it is to break the rule."""
+        """Severity of breaking the rule."""
         return Severity(self.code[0])
 
 
@@ -57,10 +57,10 @@ CheckT = TypeVar("CheckT", bound=Callable[..., Iterable[Any]])
 
 
 class Rules(list[Rule]):
-    """The rules of one part, in the order of its file; those that differ only in data are added as rows."""
+    """The rules of one module, in its order; rules that differ only in data are added as rows."""
 
     def rule(self, code: str, clause: str) -> Callable[[CheckT], CheckT]:
-        """Enter a function as a rule; its docstring is what the rule demands."""
+        """Register a function as a rule; its docstring is the rule's `demand`."""
 
         def enter(check: CheckT) -> CheckT:
             self.append(Rule(code, check.__doc__ or "", clause, check))
@@ -70,7 +70,7 @@ class Rules(list[Rule]):
 
 
 class Finding(NamedTuple):
-    """A finding: file, place (from 1), the rule's code and the message."""
+    """A finding: file, line and column from 1, the rule's code, and the message."""
 
     file: str
     line: int
@@ -80,7 +80,7 @@ class Finding(NamedTuple):
 
     @property
     def severity(self) -> Severity:
-        """How bad it is."""
+        """Severity, from the code."""
         return Severity(self.code[0])
 
     def __str__(self) -> str:
@@ -88,14 +88,15 @@ class Finding(NamedTuple):
 
 
 def chosen(findings: Iterable[Finding], select: Sequence[str], ignore: Sequence[str]) -> list[Finding]:
-    """Keep findings whose code starts with one of `select` (all if empty) and with none of `ignore`."""
-    wanted, unwanted = tuple(select) or ("",), tuple(ignore)
+    """Return the findings whose code starts with one of `select` (all if empty) and with none of `ignore`."""
+    wanted = tuple(select) or ("",)
+    unwanted = tuple(ignore)
     return [each for each in findings if each.code.startswith(wanted) and not each.code.startswith(unwanted)]
 
 
 def summed_up(findings: Iterable[Finding]) -> list[Finding]:
-    """Keep the first finding of each code in a file, with the number of the others."""
-    # One mistake of an editor is in every object of a file, and would hide all others.
+    """Return the first finding of each code in a file, with the number of the others."""
+    # An editor repeats its mistake in every object, which would hide other findings.
     groups: dict[tuple[str, str], list[Finding]] = {}
     for each in findings:
         groups.setdefault((each.file, each.code), []).append(each)
@@ -106,10 +107,7 @@ def summed_up(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def summary(findings: Sequence[Finding], files: int, hidden: bool) -> str:
-    """Return the last line: how many findings of each severity there are in a number of files.
-
-    If infos are `hidden`, it says how to see them.
-    """
+    """Return the last line: number of findings by severity in `files` files, and whether infos are `hidden`."""
     counted = ((count(findings, each), each.name.lower()) for each in Severity)
     found = ", ".join(amount(number, word) for number, word in counted if number)
     more = " (-v lists infos)" if hidden and count(findings, Severity.INFO) else ""
@@ -117,7 +115,7 @@ def summary(findings: Sequence[Finding], files: int, hidden: bool) -> str:
 
 
 def count(findings: Iterable[Finding], severity: Severity) -> int:
-    """Count the findings of one severity."""
+    """Return the number of findings of one severity."""
     return sum(each.severity is severity for each in findings)
 
 
@@ -128,7 +126,7 @@ SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
 def sarif(findings: Iterable[Finding], rules: Sequence[Rule]) -> dict[str, Any]:
-    """Return a log of one run (3.13, 3.14), `rules` are all that were checked."""
+    """Return a SARIF log of one run (3.13, 3.14); `rules` are all rules that were checked."""
     numbers = {each.code: number for number, each in enumerate(rules)}
     described = [  # 3.49
         {
@@ -149,7 +147,7 @@ def sarif(findings: Iterable[Finding], rules: Sequence[Rule]) -> dict[str, Any]:
 
 
 def _result(finding: Finding, rule: int) -> dict[str, Any]:
-    """Describe a finding (3.27); `rule` is the number of its rule in the list."""
+    """Return the SARIF result of a finding (3.27); `rule` is the position of its rule."""
     from pathlib import Path  # `lint` starts without both
     from urllib.parse import quote_from_bytes
 

@@ -1,7 +1,7 @@
-"""What rules need to know about a file: its values, its PDOs, whether it is a DCF; its objects are in `od.description`.
+"""The device that rules check: values, PDOs, and whether the file is a DCF; `od.description` has its objects.
 
-Nothing here raises or guesses. What is missing or malformed is None or an empty text; a rule that needs it then stays
-silent, because another rule reports it.
+Nothing here raises or guesses. A missing or malformed value is None or an empty text; a rule that needs it is then
+silent, because another rule reports the defect.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from eurobot_od.od.modules import Modules, with_modules
 from eurobot_od.od.values import DataType, Number, parse_number
 
 TOP = Entry("", "", 1, 1)
-"""Where a finding about the whole file stands."""
+"""Place of a finding about the whole file."""
 
 
 class GivenValue(NamedTuple):
-    """A limit or value of a variable, and its number if it is one.
+    """A limit or value in the file; `number` is None if it is not a valid number.
 
-    `key` is the entry's in lower case; `parametervalue` for an entry of a [xxxxValue] section.
+    `key` is the entry's key in lower case, or `parametervalue` for an entry of an [xxxxValue] section.
     """
 
     variable: DescribedVariable
@@ -37,14 +37,14 @@ class GivenValue(NamedTuple):
 
     @property
     def has_node_id(self) -> bool:
-        """Whether its text has `$NODEID` anywhere."""
+        """Whether the text contains `$NODEID`."""
         return values.NODE_ID in self.entry.value.upper()
 
 
 def load(data: bytes, file: str, patches: Iterable[str] = (), modules: Sequence[str] | None = None) -> LintedDevice:
-    """Read the bytes of an EDS or DCF as a device, with modules plugged into it, and patches over it.
+    """Read an EDS or DCF, connect modules, and apply patches.
 
-    Nothing raises but patches and modules that do not fit: they raise DictionaryError.
+    Raises DictionaryError for patches and modules that do not fit, never for the file's content.
     """
     document = read(data)
     if patches or modules is not None:
@@ -55,52 +55,57 @@ def load(data: bytes, file: str, patches: Iterable[str] = (), modules: Sequence[
         if misfits:
             raise DictionaryError(file, None, misfits[0].what)
         document = patched(whole, over)
-    # By hand, as `lint` starts without pathlib; of Windows' paths as well.
+    # Without pathlib, for a fast start; a path may be from Windows.
     return LintedDevice(document, file.replace("\\", "/").rpartition("/")[2])
 
 
 class LintedDevice(DescribedDevice):
-    """What one file describes; `name` is the file's own, without folder."""
+    """The device that a file describes; `name` is the file's name without its folder."""
 
     def __init__(self, document: Document, name: str) -> None:
         super().__init__(document)
         self.name = name
 
     def number(self, section: str, key: str) -> Number | None:
-        """Return the number that a key of a section has (both in lower case); None without one."""
+        """Return the number of a key of a section (both in lower case), or None."""
         return parse_number(self.document.text(section, key))
 
     def at(self, section: str, key: str) -> Entry | Section:
-        """Return where a key of a section stands (both in lower case), or else the section, or the file's start."""
+        """Return the place of a key of a section (both in lower case), else of the section, else of the file."""
         found = self.section(section)
         return found.at(key) if found else TOP
 
+    def subs(self, index: int) -> Mapping[int, DescribedVariable]:
+        """Return an object's variables by sub-index; none if there is no such object."""
+        found = self.objects.get(index)
+        return found.subs if found else {}
+
     @cached_property
     def is_dcf(self) -> bool:
-        """Whether it is a device configuration file."""
+        """Whether the file is a DCF."""
         return self.commissioning is not None or self.name.lower().endswith((".dcf", ".xdc"))
 
     @cached_property
     def modules(self) -> Modules:
-        """The modules that may be plugged into it."""
+        """The modules that the file supports."""
         return Modules(self.document)
 
     @cached_property
     def connected(self) -> DescribedDevice:
-        """The device with the objects of the modules that it says are connected."""
+        """The device with the objects of its connected modules."""
         whole, _ = with_modules(self.document)
         return self if whole is self.document else DescribedDevice(whole)
 
     @cached_property
     def variables(self) -> list[DescribedVariable]:
-        """All variables that have a section of their own, and compact objects' templates as sub-index 1."""
+        """All variables with a section of their own, and the template of each compact object as sub-index 1."""
         objects = self.objects.values()
         templates = [DescribedVariable(o.index, 1, o.section) for o in objects if o.compact and o.section]
         return [each for whole in objects for each in whole.subs.values()] + templates
 
     @cached_property
     def given(self) -> list[GivenValue]:
-        """The limits, defaults and parameter values of all variables with a basic type, those of [xxxxValue] too."""
+        """Limits, defaults and parameter values of all variables with a basic type, also from [xxxxValue]."""
         found = [(each, key, each.section.entries.get(key)) for each in self.variables for key in TYPED]
         for name, section in self.object_sections:
             head = self.objects[name.object_index].section
@@ -116,30 +121,31 @@ class LintedDevice(DescribedDevice):
 
     @cached_property
     def integers(self) -> list[GivenValue]:
-        """The limits and values of variables with an integer type."""
+        """Limits and values of variables with an integer type."""
         return [each for each in self.given if each.type.is_integer]
 
     @cached_property
     def others(self) -> list[GivenValue]:
-        """The limits and values of variables with another basic type."""
+        """Limits and values of variables with another basic type."""
         return [each for each in self.given if not each.type.is_integer]
 
     @cached_property
     def node_id(self) -> int | None:
-        """The NodeID a DCF gives to the device, if it is one."""
+        """The DCF's NodeID, or None."""
         number = self.commissioned("nodeid")
         return number.value if number and number.value in values.NODE_IDS else None
 
     @cached_property
     def node_ids(self) -> tuple[int, ...]:
-        """The node-IDs for which values with `$NODEID` have to hold: if for these two, then for all between."""
+        """Node-IDs for which values with `$NODEID` are checked; lowest and highest cover those between."""
         return (values.NODE_IDS[0], values.NODE_IDS[-1]) if self.node_id is None else (self.node_id,)
 
     @cached_property
     def entries(self) -> Mapping[str, list[tuple[Section, Entry]]]:
-        """The entries of a key (in lower case), wherever an object's section, or a sub-index's, has it."""
+        """Entries of objects and sub-indices by key in lower case, with their sections."""
         found: dict[str, list[tuple[Section, Entry]]] = defaultdict(list)
         for name, section in self.object_sections:
-            for key, entry in section.entries.items() if not name.list else ():
-                found[key].append((section, entry))
+            if not name.list:
+                for key, entry in section.entries.items():
+                    found[key].append((section, entry))
         return found

@@ -1,7 +1,7 @@
-"""The network view: the files of all nodes together, every identifier with its producers and consumers.
+"""The network view: the files of all nodes together, and every identifier with its producers and consumers.
 
-A network is data (nodes, declared shares, declared order of priorities); its rules are a table like those for one file.
-The place of a finding is the PDO or value that has to change.
+A network is data (nodes, declared shared messages, declared priorities); its rules are a table like those for one file.
+A finding's place is the PDO or value to be changed.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from eurobot_od.od.values import Number, PdoDirection, owner
 RULES = Rules()
 
 DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if "PDO" in each.owner)
-"""The ranges of the PDOs in the pre-defined connection set."""
+"""Identifier ranges of PDOs in the pre-defined connection set."""
 
 
 class NetworkNode(NamedTuple):
-    """A device in the network: its name, file and node-ID (0: not known), and whether that is only a guess."""
+    """A device in the network: name, file, node-ID (0: unknown), and whether the node-ID is a guess."""
 
     name: str
     file: str
@@ -37,13 +37,13 @@ class NetworkNode(NamedTuple):
     node_id: int = 0
     is_guess: bool = False
 
-    def spot(self, at: Located = TOP) -> Spot:
-        """Return a place of its file."""
-        return Spot(self.file, at.line or TOP.line, at.column)  # what a patch adds has no line in the file
+    def location(self, at: Located = TOP) -> Location:
+        """Return a place in the node's file."""
+        return Location(self.file, at.line or TOP.line, at.column)  # an entry from a patch has no line
 
-    def services(self) -> Iterator[tuple[int, str, Spot]]:
-        """Yield the identifiers of its services other than PDOs; SYNC and TIME are the network's."""
-        top = self.spot()
+    def services(self) -> Iterator[tuple[int, str, Location]]:
+        """Yield the identifiers of the node's services other than PDOs: identifier, name, location."""
+        top = self.location()
         for each in (each for each in values.RESTRICTED if each.is_per_node):
             yield each.low + self.node_id - 1, f"{each.owner.removeprefix('the ')} of {self.name}", top
         for index, name in ((0x1005, "SYNC"), (0x1012, "TIME"), (0x1014, f"EMCY of {self.name}")):
@@ -51,26 +51,26 @@ class NetworkNode(NamedTuple):
             value = variable.value.at(self.node_id) if variable and variable.value else None
             # Bit 31 of 0x1014 is "not valid"; in 0x1005 it means nothing, in 0x1012 "consumes TIME".
             if variable and value is not None and (index != 0x1014 or not value & values.NOT_VALID):
-                yield value & values.BASE_IDENTIFIER, name, self.spot(variable.place)
+                yield value & values.BASE_IDENTIFIER, name, self.location(variable.place)
         section = self.device.section("deviceinfo")
         if section and section.text("lss_supported") == "1":
-            yield from ((each, "LSS", self.spot(section.at("lss_supported"))) for each in values.LSS_COB_IDS)
+            yield from ((each, "LSS", self.location(section.at("lss_supported"))) for each in values.LSS_COB_IDS)
 
 
-class Spot(NamedTuple):
-    """A place in one of the files, both numbers from 1."""
+class Location(NamedTuple):
+    """A place in one of the files; line and column from 1."""
 
     file: str
     line: int
     column: int
 
 
-Conflicts: TypeAlias = Iterator[tuple[Spot, str]]
-"""Places where a rule of the network does not hold, and what is wrong there in one sentence."""
+Conflicts: TypeAlias = Iterator[tuple[Location, str]]
+"""Places that break a rule of the network, each with a sentence about what is wrong."""
 
 
 class Endpoint(NamedTuple):
-    """One end of a PDO in a network: the node, its records, and the identifier that they give."""
+    """One end of a PDO in a network: node, records, and COB-ID."""
 
     node: NetworkNode
     pdo: DescribedRecords
@@ -78,46 +78,46 @@ class Endpoint(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name it: core TPDO 3."""
+        """Name such as `core TPDO 3`."""
         return f"{self.node.name} {self.pdo.title}"
 
     @property
     def size(self) -> int:
-        """Return how many bytes it carries."""
+        """Length of the data in bytes."""
         return (self.pdo.bits + 7) // 8
 
     @property
     def is_predefined(self) -> bool:
-        """Whether its identifier is made from the node-ID, or is just its own default one."""
+        """Whether the identifier follows the node-ID, or equals the default one."""
         value = self.pdo.value(1)
         return (value is not None and value.relative) or self.identifier - self.node.node_id == self.pdo.default_base
 
     @property
-    def spot(self) -> Spot:
-        """Return where its identifier stands."""
-        return _spot(self.node, self.pdo, 1)
+    def location(self) -> Location:
+        """Place of the identifier."""
+        return _location(self.node, self.pdo, 1)
 
     @property
-    def mapping_spot(self) -> Spot:
-        """Return where its number of mapped objects stands."""
+    def mapping_location(self) -> Location:
+        """Place of the number of mapped objects."""
         zero = self.pdo.entry(0)
-        return self.node.spot(zero.place) if zero else self.spot
+        return self.node.location(zero.place) if zero else self.location
 
     @property
     def layout(self) -> tuple[tuple[str, int], ...]:
-        """Return the name (empty for padding) and the bits of every mapped object."""
+        """Name (empty for a dummy) and length in bits of every mapped object."""
         found = ((each, self.node.device.variable(*each.address)) for each, _ in self.pdo.mapped())
         return tuple((variable.name if variable else "", each.bits) for each, variable in found)
 
 
-def _spot(node: NetworkNode, pdo: DescribedRecords, sub: int) -> Spot:
+def _location(node: NetworkNode, pdo: DescribedRecords, sub: int) -> Location:
     where = pdo.setting(sub) or pdo.communication or pdo.mapping
-    return node.spot(where.place if where else TOP)
+    return node.location(where.place if where else TOP)
 
 
 @dataclass(frozen=True)
 class LintedNetwork:
-    """All nodes, and what is declared for them: messages with several senders, priorities, the bit rate."""
+    """All nodes, and the network file's declarations: shared messages, priorities, bit rate, master."""
 
     nodes: Sequence[NetworkNode]
     shared: Sequence[str] = ()
@@ -127,25 +127,25 @@ class LintedNetwork:
 
     @property
     def has_foreign_master(self) -> bool:
-        """Whether the network's master is not one of its nodes but, say, a PC: no file says what it sends."""
+        """Whether the master is not one of the nodes but, say, a PC, whose PDOs no file describes."""
         return bool(self.master) and self.master not in {each.name for each in self.nodes}
 
     @cached_property
     def node_ids(self) -> dict[int, NetworkNode]:
-        """The nodes by node-ID; of two with one node-ID the first."""
+        """Nodes by node-ID; the first of several with the same one."""
         return {each.node_id: each for each in reversed(self.nodes)}
 
     @cached_property
     def producers(self) -> dict[int, list[Endpoint]]:
-        """The valid TPDOs by identifier."""
-        return self._ports(PdoDirection.TPDO)
+        """Valid TPDOs by identifier."""
+        return self._endpoints(PdoDirection.TPDO)
 
     @cached_property
     def consumers(self) -> dict[int, list[Endpoint]]:
-        """The valid RPDOs by identifier."""
-        return self._ports(PdoDirection.RPDO)
+        """Valid RPDOs by identifier."""
+        return self._endpoints(PdoDirection.RPDO)
 
-    def _ports(self, direction: PdoDirection) -> dict[int, list[Endpoint]]:
+    def _endpoints(self, direction: PdoDirection) -> dict[int, list[Endpoint]]:
         found: dict[int, list[Endpoint]] = {}
         for node in self.nodes:
             for pdo in node.device.pdos:
@@ -156,34 +156,34 @@ class LintedNetwork:
 
     @cached_property
     def identifiers(self) -> list[int]:
-        """All identifiers that PDOs have, the highest priority first."""
+        """All identifiers of PDOs, highest priority first."""
         return sorted({*self.producers, *self.consumers})
 
-    def ports(self, identifier: int) -> list[Endpoint]:
-        """Return producers, then consumers of an identifier."""
+    def endpoints(self, identifier: int) -> list[Endpoint]:
+        """Return the producers, then the consumers, of an identifier."""
         return self.producers.get(identifier, []) + self.consumers.get(identifier, [])
 
     def title(self, identifier: int) -> str:
-        """Return what the PDOs of an identifier are called, all names if they differ."""
-        return " / ".join(dict.fromkeys(each.pdo.name for each in self.ports(identifier) if each.pdo.name))
+        """Return the name of an identifier's PDOs; all names if they differ."""
+        return " / ".join(dict.fromkeys(each.pdo.name for each in self.endpoints(identifier) if each.pdo.name))
 
     def is_shared(self, identifier: int) -> bool:
         """Return whether an identifier may have several producers.
 
-        That is declared in the network file, by name; or by the EDS files themselves: each producer and each consumer
-        calls it by the same name, and it carries no data, so that equal frames merge instead of destroying each other.
+        Either the network file declares the name, or all producers and consumers use the same name and the PDO has no
+        data: simultaneous frames are then equal, and do not destroy each other.
         """
-        ports = self.ports(identifier)
-        names = {each.pdo.name for each in ports}
+        endpoints = self.endpoints(identifier)
+        names = {each.pdo.name for each in endpoints}
         if names.intersection(self.shared):
             return True
         is_heard = len(self.consumers.get(identifier, ())) > 0
-        return is_heard and len(names) == 1 and "" not in names and all(each.pdo.bits == 0 for each in ports)
+        return is_heard and len(names) == 1 and "" not in names and all(each.pdo.bits == 0 for each in endpoints)
 
     @cached_property
-    def services(self) -> dict[int, list[tuple[str, Spot]]]:
-        """Identifiers of other services than PDOs in use, with what they are and where that is said."""
-        found: dict[int, list[tuple[str, Spot]]] = {0: [("NMT", self.nodes[0].spot())]} if self.nodes else {}
+    def services(self) -> dict[int, list[tuple[str, Location]]]:
+        """Identifiers of services other than PDOs, with name and location of each use."""
+        found: dict[int, list[tuple[str, Location]]] = {0: [("NMT", self.nodes[0].location())]} if self.nodes else {}
         for node in self.nodes:
             for identifier, name, place in node.services():
                 found.setdefault(identifier, []).append((name, place))
@@ -191,9 +191,9 @@ class LintedNetwork:
 
 
 def nodes_of(nodes: Sequence[NetworkNode]) -> list[NetworkNode]:
-    """Give nodes without a node-ID that of their files, or else the next free one."""
+    """Return the nodes with node-IDs: as given, from their files, or the next free one as a guess."""
     declared = [each.node_id or own_node_id(each.device) for each in nodes]
-    # With more than 127 devices the numbers run out: then all of the rest get 1, and E816 says so.
+    # After 127 devices all others get node-ID 1, which E816 reports.
     free = iter(number for number in values.NODE_IDS if number not in declared)
     return [
         each._replace(node_id=number or next(free, values.NODE_IDS[0]), is_guess=number is None)
@@ -202,7 +202,7 @@ def nodes_of(nodes: Sequence[NetworkNode]) -> list[NetworkNode]:
 
 
 def own_node_id(device: LintedDevice) -> int | None:
-    """Return the node-ID a DCF commissions, or the value of the device's own setting of that name; None without."""
+    """Return the node-ID from a DCF, or the default of the device's own node-ID object; None without one."""
     if device.node_id:
         return device.node_id
     own = device.own_node_id
@@ -217,8 +217,9 @@ def own_node_id(device: LintedDevice) -> int | None:
 def two_producers(network: LintedNetwork) -> Conflicts:
     """An identifier has one producer, unless it is declared as shared."""
     for identifier, (first, *others) in network.producers.items():
-        for each in others if not network.is_shared(identifier) else ():
-            yield each.spot, f"{each.name} sends 0x{identifier:03X}, which {first.name} sends too"
+        if not network.is_shared(identifier):
+            for each in others:
+                yield each.location, f"{each.name} sends 0x{identifier:03X}, which {first.name} sends too"
 
 
 @RULES.rule("I802", "declared in the network file, or by the EDS files' names")
@@ -228,7 +229,7 @@ def declared_producers(network: LintedNetwork) -> Conflicts:
         if others and network.is_shared(identifier):
             names = " and ".join(each.name for each in (first, *others))
             how = "the network file" if first.pdo.name in network.shared else "one name everywhere and no data"
-            yield first.spot, f"0x{identifier:03X} {first.pdo.name}: sent by {names}, declared by {how}"
+            yield first.location, f"0x{identifier:03X} {first.pdo.name}: sent by {names}, declared by {how}"
 
 
 MASTER_HINT = "; if a PC does, say so: `master: PC` in the network file"
@@ -237,17 +238,23 @@ MASTER_HINT = "; if a PC does, say so: `master: PC` in the network file"
 @RULES.rule("W803", "CiA 301, PDO")
 def without_producer(network: LintedNetwork) -> Conflicts:
     """A message that is received is sent by a node, or by a master without a file (`master:` of the network file)."""
-    for identifier, ports in network.consumers.items() if not network.has_foreign_master else ():
-        for each in ports if identifier not in network.producers else ():
-            yield each.spot, f"{each.name} waits for 0x{identifier:03X}, which no node sends{MASTER_HINT}"
+    if network.has_foreign_master:
+        return
+    for identifier, endpoints in network.consumers.items():
+        if identifier not in network.producers:
+            for each in endpoints:
+                yield each.location, f"{each.name} waits for 0x{identifier:03X}, which no node sends{MASTER_HINT}"
 
 
 @RULES.rule("W804", "CiA 301, PDO")
 def without_consumer(network: LintedNetwork) -> Conflicts:
     """A message that is sent is received by a node, or by a master without a file (`master:` of the network file)."""
-    for identifier, ports in network.producers.items() if not network.has_foreign_master else ():
-        for each in ports if identifier not in network.consumers else ():
-            yield each.spot, f"{each.name} sends 0x{identifier:03X}, which no node receives{MASTER_HINT}"
+    if network.has_foreign_master:
+        return
+    for identifier, endpoints in network.producers.items():
+        if identifier not in network.consumers:
+            for each in endpoints:
+                yield each.location, f"{each.name} sends 0x{identifier:03X}, which no node receives{MASTER_HINT}"
 
 
 @RULES.rule("I805", "CiA 301, object 0x1400 sub 1, bit 31")
@@ -260,13 +267,13 @@ def switched_off(network: LintedNetwork) -> Conflicts:
             is_off = pdo.direction is PdoDirection.RPDO and value and value.value & values.NOT_VALID
             if is_off and identifier in network.producers:
                 text = f"{node.name} {pdo.title} could receive 0x{identifier:03X}, but is not valid until configured"
-                yield _spot(node, pdo, 1), text
+                yield _location(node, pdo, 1), text
 
 
 def _pairs(network: LintedNetwork) -> Iterator[tuple[Endpoint, Endpoint]]:
     """Yield every producer with every consumer of its identifier."""
-    for identifier, ports in network.producers.items():
-        for producer in ports:
+    for identifier, endpoints in network.producers.items():
+        for producer in endpoints:
             yield from ((producer, consumer) for consumer in network.consumers.get(identifier, ()))
 
 
@@ -275,7 +282,7 @@ def too_short(network: LintedNetwork) -> Conflicts:
     """A consumer expects no more bytes than are sent."""
     for producer, consumer in _pairs(network):
         if producer.size < consumer.size:
-            yield consumer.mapping_spot, f"{_lengths(producer, consumer)}: not processed (EMCY 8210)"
+            yield consumer.mapping_location, f"{_lengths(producer, consumer)}: not processed (EMCY 8210)"
 
 
 @RULES.rule("W807", "CiA 301, RPDO length (EMCY 8220)")
@@ -283,7 +290,7 @@ def too_long(network: LintedNetwork) -> Conflicts:
     """A consumer expects all bytes that are sent."""
     for producer, consumer in _pairs(network):
         if producer.size > consumer.size:
-            yield consumer.mapping_spot, f"{_lengths(producer, consumer)}: the rest is lost (EMCY 8220)"
+            yield consumer.mapping_location, f"{_lengths(producer, consumer)}: the rest is lost (EMCY 8220)"
 
 
 def _lengths(producer: Endpoint, consumer: Endpoint) -> str:
@@ -295,9 +302,9 @@ def other_order(network: LintedNetwork) -> Conflicts:
     """Producer and consumer map objects of the same names in the same order."""
     for producer, consumer in _pairs(network):
         names = [[name for name, _ in port.layout if name] for port in (producer, consumer)]
-        # Only of the same names: another maker's device may call the same values by other ones.
+        # Devices of different makers may use different names for the same values.
         if names[0] != names[1] and sorted(names[0]) == sorted(names[1]):
-            yield consumer.mapping_spot, f"{consumer.name} maps the objects in another order than {producer.name}"
+            yield consumer.mapping_location, f"{consumer.name} maps the objects in another order than {producer.name}"
 
 
 @RULES.rule("W811", "CiA 301, PDO mapping")
@@ -305,8 +312,8 @@ def other_bits(network: LintedNetwork) -> Conflicts:
     """Producer and consumer cut the data at the same bits."""
     for producer, consumer in _pairs(network):
         bits = [[length for _, length in port.layout] for port in (producer, consumer)]
-        if bits[0] != bits[1] and producer.size == consumer.size:  # else E806 or W807 has said it
-            yield consumer.mapping_spot, f"{consumer.name} takes {bits[1]} bits, {producer.name} sends {bits[0]}"
+        if bits[0] != bits[1] and producer.size == consumer.size:  # E806 or W807 reports different sizes
+            yield consumer.mapping_location, f"{consumer.name} takes {bits[1]} bits, {producer.name} sends {bits[0]}"
 
 
 # Identifiers and priorities
@@ -317,31 +324,31 @@ def service_identifiers(network: LintedNetwork) -> Conflicts:
     """No PDO has the identifier of another service in use."""
     for identifier in network.identifiers:
         for name, _ in network.services.get(identifier, [])[:1]:
-            ports = network.ports(identifier)
-            yield from ((each.spot, f"{each.name} has 0x{identifier:03X}, the {name}") for each in ports)
+            endpoints = network.endpoints(identifier)
+            yield from ((each.location, f"{each.name} has 0x{identifier:03X}, the {name}") for each in endpoints)
 
 
 @RULES.rule("I809", "CiA 301, pre-defined connection set and restricted CAN-IDs")
 def unused_service_identifiers(network: LintedNetwork) -> Conflicts:
     """A custom identifier is outside the ranges of other services."""
-    for identifier, ports in network.producers.items():
+    for identifier, endpoints in network.producers.items():
         found = owner(identifier, values.RESERVED + values.PREDEFINED)
-        is_free = identifier not in network.services and not any(each.is_predefined for each in ports)
-        # W827 says it if the node is in the network that has this identifier by default
+        is_free = identifier not in network.services and not any(each.is_predefined for each in endpoints)
+        # W827 reports it if the node with this default identifier is in the network
         if found and is_free and found.node_id(identifier) not in network.node_ids:
-            what = f"0x{identifier:03X} {ports[0].pdo.name} belongs to {found.whose(identifier)}"
-            yield ports[0].spot, f"{what}, which is not in the network"
+            what = f"0x{identifier:03X} {endpoints[0].pdo.name} belongs to {found.whose(identifier)}"
+            yield endpoints[0].location, f"{what}, which is not in the network"
 
 
 @RULES.rule("W827", "CiA 301, pre-defined connection set")
 def default_of_other_node(network: LintedNetwork) -> Conflicts:
     """A custom identifier is not a default PDO of a node in the network."""
-    for identifier, ports in network.producers.items():
+    for identifier, endpoints in network.producers.items():
         found = owner(identifier, DEFAULT_PDOS)
         node = network.node_ids.get(found.node_id(identifier) or 0) if found else None
-        if found and node and not any(each.is_predefined for each in ports):
-            text = f"{ports[0].name} has 0x{identifier:03X}, {found.owner} of {node.name} before it is configured"
-            yield ports[0].spot, text
+        if found and node and not any(each.is_predefined for each in endpoints):
+            text = f"{endpoints[0].name} has 0x{identifier:03X}, {found.owner} of {node.name} before it is configured"
+            yield endpoints[0].location, text
 
 
 @RULES.rule("E812", "CiA 301, pre-defined connection set")
@@ -356,29 +363,29 @@ def double_services(network: LintedNetwork) -> Conflicts:
 @RULES.rule("W813", "CAN: the lower identifier wins")
 def declared_order(network: LintedNetwork) -> Conflicts:
     """Identifiers follow the declared order of priorities."""
-    known = {each.pdo.name: each for ports in network.producers.values() for each in ports}
+    known = {each.pdo.name: each for endpoints in network.producers.values() for each in endpoints}
     for before, after in pairwise([known[name] for name in network.order if name in known]):
         if after.identifier < before.identifier:
-            yield after.spot, f"{after.pdo.name} (0x{after.identifier:03X}) wins against {before.pdo.name}"
+            yield after.location, f"{after.pdo.name} (0x{after.identifier:03X}) wins against {before.pdo.name}"
 
 
 @RULES.rule("W814", "the network file")
 def not_in_order(network: LintedNetwork) -> Conflicts:
     """The declared order of priorities names messages that are sent."""
-    known = {each.pdo.name for ports in network.producers.values() for each in ports}
+    known = {each.pdo.name for endpoints in network.producers.values() for each in endpoints}
     for name in network.order:
         if name not in known:
-            yield network.nodes[0].spot(), f"{name} is in the order of priorities, but nobody sends it"
+            yield network.nodes[0].location(), f"{name} is in the order of priorities, but nobody sends it"
 
 
 @RULES.rule("I815", "custom")
 def numbering(network: LintedNetwork) -> Conflicts:
     """A node's TPDOs are numbered in the order of their priorities."""
     for node in network.nodes:
-        own = [each for ports in network.producers.values() for each in ports if each.node is node]
+        own = [each for endpoints in network.producers.values() for each in endpoints if each.node is node]
         for before, after in pairwise(sorted(own, key=lambda each: each.pdo.number)):
             if after.identifier < before.identifier:
-                yield after.spot, f"{after.name} has a higher priority than {before.pdo.title} before it"
+                yield after.location, f"{after.name} has a higher priority than {before.pdo.title} before it"
 
 
 # Nodes, error control, SYNC, bit rate
@@ -390,7 +397,7 @@ def same_node_id(network: LintedNetwork) -> Conflicts:
     for each in network.nodes:
         first = network.node_ids[each.node_id]
         if first is not each:
-            yield each.spot(), f"{each.name} has node-ID {each.node_id}, as {first.name} has"
+            yield each.location(), f"{each.name} has node-ID {each.node_id}, as {first.name} has"
 
 
 @RULES.rule("I817", "CiA 306, [DeviceComissioning]")
@@ -398,14 +405,14 @@ def guessed_node_id(network: LintedNetwork) -> Conflicts:
     """The file or the network file says the node-ID."""
     for each in network.nodes:
         if each.is_guess:
-            yield each.spot(), f"nothing says the node-ID of {each.name}; taken as {each.node_id}"
+            yield each.location(), f"nothing says the node-ID of {each.name}; taken as {each.node_id}"
 
 
-def _watches(network: LintedNetwork) -> Iterator[tuple[Spot, str, int, int, NetworkNode | None]]:
-    """Yield every consumer heartbeat time: its place, whose it is, the node-ID watched, the time in ms, that node."""
+def _watches(network: LintedNetwork) -> Iterator[tuple[Location, str, int, int, NetworkNode | None]]:
+    """Yield every consumer heartbeat time: location, consumer's name, watched node-ID, time in ms, watched node."""
     for node in network.nodes:
         for variable, node_id, time in heartbeats(node.device):
-            yield node.spot(variable.place), node.name, node_id, time, network.node_ids.get(node_id)
+            yield node.location(variable.place), node.name, node_id, time, network.node_ids.get(node_id)
 
 
 def _heartbeat(node: NetworkNode) -> int:
@@ -416,7 +423,7 @@ def _heartbeat(node: NetworkNode) -> int:
 def impatient(network: LintedNetwork) -> Conflicts:
     """A heartbeat consumer waits longer than the producer's period."""
     for place, name, _, time, watched in _watches(network):
-        # Equal is too short as well: the next heartbeat may come a little late.
+        # An equal time is also too short, because the next heartbeat may be a little late.
         if watched and time <= _heartbeat(watched):
             yield place, f"{name} waits {time} ms for {watched.name}, which sends every {_heartbeat(watched)} ms"
 
@@ -443,7 +450,7 @@ def no_common_bit_rate(network: LintedNetwork) -> Conflicts:
     rates = [bit_rates(each.device) for each in network.nodes]
     if rates and not set(BIT_RATES).intersection(*rates):
         last = network.nodes[-1]
-        yield last.spot(last.device.at("deviceinfo", "baudrate_10")), "no bit rate is common to all nodes"
+        yield last.location(last.device.at("deviceinfo", "baudrate_10")), "no bit rate is common to all nodes"
 
 
 @RULES.rule("E822", "CiA 306, [DeviceInfo]")
@@ -451,7 +458,7 @@ def unsupported_bit_rate(network: LintedNetwork) -> Conflicts:
     """All nodes support the network's bit rate."""
     for each in network.nodes:
         if network.bit_rate and network.bit_rate not in bit_rates(each.device):
-            at = each.spot(each.device.at("deviceinfo", "baudrate_10"))
+            at = each.location(each.device.at("deviceinfo", "baudrate_10"))
             yield at, f"{each.name} does not support the network's {network.bit_rate} kbit/s"
 
 
@@ -459,25 +466,25 @@ def unsupported_bit_rate(network: LintedNetwork) -> Conflicts:
 def different_bit_rates(network: LintedNetwork) -> Conflicts:
     """All nodes are set to one bit rate."""
     rates = [(node, node.device.commissioned("baudrate")) for node in network.nodes]
-    declared = [(node, rate.value) for node, rate in rates if rate and rate.value]  # 0 is E704's
+    declared = [(node, rate.value) for node, rate in rates if rate and rate.value]  # E704 reports 0
     for node, rate in declared[1:]:
         if rate != declared[0][1] and node.device.commissioning:
-            at = node.spot(node.device.commissioning.at("baudrate"))
+            at = node.location(node.device.commissioning.at("baudrate"))
             yield at, f"{node.name} is set to {rate} kbit/s, {declared[0][0].name} to {declared[0][1]}"
 
 
 def _with_bit(network: LintedNetwork, index: int, bit: int) -> list[NetworkNode]:
-    """Return the nodes whose object has a bit set."""
+    """Return the nodes with a bit set in an object."""
     return [each for each in network.nodes if (each.device.value(index) or Number(0)).value & bit]
 
 
 def one_of(index: int, bit: int, what: str) -> Callable[[LintedNetwork], Conflicts]:
-    """Make the rule that only one node has a bit set in an object."""
+    """Return the check that only one node has a bit set in an object."""
 
     def check(network: LintedNetwork) -> Conflicts:
         nodes = _with_bit(network, index, bit)
         for each in nodes[1:]:
-            yield each.spot(each.device.objects[index].place), f"{each.name} is {what}, as {nodes[0].name} is"
+            yield each.location(each.device.objects[index].place), f"{each.name} is {what}, as {nodes[0].name} is"
 
     return check
 
@@ -485,12 +492,13 @@ def one_of(index: int, bit: int, what: str) -> Callable[[LintedNetwork], Conflic
 @RULES.rule("W826", "CiA 301, object 0x1005")
 def nobody_sends_sync(network: LintedNetwork) -> Conflicts:
     """Synchronous PDOs have a node that sends SYNC."""
-    ports = [each for identifier in network.identifiers for each in network.ports(identifier)]
-    is_sent = network.has_foreign_master or _with_bit(network, SYNC[0], SYNC_PRODUCER)
-    for each in ports if not is_sent else ():
+    endpoints = [each for identifier in network.identifiers for each in network.endpoints(identifier)]
+    if network.has_foreign_master or _with_bit(network, SYNC[0], SYNC_PRODUCER):
+        return
+    for each in endpoints:
         type_ = each.pdo.value(2)
         if type_ and type_.value in values.SYNCHRONOUS:
-            yield _spot(each.node, each.pdo, 2), f"{each.name} is synchronous, but no node sends SYNC"
+            yield _location(each.node, each.pdo, 2), f"{each.name} is synchronous, but no node sends SYNC"
 
 
 NMT_MASTER = 1
@@ -504,7 +512,7 @@ RULES += (
 
 
 def lint_network(network: LintedNetwork) -> list[Finding]:
-    """Check a network; findings are ordered by file and place."""
+    """Check a network and return the findings, ordered by file and place."""
     said = ((rule.code, at, text) for rule in RULES for at, text in rule.check(network))
     found = {Finding(at.file, at.line, at.column, code, text) for code, at, text in said}
     files = {each.file: number for number, each in enumerate(network.nodes)}
@@ -512,7 +520,7 @@ def lint_network(network: LintedNetwork) -> list[Finding]:
 
 
 def overview(network: LintedNetwork) -> list[tuple[str, ...]]:
-    """Return one row for each identifier: itself, its name, its producers, its consumers."""
+    """Return a row for each identifier: identifier, name, producers, consumers."""
     sides = (network.producers, network.consumers)
     return [
         (f"0x{each:03X}", network.title(each), *(", ".join(p.node.name for p in side.get(each, ())) for side in sides))

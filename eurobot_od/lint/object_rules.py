@@ -1,6 +1,6 @@
-"""Rules about objects: their keys, sub-indices and values (CiA 306), and what CiA 301 says about single objects.
+"""Rules about objects: keys, sub-indices and values (CiA 306), and requirements of CiA 301 for single objects.
 
-What CiA 301 says about an object's type, access or value is data in a table.
+The type, access and value that CiA 301 requires of an object are data in a table.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ RULES = Rules()
 # Objects and their keys
 
 COMPLEX_TYPES = (range(0x20, 0x26), range(0x40, 0x260))
-"""Data types of whole records (CiA 301: standard ones; manufacturer's and device profiles')."""
+"""Data types of whole records (CiA 301: the standard's; manufacturers' and device profiles')."""
 
 
 def _simple(device: LintedDevice) -> Iterator[Section]:
-    """Yield what describes variables that have a value of their own: VARs, sub-indices and compact templates."""
-    # `2` and `0x2` are a DOMAIN, of which DataType and AccessType may be left out.
+    """Yield the sections of variables with a value: VARs, sub-indices and compact templates."""
+    # DataType and AccessType may be omitted for a DOMAIN (`2` or `0x2`).
     return (each.section for each in device.variables if not each.section.text("objecttype").endswith("2"))
 
 
@@ -36,7 +36,7 @@ def undefined_type(device: LintedDevice) -> Violations:
     """A manufacturer's or a profile's DataType of a variable is defined in the file."""
     for section, entry in device.entries["datatype"]:
         number = parse_number(entry.value)
-        # Not those below 0x40: CiA 301 defines them itself (PDO, SDO parameter, identity and so on).
+        # CiA 301 itself defines those below 0x40 (PDO, SDO parameter, identity and so on).
         is_there = number and (number.value in device.objects or f"{number.value:x}sub1" in device.document.sections)
         if number and number.value in COMPLEX_TYPES[1] and not is_there:
             yield entry, f"DataType {entry.value[:20]} of [{section.name}] is defined nowhere; it is taken as bytes"
@@ -48,7 +48,7 @@ def _composed(device: LintedDevice) -> Iterator[tuple[DescribedObject, Section]]
 
 
 def entry_of(key: str, fits: Callable[[str, Number | None], bool], sentence: str) -> Check:
-    """Make the rule that the text of a key, wherever an object has it, and its number fit."""
+    """Return the check that the text of a key, in any object, and its number are valid."""
 
     def check(device: LintedDevice) -> Violations:
         for section, entry in device.entries[key]:
@@ -108,8 +108,8 @@ def sub_keys_on_variable(device: LintedDevice) -> Violations:
     for section, entry in device.entries["subnumber"] + device.entries["compactsubobj"]:
         name = description.parse_section_name(section.name.strip())
         whole = device.objects[name.object_index] if name and name.sub < 0 else None
-        code = (whole or DescribedObject(0, section, {}, {})).code  # a sub-index counts as an object of its own
-        # `SubNumber=0` says the same as none at all.
+        code = (whole or DescribedObject(0, section, {}, {})).code  # a sub-index is checked like a VAR
+        # `SubNumber=0` is the same as none.
         if code in SIMPLE and entry.value and parse_number(entry.value) != Number(0):
             kind = "a VAR or DOMAIN; with sub-indices it is an ARRAY or a RECORD" if whole else "a sub-index"
             yield entry, f"{entry.key} does not belong to [{section.name}], {kind}"
@@ -119,9 +119,11 @@ def sub_keys_on_variable(device: LintedDevice) -> Violations:
 def value_keys_on_record(device: LintedDevice) -> Violations:
     """An array or record has no value of its own."""
     for each, section in _composed(device):
-        for key in OF_VARIABLE if not each.compact else ():
+        if each.compact:
+            continue
+        for key in OF_VARIABLE:
             entry = section.entries.get(key)
-            # an empty value, or PDOMapping=0, claims nothing that the sub-indices could contradict
+            # An empty value or PDOMapping=0 cannot contradict the sub-indices.
             if entry and entry.value and (key != "pdomapping" or entry.value != "0"):
                 yield entry, f"{entry.key} does not belong to [{section.name}], whose values are its sub-indices"
 
@@ -140,7 +142,8 @@ def wrong_sub_number(device: LintedDevice) -> Violations:
     """SubNumber is the number of sub-indices, without 0xFF."""
     for each, section in _composed(device):
         # 0xFF describes the object's structure and is not a sub-index of data (CiA 301, 7.4.9).
-        declared, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
+        declared = parse_number(section.text("subnumber"))
+        real = sum(sub != 0xFF for sub in each.subs)
         if declared and declared.value != real and not each.compact:
             what = f"SubNumber is {declared.value}, but 0x{each.index:04X} has {real} sub-indices"
             yield section.at("subnumber"), what
@@ -166,14 +169,15 @@ def type_of_sub_0(device: LintedDevice) -> Violations:
 @RULES.rule("E415", "CiA 301, sub-index 0")
 def highest_sub(device: LintedDevice) -> Violations:
     """A constant sub-index 0 is the highest sub-index."""
-    # sub 0 of 0x1003 counts the errors there are, that of a mapping what is mapped
+    # Sub-index 0 of 0x1003 is the number of errors, of a mapping the number of mapped objects.
     counting = [range(0x1003, 0x1004), *values.MAPPING_RECORDS.values()]
-    in_decimal = {name[:4] for name in decimal_subs(device.document)}  # which W121 says
+    in_decimal = {name[:4] for name in decimal_subs(device.document)}  # W121 reports these
     for each, _ in _composed(device):
         if f"{each.index:04x}" in in_decimal:
             continue
-        zero, highest = each.subs.get(0), max((sub for sub in each.subs if sub != 0xFF), default=0)
-        value = zero.value if zero and not zero.is_writable else None  # one that is writable counts what is in use
+        zero = each.subs.get(0)
+        highest = max((sub for sub in each.subs if sub != 0xFF), default=0)
+        value = zero.value if zero and not zero.is_writable else None  # a writable one is the number of entries in use
         if zero and value and highest and value.value != highest and not any(each.index in i for i in counting):
             yield zero.place, f"[{zero.section.name}] is {value.value}, but the highest sub-index is {highest}"
 
@@ -238,7 +242,8 @@ def entry_lists(device: LintedDevice) -> Violations:
     """NrOfEntries is the number of entries of [xxxxName] and [xxxxValue]."""
     for name, section in device.object_sections:
         if name.list:
-            declared, real = parse_number(section.text("nrofentries")), len(section.entries.keys() - {"nrofentries"})
+            declared = parse_number(section.text("nrofentries"))
+            real = len(section.entries.keys() - {"nrofentries"})
             if declared is None or declared.value != real:
                 yield section.at("nrofentries"), f"NrOfEntries is not {real}, the number of entries of [{section.name}]"
 
@@ -247,9 +252,11 @@ def entry_lists(device: LintedDevice) -> Violations:
 def entry_list_keys(device: LintedDevice) -> Violations:
     """[xxxxName] and [xxxxValue] name sub-indices of a compact object."""
     for name, section in device.object_sections:
-        highest = device.objects[name.object_index].compact if name.list else 0
-        for key, entry in section.entries.items() if name.list else ():
-            # The length first: `int` raises for thousands of digits.
+        if not name.list:
+            continue
+        highest = device.objects[name.object_index].compact
+        for key, entry in section.entries.items():
+            # The length is checked first, because `int` raises for thousands of digits.
             if key != "nrofentries" and not (key.isdecimal() and len(key) < 4 and 1 <= int(key) <= highest):
                 yield entry, f"{entry.key[:20]} is not a sub-index from 1 to {highest}"
 
@@ -266,22 +273,22 @@ def no_number(device: LintedDevice) -> Violations:
     malformed = [e for e in numeric if not is_standard_number(e.value)]
     malformed += [each.entry for each in device.integers if not is_standard_number(each.entry.value)]
     for entry in malformed:
-        # E431 and E433 say more exactly what is wrong with these two
+        # E431 and E433 report these two
         if not is_wrong_octal(entry.value) and values.NODE_ID not in entry.value.upper():
             yield entry, f"{entry.key} {entry.value[:40]} is not a number"
 
 
 def is_wrong_octal(text: str) -> bool:
-    """Return whether a text is a number with a leading zero, hence octal, that has an 8 or a 9."""
+    """Return whether a text is a number with a leading zero, hence octal, that contains an 8 or a 9."""
     digits = text.removeprefix("-")
     return digits[:1] == "0" and digits.isdecimal() and len(digits) > 1 and bool(set(digits) & {"8", "9"})
 
 
 def _octals(device: LintedDevice) -> Iterator[Entry]:
-    """Yield the entries whose value starts with a 0 and a further digit."""
+    """Yield the entries whose value is a 0 followed by further digits."""
     entries = [entry for key in NUMERIC_KEYS for _, entry in device.entries[key]]
     for entry in entries + [each.entry for each in device.integers]:
-        # `00` is 0 in any base, so nobody can mistake it.
+        # `00` is 0 in any base.
         if entry.value[:1] in "0-" and entry.value.removeprefix("-")[1:].strip("0").isdecimal():
             yield entry
 
@@ -329,12 +336,14 @@ def node_id_in_text(device: LintedDevice) -> Violations:
 
 
 def outside_type_of(keys: tuple[str, ...]) -> Check:
-    """Make the rule that limits, or values, fit into the variable's type."""
+    """Return the check that limits, or values, fit the variable's type."""
 
     def check(device: LintedDevice) -> Violations:
         for each in (value for value in device.integers if value.key in keys):
-            # The value grows with the node-ID: the lower end is judged without it, the upper one with the highest.
-            ends = (each.number.value, each.number.at(device.node_ids[-1])) if each.number else ()
+            if each.number is None:
+                continue
+            # The value grows with the node-ID: the lower end is checked without one, the upper end with the highest.
+            ends = (each.number.value, each.number.at(device.node_ids[-1]))
             if not all(each.type.low <= end <= each.type.high for end in ends):
                 text = f"{each.entry.key}={each.entry.value[:40]} of {each.variable.where} is outside {each.type.name}"
                 yield each.entry, text
@@ -346,20 +355,24 @@ def outside_type_of(keys: tuple[str, ...]) -> Check:
 def crossed_limits(device: LintedDevice) -> Violations:
     """LowLimit is not above HighLimit."""
     for each in device.variables:
-        section, low, high = each.section, each.number("lowlimit"), each.number("highlimit")
+        section = each.section
+        low = each.number("lowlimit")
+        high = each.number("highlimit")
         if low and high and low.at(device.node_ids[0]) > high.at(device.node_ids[0]):
             text = f"LowLimit {section.text('lowlimit')[:20]} of [{section.name}] is above HighLimit"
             yield section.at("lowlimit"), f"{text} {section.text('highlimit')[:20]}"
 
 
 def outside_limits_of(key: str) -> Check:
-    """Make the rule that a value is inside its limits."""
+    """Return the check that values of a key are inside the variable's limits."""
 
     def check(device: LintedDevice) -> Violations:
         for each in (value for value in device.integers if value.key == key):
-            number, (low, high) = each.number or Number(0), map(each.variable.number, LIMITS)
-            # A limit may be relative, too; then both grow alike, and either node-ID gives the same answer.
-            first, last = device.node_ids[0], device.node_ids[-1]
+            number = each.number or Number(0)
+            (low, high) = map(each.variable.number, LIMITS)
+            # If value and limit both contain the node-ID, every node-ID gives the same result.
+            first = device.node_ids[0]
+            last = device.node_ids[-1]
             if (low and number.at(first) < low.at(first)) or (high and number.at(last) > high.at(last)):
                 text = f"{each.entry.key}={each.entry.value[:40]} of {each.variable.where} is outside its limits"
                 yield each.entry, text
@@ -371,12 +384,12 @@ def outside_limits_of(key: str) -> Check:
 def limits_without_meaning(device: LintedDevice) -> Violations:
     """Only numbers have limits."""
     for each in (value for value in device.others if value.key in LIMITS):
-        if each.type not in values.REALS:  # these are among the others only because tools disagree how they are written
+        if each.type not in values.REALS:  # real numbers have an order, too
             yield each.entry, f"{each.entry.key} of {each.variable.where}, a {each.type.name}, which has no order"
 
 
 def is_real(text: str) -> bool:
-    """Return whether a text is a REAL, as a decimal number or as its bits: 0x and hexadecimal digits."""
+    """Return whether a text is a REAL: a decimal number, or 0x and its bits in hexadecimal."""
     if text[:2].lower() == "0x":
         return parse_number(text) is not None
     try:
@@ -398,7 +411,7 @@ def malformed_real(device: LintedDevice) -> Violations:
 def ambiguous_real(device: LintedDevice) -> Violations:
     """A REAL has no value other than 0."""
     for each in device.others:
-        # 0 is the same number as its bits are.
+        # The bits of 0.0 are 0.
         if each.type in values.REALS and is_real(each.entry.value) and each.number != Number(0):
             text = f"{each.entry.key} {each.entry.value[:40]} is a {each.type.name}"
             yield each.entry, f"{text}: some tools read decimals, others bits"
@@ -474,14 +487,15 @@ RULES += (
     Rule("E439", "ParameterValue is inside the limits.", "CiA 306, DCF", outside_limits_of("parametervalue")),
 )  # fmt: skip
 
-# What CiA 301 and 302 say of single objects
+# Single objects of CiA 301 and 302
 
 
 def _known(device: LintedDevice) -> Iterator[tuple[DescribedVariable, Known]]:
-    """Yield every variable of the communication profile that the standard says something about."""
+    """Yield every variable of the communication profile that the standard describes, with its description."""
     for index, found in device.objects.items():
-        # most objects of a device are its own: none of them has to go through the table
-        for known in KNOWN if index < values.MANUFACTURER[0] else ():
+        if index >= values.MANUFACTURER[0]:
+            continue
+        for known in KNOWN:
             if index in known.indices:
                 yield from ((variable, known) for sub, variable in found.subs.items() if sub in known.subs)
 
@@ -509,17 +523,16 @@ def known_access(device: LintedDevice) -> Violations:
 def mappable_communication(device: LintedDevice) -> Violations:
     """An object that configures communication is not mappable."""
     for variable, _ in _known(device):
-        # The error register and the manufacturer's status register may be mapped (CiA 301, 7.5.2.2 and 7.5.2.3).
+        # Error register and manufacturer status register may be mapped (CiA 301, 7.5.2.2 and 7.5.2.3).
         if variable.is_mappable and variable.index not in (0x1001, 0x1002):
             yield variable.section.at("pdomapping"), f"{variable.where} is mappable, but configures communication"
 
 
 def value_of(index: int, subs: range, fits: Callable[[int], bool], sentence: str) -> Check:
-    """Make the rule that the values of an object's sub-indices are such and such, for every node-ID."""
+    """Return the check that the values of an object's sub-indices are valid for every node-ID."""
 
     def check(device: LintedDevice) -> Violations:
-        found = device.objects.get(index)
-        for sub, variable in found.subs.items() if found else ():
+        for sub, variable in device.subs(index).items():
             at, value = variable.value_entry, variable.value
             if sub in subs and at and value and not all(fits(value.at(n)) for n in device.node_ids):
                 yield at, f"{variable.where} is {at.value[:40]}; {sentence}"
@@ -528,16 +541,15 @@ def value_of(index: int, subs: range, fits: Callable[[int], bool], sentence: str
 
 
 def is_cob_id(value: int) -> bool:
-    """Return whether a COB-ID of SYNC, TIME or EMCY has none of the bits that have to be 0 in a base frame."""
-    # With bit 29 set all 29 bits are the identifier.
+    """Return whether a COB-ID of SYNC, TIME or EMCY has only bits that are allowed for its frame format."""
+    # With bit 29 set, all 29 bits are the identifier.
     return 0 <= value <= UNSIGNED32.high and (bool(value & values.EXTENDED) or not value & 0x1FFFF800)
 
 
 def heartbeats(device: LintedDevice) -> list[tuple[DescribedVariable, int, int]]:
-    """Return what the device listens to: the variable of 0x1016, the node-ID and the time in ms."""
-    found = device.objects.get(0x1016)
-    # Node-ID in bits 16 to 23, time in bits 0 to 15; with the time 0 the entry is not used (CiA 301, 7.5.2.19).
-    times = ((each, each.value) for sub, each in found.subs.items() if sub) if found else ()
+    """Return the consumer heartbeat times: variable of 0x1016, node-ID, and time in ms."""
+    # Node-ID in bits 16 to 23, time in bits 0 to 15; an entry with time 0 is unused (CiA 301, 7.5.2.19).
+    times = ((each, each.value) for sub, each in device.subs(0x1016).items() if sub)
     return [(each, t.value >> 16 & 0xFF, t.value & 0xFFFF) for each, t in times if t and t.value & 0xFFFF]
 
 
@@ -562,13 +574,13 @@ def no_error_control(device: LintedDevice) -> Violations:
 def both_error_controls(device: LintedDevice) -> Violations:
     """A device uses heartbeat or node guarding."""
     heartbeat, *times = (device.variable(index) for index in (0x1017, 0x100C, 0x100D))
-    # Guarding is on only if guard time and life time factor are both above 0.
+    # Guarding is on if guard time and life time factor are both above 0.
     if heartbeat and all(each and each.value and each.value.value for each in (heartbeat, *times)):
         yield heartbeat.place, "heartbeat and node guarding are both on; a device uses one of them"
 
 
 def needs_of(index: int, needed: int, why: str) -> Check:
-    """Make the rule that an object needs another one."""
+    """Return the check that an object comes together with another one."""
 
     def check(device: LintedDevice) -> Violations:
         found = device.objects.get(index)

@@ -17,16 +17,16 @@ from eurobot_od.od.values import IdentifierRange, MappingEntry, Multiplex, PdoDi
 RULES = Rules()
 
 MappedObject: TypeAlias = tuple[DescribedRecords, MappingEntry, DescribedVariable, DescribedVariable]
-"""A mapped object that is a variable: the PDO, the entry, the variable that holds it, and the object."""
+"""A mapped variable: PDO, mapping entry, variable that holds the entry, and mapped variable."""
 
 COMMUNICATION = "CiA 301, objects 0x1400 and 0x1800"
 
 RESERVED_BITS = 0x1FFFF800
-"""Bits 11 to 28 of a COB-ID, which are 0 for a base frame."""
+"""Bits 11 to 28 of a COB-ID, which must be 0 for a base frame."""
 
 
 def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[DescribedRecords, Entry, int]]:
-    """Yield a communication parameter of every PDO that has it: the PDO, where it stands, its value without node-ID."""
+    """Yield a communication parameter of every PDO that has it: PDO, place, value without node-ID."""
     for pdo in device.pdos:
         variable = pdo.setting(sub)
         at, value = (variable.value_entry, variable.value) if variable else (None, None)
@@ -35,7 +35,7 @@ def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[DescribedRecords,
 
 
 def setting_of(sub: int, is_wrong: Callable[[PdoDirection, int], bool], sentence: str) -> Check:
-    """Make the rule that no PDO has a communication parameter with a wrong value."""
+    """Return the check that no PDO has a wrong communication parameter."""
 
     def check(device: LintedDevice) -> Violations:
         for pdo, at, value in _setting(device, sub):
@@ -78,15 +78,16 @@ def without_parameters(device: LintedDevice) -> Violations:
 
 
 def _identifiers(device: LintedDevice) -> Iterator[tuple[DescribedRecords, Entry | Section, int]]:
-    """Yield every PDO that is valid with its identifier for the lowest node-ID, and where that stands."""
+    """Yield every valid PDO, the place of its identifier, and the identifier for the lowest node-ID."""
     for pdo in device.pdos:
-        identifier, variable = pdo.identifier(device.node_ids[0]), pdo.setting(1)
+        identifier = pdo.identifier(device.node_ids[0])
+        variable = pdo.setting(1)
         if identifier is not None and variable:
             yield pdo, variable.place, identifier
 
 
 def in_range_of(ranges: tuple[IdentifierRange, ...], sentence: str) -> Check:
-    """Make the rule that no PDO has an identifier in some ranges."""
+    """Return the check that no PDO has an identifier in some ranges."""
 
     def check(device: LintedDevice) -> Violations:
         for pdo, at, identifier in _identifiers(device):
@@ -101,8 +102,9 @@ def in_range_of(ranges: tuple[IdentifierRange, ...], sentence: str) -> Check:
 def in_predefined(device: LintedDevice) -> Violations:
     """A custom identifier is not where a node has its default one."""
     for pdo, at, identifier in _identifiers(device):
-        found, cob_id = owner(identifier, values.PREDEFINED), pdo.value(1)
-        # Made from the node-ID; in a DCF it may be written out, so there nobody can tell.
+        found = owner(identifier, values.PREDEFINED)
+        cob_id = pdo.value(1)
+        # Made from the node-ID; in a DCF it may be written out, so that this is unknown.
         is_own = device.node_id is not None or (cob_id and cob_id.relative)
         if found and not is_own:
             yield at, f"{pdo.title} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
@@ -121,7 +123,7 @@ def one_identifier(device: LintedDevice) -> Violations:
     """The valid PDOs of a device have different identifiers for at least one node-ID."""
     first: dict[tuple[int | None, ...], DescribedRecords] = {}
     for pdo, at, identifier in _identifiers(device):
-        # A clash at one node-ID only is not a mistake of the file.
+        # The file is only wrong if they clash for every node-ID.
         everywhere = tuple(map(pdo.identifier, device.node_ids))
         if first.setdefault(everywhere, pdo) is not pdo:
             yield at, f"{pdo.title} has identifier 0x{identifier:03X}, as {first[everywhere].title} has"
@@ -131,8 +133,9 @@ def one_identifier(device: LintedDevice) -> Violations:
 def outside_cob_id(device: LintedDevice) -> Violations:
     """$NODEID+... stays inside 11 bits."""
     for pdo, at, cob_id in _setting(device, 1):
-        value, highest = pdo.value(1), (cob_id & values.BASE_IDENTIFIER) + device.node_ids[-1]
-        # The sum would carry into bits 11 and up, which mean something else.
+        value = pdo.value(1)
+        highest = (cob_id & values.BASE_IDENTIFIER) + device.node_ids[-1]
+        # The sum would overflow into bits 11 and above.
         if value and value.relative and highest > values.BASE_IDENTIFIER:
             yield at, f"COB-ID {at.value[:20]} of {pdo.title} leaves 11 bits for the highest node-ID"
 
@@ -159,7 +162,7 @@ RTR_TYPES = (252, 253)
 
 
 def is_reserved(type_: int) -> bool:
-    """Return whether a transmission type has no meaning, for PDOs of either direction."""
+    """Return whether a transmission type is reserved for PDOs of both directions."""
     return not (type_ in values.SYNCHRONOUS or 252 <= type_ <= 255)
 
 
@@ -225,9 +228,10 @@ RULES += (
 
 
 def _counts(device: LintedDevice) -> Iterator[tuple[DescribedRecords, DescribedVariable, int]]:
-    """Yield the number of mapped objects of every PDO that says one: the PDO, sub-index 0, the number."""
+    """Yield the number of mapped objects of every PDO that has one: PDO, sub-index 0, number."""
     for pdo in device.pdos:
-        zero, count = pdo.entry(0), pdo.amount
+        zero = pdo.entry(0)
+        count = pdo.amount
         if zero and count:
             yield pdo, zero, count.value
 
@@ -253,7 +257,9 @@ def too_few_entries(device: LintedDevice) -> Violations:
 def no_entry(device: LintedDevice) -> Violations:
     """Mapped entries have no gap."""
     for pdo, _, count in _counts(device):
-        for n in range(1, min(count, values.MAX_BITS) + 1) if not pdo.is_multiplexed else ():
+        if pdo.is_multiplexed:
+            continue
+        for n in range(1, min(count, values.MAX_BITS) + 1):
             variable = pdo.entry(n)
             if variable and (variable.value is None or variable.value.value == 0):
                 yield variable.place, f"{pdo.title} maps {count} objects, but entry {n} is empty"
@@ -263,7 +269,7 @@ def no_entry(device: LintedDevice) -> Violations:
 def no_data(device: LintedDevice) -> Violations:
     """A PDO has data."""
     for pdo, variable, count in _counts(device):
-        # An info only: a message without data is a fair use, which CANopenNode refuses (EMCY 0x8200) and Lely takes.
+        # Only an info: CANopenNode refuses PDOs without data (EMCY 0x8200), Lely accepts them.
         if count == 0 and pdo.is_valid:
             yield variable.place, f"{pdo.title} has no data; some devices take 0 objects as a disabled mapping"
 
@@ -272,9 +278,9 @@ def no_data(device: LintedDevice) -> Violations:
 def left_over(device: LintedDevice) -> Violations:
     """Entries after the mapped ones are empty."""
     for pdo, _, count in _counts(device):
-        # Entries of 0 are how a mapping is filled up for a master that needs them to be there.
-        unused = (v for sub, v in pdo.mapping.subs.items() if count < sub < 255 and v.value) if pdo.mapping else ()
-        first = next((v for v in unused if v.value and v.value.value), None)
+        # Unused entries of 0 are allowed.
+        unused = (variable for sub, variable in device.subs(pdo.mapping_index).items() if count < sub < 255)
+        first = next((each for each in unused if each.value and each.value.value), None)
         if first and not pdo.is_multiplexed:
             yield first.place, f"{pdo.title} maps {count} objects, so that entry {first.sub} is not used"
 
@@ -288,7 +294,7 @@ def too_long(device: LintedDevice) -> Violations:
 
 
 def _objects(device: LintedDevice) -> Iterator[MappedObject]:
-    """Yield every mapped object that is a variable."""
+    """Yield every mapped variable."""
     for pdo, each, by in device.mapped:
         variable = device.variable(*each.address)
         if variable:
@@ -298,7 +304,7 @@ def _objects(device: LintedDevice) -> Iterator[MappedObject]:
 @RULES.rule("E636", "CiA 301, PDO mapping")
 def missing_object(device: LintedDevice) -> Violations:
     """A mapped object exists."""
-    # What a module brings is there as soon as it is connected, which an EDS does not say.
+    # Objects of a module exist once it is connected, which an EDS does not say.
     later = device.modules.brought if not device.modules.connected else ()
     for pdo, each, by in device.mapped:
         if _is_dummy(each) or each.index in later:
@@ -308,7 +314,7 @@ def missing_object(device: LintedDevice) -> Violations:
 
 
 def _missing(device: LintedDevice, each: MappingEntry) -> str:
-    """Say what is missing of a mapped object: the whole, or the sub-index."""
+    """Return what is missing of a mapped object: the object, or its sub-index."""
     whole = device.connected.objects.get(each.index)
     if whole is None:
         return f"but there is no object 0x{each.index:04X}"
@@ -334,7 +340,7 @@ def not_mappable(device: LintedDevice) -> Violations:
 def longer_than_type(device: LintedDevice) -> Violations:
     """A mapped length is not above the type's."""
     for pdo, each, by, variable in _objects(device):
-        # A text or a DOMAIN has no length of its own to be longer than.
+        # A text or a DOMAIN has no fixed length.
         if variable.type and 0 < variable.type.bits < each.bits:
             yield by.place, f"{pdo.title} maps {each.bits} bits of {each.where}, a {variable.type.name}"
 
@@ -344,9 +350,9 @@ def _shorter(device: LintedDevice) -> Iterator[MappedObject]:
 
 
 def _fits(each: MappingEntry, variable: DescribedVariable) -> bool:
-    """Return whether the limits of an object leave no value that the mapped bits cut."""
+    """Return whether the limits of an object exclude all values that do not fit the mapped bits."""
     low, high = variable.number("lowlimit"), variable.number("highlimit")
-    if high is None or variable.type is None:  # without a limit any value of the type may come
+    if high is None or variable.type is None:  # without a limit, every value of the type is possible
         return False
     signed = variable.type.low < 0
     lowest = low.value if low else variable.type.low
@@ -372,7 +378,7 @@ def shortened(device: LintedDevice) -> Violations:
 
 
 def direction_of(direction: PdoDirection) -> Check:
-    """Make the rule that PDOs of a direction map objects whose access type allows it."""
+    """Return the check that PDOs of a direction map objects whose access type allows it."""
     refused = set(values.ACCESS_TYPES) - set(values.MAPPABLE[direction])
 
     def check(device: LintedDevice) -> Violations:
@@ -423,7 +429,7 @@ def mapped_twice(device: LintedDevice) -> Violations:
     for pdo in device.pdos:
         counts = Counter(each.address for each, _ in pdo.mapped() if not _is_dummy(each))
         again = {key for key, number in counts.items() if number > 1}
-        # One finding for a PDO, at the entry that is too much.
+        # One finding for each PDO, at its last repeated entry.
         last = [(each, by) for each, by in pdo.mapped() if each.address in again][-1:]
         yield from ((by.place, f"{pdo.title} maps {each.where} twice") for each, by in last)
 
@@ -443,7 +449,7 @@ def fixed_cob_id(device: LintedDevice) -> Violations:
     """A PDO with a writable mapping has a writable COB-ID."""
     for pdo in device.pdos:
         setting = pdo.setting(1)
-        # CiA 301, 7.5.2.36: a mapping is changed while bit 31 of the COB-ID is set.
+        # Bit 31 of the COB-ID must be set to change the mapping (CiA 301, 7.5.2.36).
         if setting and setting.access in ("ro", "const") and pdo.mapping and pdo.mapping.is_writable:
             at = setting.section.at("accesstype")
             text = f"{pdo.title}'s mapping is writable, but its COB-ID is not"
@@ -454,7 +460,7 @@ def fixed_cob_id(device: LintedDevice) -> Violations:
 def relative_entry(device: LintedDevice) -> Violations:
     """A mapping entry is index, sub-index and length."""
     for pdo, _, count in _counts(device):
-        for sub, variable in pdo.mapping.subs.items() if pdo.mapping else ():
+        for sub, variable in device.subs(pdo.mapping_index).items():
             value = variable.value
             if 0 < sub <= count and value and (value.relative or not 0 <= value.value <= values.UNSIGNED32.high):
                 yield variable.place, f"entry {sub} of {pdo.title} is not an index, a sub-index and a length"

@@ -1,11 +1,11 @@
-"""Rules about what a stack asks of the object dictionary that it is compiled with: `lint --for canopennode`.
+"""Rules about the object dictionary that a stack is compiled with: `lint --for canopennode`.
 
-They are what CANopenNode 4 with its default configuration needs; a part of the stack that is switched off needs less.
+They are the needs of CANopenNode 4 in its default configuration; with parts of the stack switched off it needs less.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from eurobot_od.lint.findings import Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
@@ -24,7 +24,7 @@ NEEDED: Mapping[tuple[int, int], str] = {
     (standard.IDENTITY, 3): "Revision number, UNSIGNED32, ro",
     (standard.IDENTITY, 4): "Serial number, UNSIGNED32, ro",
 }
-"""Variables without which the stack does not compile, and what to add."""
+"""Variables that the stack needs to compile, and how to add each."""
 
 PARTNERS = {
     0x1005: (0x1006,),
@@ -38,7 +38,7 @@ NUMBERED = {
     "SDO client": standard.SDO_CLIENTS,
     **{each.name: values.COMMUNICATION_RECORDS[each] for each in values.PdoDirection},
 }
-"""Services that the stack counts through from the first on."""
+"""Services that the stack expects to be numbered without gaps."""
 
 ADDED_BY_THE_STACK = (standard.EMCY[0], *standard.SDO_SERVERS, *values.PDO_PARAMETERS)
 """Objects to whose COB-IDs the stack adds the node-ID."""
@@ -56,16 +56,12 @@ def missing(device: LintedDevice) -> Violations:
 @RULES.rule("E902", "public: CANopenNode, CANopen.c")
 def without_partner(device: LintedDevice) -> Violations:
     """An object that CANopenNode uses together with another one is not alone."""
-    for index, others in (*PARTNERS.items(), *_pdos(device)):
+    pdos = ((each.index, (each.mapping_index,)) for each in device.pdos)
+    for index, others in (*PARTNERS.items(), *pdos):
         found = device.objects.get(index)
-        for other in others if found else ():
+        for other in others:
             if found and other not in device.objects:
                 yield found.place, f"with 0x{index:04X} CANopenNode needs 0x{other:04X}, too"
-
-
-def _pdos(device: LintedDevice) -> Iterator[tuple[int, tuple[int, ...]]]:
-    for each in device.pdos:
-        yield each.index, (each.mapping_index,)
 
 
 @RULES.rule("E903", "public: CANopenNode, CANopen.c")
@@ -89,7 +85,7 @@ def node_id_of_a_value(device: LintedDevice) -> Violations:
 
 
 OF_LINUX = {0x1010: "CO_CONFIG_STORAGE", 0x1011: "CO_CONFIG_STORAGE", 0x1280: "CO_CONFIG_GTW"}
-"""Objects that CANopenLinux's program uses, and the part of it that does without them when it is 0."""
+"""Objects that CANopenLinux's program uses, and the macro that switches the part using them off."""
 
 
 @RULES.rule("I905", "public: CANopenLinux, CO_main_basic.c")
@@ -101,4 +97,4 @@ def missing_on_linux(device: LintedDevice) -> Violations:
 
 
 STACKS = {"canopennode": RULES}
-"""The rules by stack."""
+"""Rules by stack."""

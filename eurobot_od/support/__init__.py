@@ -1,1 +1,1 @@
-"""What is neither CAN nor CANopen: amounts, durations, files, text that is made harmless, YAML with places, SVG."""
+"""Helpers that know nothing of CAN: amounts, durations, files, harmless text, YAML with places, SVG."""

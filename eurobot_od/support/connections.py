@@ -1,4 +1,4 @@
-"""Connections: where something listens, and how long to wait before the next try to reach it."""
+"""Network addresses, and the pause before the next attempt to connect."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eurobot_od.support.texts import encodable
 
 
 class Address(NamedTuple):
-    """A host, and a port on it."""
+    """A host and a port."""
 
     host: str
     port: int
@@ -28,27 +28,28 @@ def parse(text: str) -> Address:
 
 
 def is_token(shown: str, token: str) -> bool:
-    """Return whether a peer has shown the token; the time it takes does not depend on how much of it is right."""
+    """Return whether a peer has shown the token; comparing takes the same time for every wrong one."""
     import hmac  # and with it OpenSSL, of which only a shared bus has a use
 
     return hmac.compare_digest(encodable(shown).encode(), token.encode())
 
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
-"""Seconds until the next try, doubled each time."""
+"""First and longest pause before another attempt, in s; each pause is twice the one before."""
 
 STEADY = 10.0
-"""Seconds without a failure after which the pauses start from the shortest again."""
+"""Time without a failure after which the pauses start from the shortest again, in s."""
 
 
 class Backoff:
-    """Growing pauses between attempts: the first come at once, and what stays dead costs little."""
+    """Growing pauses between attempts to connect, so that a dead peer costs little."""
 
     def __init__(self) -> None:
-        self._pause, self._failed_at = 0.0, -inf
+        self._pause = 0.0
+        self._failed_at = -inf
 
     def pause(self, now: float) -> float:
-        """Return how many seconds to wait after a failure or a failed try at `now`."""
+        """Return the pause in s after a failure or a failed attempt at `now`."""
         # A loose plug fails again and again: a try that succeeds for a moment does not start from the beginning.
         self._pause = min(2 * self._pause, LONGEST_PAUSE) if now - self._failed_at < STEADY else FIRST_PAUSE
         self._failed_at = now

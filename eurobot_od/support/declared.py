@@ -1,6 +1,6 @@
-"""What an annotation declares of a value beyond its type: `radius: Annotated[float, Within(10, 1000, "mm")]`.
+"""Annotations that declare more of a value than its type: `radius: Annotated[float, Within(10, 1000, "mm")]`.
 
-A noun says its ranges and units itself, once, and starts without YAML: `yaml_shapes` makes its reader from them.
+A class states its ranges and units here without importing YAML; `yaml_shapes` makes its reader from them.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Within(NamedTuple):
-    """A number from `low` to `high`, both included, in a `unit`; errors write the two in a `form`."""
+    """A number from `low` to `high`, both included, in `unit`; `form` formats both in errors."""
 
     low: float
     high: float
@@ -21,14 +21,14 @@ class Within(NamedTuple):
 
 
 class Listed:
-    """A named tuple that is written as a list, `[900, 1400]`; each of its fields has one of the `ranges`."""
+    """A named tuple that YAML writes as a list, such as `[900, 1400]`; `ranges` has one range for each field."""
 
     def __init__(self, *ranges: Within) -> None:
         self.ranges = ranges
 
 
 class ByName:
-    """Values that are written as a mapping: each key is the `name` of its value, which does not say it itself."""
+    """Values that YAML writes as a mapping; each key is the `name` of its value."""
 
 
 class OneOrMore:

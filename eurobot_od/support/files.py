@@ -1,8 +1,7 @@
-"""Files that are read whole, up to a limit, and written completely or not at all.
+"""Files that are read whole, up to a limit, and replaced in one step.
 
-A crash at any moment leaves the old file or the new one. Any number of programs may write one file at once; the last
-one wins. Each writes a file with a name of its own, which takes the old one's place in one step. New files beside the
-file that are not young any more were left there by a crash.
+After a crash at any moment, the file is the old one or the new one. Several programs may write the same file; the last
+one wins. Each writes a temporary file `NAME.xxxxxxxx.new` beside it first; older temporary files are left from crashes.
 """
 
 from __future__ import annotations
@@ -22,43 +21,43 @@ from eurobot_od.errors import FileError, meant
 from eurobot_od.support.texts import described
 
 MOST = 16 << 20
-"""Bytes of the largest EDS, DCF or YAML file that is read; those of real devices have some hundred thousand."""
+"""Largest EDS, DCF or YAML file that is read, in bytes; files of real devices have some hundred thousand."""
 
 LONGEST_WAIT, WAIT = 0.5, 0.01
-"""How long another program may hold the file, and the pause before looking again, in seconds."""
+"""How long to wait while another program holds the file open (Windows), and the pause between two tries, in s."""
 
 ALIKE = 0.88
-"""How much of two files' names has to be the same: more than in other names, which have no suffix in common."""
+"""Similarity from which a file's name is suggested; higher than for other names, because suffixes are alike."""
 
 ABANDONED = 60.0
-"""Seconds after which a new file that has not taken an old one's place counts as left by a crash."""
+"""Age from which a temporary file counts as left by a crash, in s."""
 
 NAME_BYTES = 4
-"""Random bytes, in hexadecimal digits, that make the name of a new file unique."""
+"""Random bytes in the name of a temporary file."""
 
 
 def opened(file: str | Path, buffering: int = -1) -> BinaryIO:
-    """Open a file to be read; raises FileError."""
+    """Open a file for reading; raises FileError."""
     try:
-        return open(file, "rb", buffering)  # noqa: PTH123  # a name may hold what no path can; the caller closes
+        return open(file, "rb", buffering)  # noqa: PTH123  # a name that no Path can hold; the caller closes
     except (OSError, ValueError) as error:
         raise FileError(file, (getattr(error, "strerror", None) or str(error)) + _meant(file, error)) from error
 
 
 def _meant(file: str | Path, error: Exception) -> str:
-    """Return a question for the files beside one that is not there; `` if none has a name like it."""
+    """Return a suggestion for a file that does not exist, from the names in its folder; empty if none is similar."""
     folder, name = os.path.split(file)
     try:
         return meant(name, os.listdir(folder or "."), ALIKE) if isinstance(error, FileNotFoundError) else ""  # noqa: PTH208
-    except OSError:  # nor is the folder
+    except OSError:  # the folder does not exist either
         return ""
 
 
 def read_whole(file: str | Path) -> bytes:
-    """Return what a file holds; raises FileError if it cannot be read, or holds more than `MOST` bytes."""
+    """Return the content of a file; raises FileError if it cannot be read or has more than `MOST` bytes."""
     with opened(file) as stream:
         try:
-            # One more than may be. A size asked beforehand is 0 for /dev/zero or a pipe.
+            # One byte more than allowed. The file's size would be 0 for /dev/zero or a pipe.
             content = stream.read(MOST + 1)
         except OSError as error:
             raise FileError(file, error.strerror or str(error)) from error
@@ -68,37 +67,37 @@ def read_whole(file: str | Path) -> bytes:
 
 
 UNREADABLE = (ValueError, LookupError, ArithmeticError, MemoryError, RecursionError)
-"""What readers raise, ours and those of libraries, for a file that they cannot read or that is too much for them."""
+"""Exceptions of readers, ours and those of libraries, for a file that is malformed or too large."""
 
 
 def why_unreadable(error: BaseException) -> str:
-    """Say in one line what one of UNREADABLE means for the file that was being read."""
+    """Return one line on why a file could not be read, for an exception of UNREADABLE."""
     if isinstance(error, MemoryError):
         return "the file needs more memory than there is"
     return "the file is nested too deeply" if isinstance(error, RecursionError) else f"unreadable: {described(error)}"
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Put a file in place of another in one step, safe on the disk.
+    """Replace a file in one step, synced to the disk.
 
-    Raises OSError with the file's name, and leaves the other then. A link stays one, to the new file, which has the
-    other's mode. A pipe or a device is only written to: nothing can take its place.
+    Raises OSError with the file's name; the old file then stays. A symbolic link stays one, and the file keeps its
+    mode. A pipe or a device cannot be replaced, and is written to.
     """
     try:
         _put(file, content)
-    except OSError as error:  # its own names the file beside, or none
+    except OSError as error:  # its own text names the temporary file, or none
         raise OSError(error.errno, error.strerror, str(file)) from error
 
 
 @contextmanager
 def naming(file: Path) -> Iterator[None]:
-    """Have an OSError that names no file, as from a library or a write to a full disk, name this one."""
+    """Add the file's name to an OSError that has none, as from a library or a write to a full disk."""
     try:
         yield
     except OSError as error:
         if error.filename is not None:
             raise
-        # a library's words say less than the system's, or the same once more
+        # The system's text is clearer than a library's.
         raise OSError(error.errno, os.strerror(error.errno) if error.errno else str(error), str(file)) from error
 
 
@@ -106,7 +105,7 @@ def _put(file: Path, content: bytes) -> None:
     if file.exists() and not file.is_file():  # `-o /dev/stdout`
         file.write_bytes(content)
         return
-    # A link stays one. The new file lies beside the real one: only within one file system it can take its place.
+    # The temporary file is beside the link's target: a file can be replaced only within one file system.
     file = Path(os.path.realpath(file))
     beside = file.with_name(f"{file.name}.{os.urandom(NAME_BYTES).hex()}.new")
     with _folder(file):
@@ -116,18 +115,18 @@ def _put(file: Path, content: bytes) -> None:
                     beside.chmod(stat.S_IMODE(file.stat().st_mode))
                 new.write(content)
                 new.flush()
-                # Before the replacing: after a power cut there must not be the new name with nothing in it.
+                # Before it replaces the old file: otherwise a power cut may leave an empty file.
                 os.fsync(new.fileno())
             _replace(file, beside)
-        except BaseException:  # Ctrl-C, too, must leave nothing behind
-            with suppress(KeyboardInterrupt):  # nor must a second one while this runs
+        except BaseException:  # Ctrl-C included
+            with suppress(KeyboardInterrupt):  # a second Ctrl-C
                 beside.unlink(missing_ok=True)
             beside.unlink(missing_ok=True)
             raise
 
 
 def _replace(file: Path, beside: Path) -> None:
-    """Put a new file in the old one's place; on Windows it waits until nobody reads the old one."""
+    """Move the temporary file to its place; on Windows, wait until nobody reads the old file."""
     end = time.monotonic() + LONGEST_WAIT
     while True:
         try:
@@ -142,24 +141,24 @@ def _replace(file: Path, beside: Path) -> None:
 
 @contextmanager
 def _folder(file: Path) -> Iterator[None]:
-    """Clear a file's folder of what a crash has left, and bring what happens there to the disk; on POSIX only."""
+    """On POSIX, delete temporary files that a crash has left in the file's folder, and sync the folder at the end."""
     if os.name != "posix":
         yield
         return
     for left in file.parent.glob(f"{escape(file.name)}.{'[0-9a-f]' * 2 * NAME_BYTES}.new"):
         with suppress(FileNotFoundError):
-            if time.time() - left.stat().st_mtime > ABANDONED:  # not a young one: a program may just be writing it
+            if time.time() - left.stat().st_mtime > ABANDONED:  # another program may still be writing a younger one
                 left.unlink()
     folder = os.open(file.parent, os.O_RDONLY)
     try:
         yield
-        os.fsync(folder)  # the name is the folder's content, not the file's
+        os.fsync(folder)  # names belong to the folder, not to the file
     finally:
         os.close(folder)
 
 
 def check_writable(path: Path) -> None:
-    """Raise the OSError that `write_whole` would, as far as it can be known without writing anything."""
+    """Raise the OSError that `write_whole` would raise, as far as it can be predicted without writing."""
     wrong = {
         errno.ENOENT: not path.parent.is_dir(),
         errno.EISDIR: path.is_dir(),
@@ -171,8 +170,8 @@ def check_writable(path: Path) -> None:
 
 
 def digest_of(files: Iterable[Path | None]) -> str:
-    """Return a hash of the content of files, in their order; a file that is not there counts as such."""
+    """Return a hash of the files' content, in their order; a missing file also changes it."""
     digest = hashlib.blake2b(digest_size=8)
     for file in files:
-        digest.update(file.read_bytes() if file and file.is_file() else b"-")  # not nothing: its place counts
+        digest.update(file.read_bytes() if file and file.is_file() else b"-")  # a missing file keeps its position
     return digest.hexdigest()

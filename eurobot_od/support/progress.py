@@ -1,4 +1,4 @@
-"""Shows the progress of something slow: of a transfer by its bytes, of many things by their number."""
+"""Progress bars on a terminal, and lines of progress elsewhere."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from typing import NamedTuple, TextIO, TypeAlias, TypeVar
 from eurobot_od.support.texts import one_line
 
 ENDLESS = 10_000
-"""Characters of a line where nothing says how long it may be."""
+"""Width of a line that has no limit, in characters."""
 
 WITH_COLOURS = {"WT_SESSION", "TERM", "ANSICON", "ConEmuANSI"}
-"""What terminals on Windows set that know escape sequences; the old console prints them as they are."""
+"""Variables that are set by Windows terminals with escape sequences; the old console prints the sequences."""
 
 
 def redraws(stream: TextIO) -> bool:
-    """Return whether a line can be written over: on a terminal, unless it says that it is dumb."""
+    """Return whether a line can be overwritten: the stream is a terminal and not a dumb one."""
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def in_colour(stream: TextIO) -> bool:
-    """Return whether colours are wanted and shown: NO_COLOR is not set (no-color.org), and the terminal has them."""
+    """Return whether to use colours: the terminal has them, and NO_COLOR is not set (no-color.org)."""
     is_known = os.name != "nt" or bool(WITH_COLOURS & os.environ.keys())
-    return is_known and redraws(stream) and not os.environ.get("NO_COLOR")  # set, but empty, it does not count
+    return is_known and redraws(stream) and not os.environ.get("NO_COLOR")  # an empty NO_COLOR does not count
 
 
 def columns(stream: TextIO) -> int:
-    """Return how many characters a line of a terminal has; practically endless for anything else."""
+    """Return the width of a terminal in characters; `ENDLESS` for anything else."""
     try:
         return os.get_terminal_size(stream.fileno()).columns or ENDLESS
     except (OSError, ValueError):  # a text in memory has no file
@@ -38,7 +38,7 @@ def columns(stream: TextIO) -> int:
 
 
 def folded(text: str, stream: TextIO, indent: int) -> str:
-    """Return a line as lines of whole words that fit a terminal, all but the first one indented."""
+    """Wrap a line between words to fit the terminal, and indent all lines but the first."""
     width = columns(stream)
     if len(text) <= width or width < 2 * indent:
         return text
@@ -48,34 +48,36 @@ def folded(text: str, stream: TextIO, indent: int) -> str:
 
 
 Progress: TypeAlias = Callable[[int, "int | None"], object]
-"""Called with how much is done, and how much there is in all, None if that is not known."""
+"""Called with the amount that is done, and the whole amount, None if it is unknown."""
 
 WIDTH, SHORTEST = 30, 5
-"""Characters of the bar, and how few they become on a narrow terminal."""
+"""Width of the bar, and its width on a narrow terminal, in characters."""
 
 REDRAWN = 0.1
-"""Seconds between two drawings."""
+"""Time between two drawings, in s."""
 
 SHORT = 2.0
-"""Seconds after which the bar also says how long it will still take."""
+"""Time after which the bar also shows the time left, in s."""
 
 LONG = 10.0
-"""Seconds from which on the time it takes is announced where there is no terminal, and seconds between two lines."""
+"""Without a terminal: shortest expected time that is announced, and time between two lines, in s."""
 
 
 class Unit(NamedTuple):
-    """What is counted, the unit of its rate, and how many of it that unit stands for."""
+    """What is counted, and the unit of its rate, which stands for `number` of them."""
 
     name: str
     rate: str
     number: int = 1
 
 
-BYTES, PERCENT, OBJECTS = Unit("bytes", "kB/s", 1000), Unit("%", "%/s"), Unit("objects", "objects/s")
+BYTES = Unit("bytes", "kB/s", 1000)
+PERCENT = Unit("%", "%/s")
+OBJECTS = Unit("objects", "objects/s")
 
 
 def unwatched(done: int, size: int | None) -> None:
-    """Show nothing."""
+    """Show nothing; a `Progress` for streams that are not a terminal."""
 
 
 @contextmanager
@@ -86,7 +88,7 @@ def bar(
     unit: Unit = BYTES,
     after: float = 0.0,
 ) -> Iterator[Progress]:
-    """Yield a function that draws the bar, once `after` s have passed; at the end the bar is wiped out.
+    """Yield a `Progress` that draws a bar once `after` s have passed; the bar is erased at the end.
 
     Without a terminal nothing is drawn.
     """
@@ -103,7 +105,7 @@ def bar(
         if now - started < after or (width and now - drawn < REDRAWN and done != size):
             return
         drawn = now
-        # One column stays free: a terminal that has written the last one may begin a new line.
+        # One column stays free: writing the last one may begin a new line.
         text = line(what, done, size, now - started, unit, columns(out) - 1)
         out.write("\r" + text.ljust(width))
         out.flush()
@@ -118,9 +120,9 @@ def bar(
 
 
 def line(what: str, done: int, size: int | None, seconds: float, unit: Unit = BYTES, most: int = ENDLESS) -> str:
-    """Return the bar as text: share, number, number per second, and from `SHORT` on how long it will still take.
+    """Return the bar as text: share, number, rate and, after `SHORT` seconds, the time left.
 
-    It has `most` characters: first the bar gets shorter, down to `SHORTEST`, then the text is cut off.
+    It has at most `most` characters: the bar is shortened to `SHORTEST`, then the text is cut off.
     """
     rate = f"{done / seconds / unit.number:.1f} {unit.rate}" if seconds > 0 else ""
     if not size:
@@ -141,7 +143,7 @@ Thing = TypeVar("Thing")
 
 @contextmanager
 def passing(what: str, things: Iterable[Thing]) -> Iterator[Iterator[Thing]]:
-    """Yield the objects `things` one after the other; if that takes long, a bar for `what` is drawn."""
+    """Yield an iterator over `things` that draws a bar for `what` if the loop takes long."""
     listed = list(things)
     with bar(what, unit=OBJECTS, after=SHORT) as draw:
 
@@ -150,7 +152,7 @@ def passing(what: str, things: Iterable[Thing]) -> Iterator[Iterator[Thing]]:
                 draw(done, len(listed))
                 yield thing
 
-        # Not `passing` itself is the generator: an error would then be printed before the bar is wiped out.
+        # As a context manager, `passing` erases the bar before an error is printed.
         yield drawn()
 
 
@@ -162,9 +164,9 @@ def counted(
     stream: TextIO | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Thing]:
-    """Pass on `number` things, `what` in words, that are made `at_once` at a time, and show how far it is.
+    """Yield `number` things that are made `at_once` at a time, and show the progress; `what` names them.
 
-    A terminal has a bar. Elsewhere a line announces how long it will take, if that is long, and others follow.
+    A terminal shows a bar. Elsewhere a line announces a long time, and further lines tell the time left.
     """
     out = stream or sys.stderr
     with bar("", out, clock, Unit(what, f"{what}/s")) as draw:
@@ -172,7 +174,7 @@ def counted(
         for count, thing in enumerate(things, 1):
             now = clock()
             if count == 1:
-                first = said = now  # the first round also starts the processes, so its time says nothing of the rest
+                first = said = now  # the first one also starts the processes, so its time does not count
             elif not redraws(out):
                 left = (now - first) / (count - 1) * (number - count)
                 if count == 1 + at_once and left >= LONG:

@@ -1,6 +1,6 @@
-"""SVG elements as text, and what all our pictures have in common: colours, type, and the axes of charts.
+"""SVG elements as text, and the colours, sizes and axes of our pictures.
 
-Rule of this file: text is escaped here and nowhere else, so that a title with `<` in it cannot break a picture.
+Only this module escapes text for SVG, so that a title with `<` cannot break a picture.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 INK, PALE, GRID, PAPER = "#22262b", "#6b7178", "#e6e3d8", "#ffffff"
 COLOURS = BLUE, RED, GREEN, PURPLE, BROWN = "#2f8fd0", "#c62828", "#2e7d32", "#8e5bb5", "#b26a00"
 TEXT, TITLE = 13, 17
-"""Sizes of type in charts, in pixels of a screen."""
+"""Font sizes in charts, in px."""
 
 NAMESPACE = "http://www.w3.org/2000/svg"
 
 TICKS = 6
-"""A scale has about this many lines."""
+"""Approximate number of grid lines of an axis."""
 
 PaperPoint = tuple[float, float]
-"""x and y on the paper, where y grows downwards."""
+"""x and y in the picture; y grows downwards."""
 
 
 def element(tag: str, *content: str, **attributes: object) -> str:
-    """Return an element; `stroke_width=3` becomes `stroke-width="3"`, `class_` is `class`; None leaves one out."""
+    """Return an element; `stroke_width=3` becomes `stroke-width="3"`, `class_` becomes `class`, and None is omitted."""
     said = {name.rstrip("_").replace("_", "-"): value for name, value in attributes.items() if value is not None}
     written = "".join(f' {name}="{_escaped(number(value))}"' for name, value in said.items())
     return f"<{tag}{written}>{''.join(content)}</{tag}>" if content else f"<{tag}{written}/>"
@@ -39,8 +39,8 @@ def _escaped(words: str) -> str:
 
 
 def number(value: object) -> str:
-    """Write a value; numbers with at most two decimals."""
-    # A hundredth of a pixel is finer than any screen; further digits only make a file longer.
+    """Format a value; floats with at most two decimals."""
+    # Further digits than a hundredth of a pixel only make the file longer.
     return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 
@@ -50,7 +50,7 @@ def text(place: PaperPoint, words: str, **attributes: object) -> str:
 
 
 def title(words: str) -> str:
-    """Return what a browser shows when the pointer is on the element that this is put into."""
+    """Return the tooltip of the element that contains it."""
     return element("title", _escaped(words))
 
 
@@ -80,12 +80,12 @@ def polygon(points: Iterable[PaperPoint], **attributes: object) -> str:
 
 
 def group(*content: str, **attributes: object) -> str:
-    """Return elements as one."""
+    """Return a group of elements."""
     return element("g", "\n".join(content), **attributes)
 
 
 def moved(corner: PaperPoint, *content: str, **attributes: object) -> str:
-    """Return elements as one, with their origin at `corner`."""
+    """Return a group of elements whose origin is at `corner`."""
     return group(*content, transform=f"translate({number(corner[0])} {number(corner[1])})", **attributes)
 
 
@@ -109,7 +109,7 @@ def heading(words: str) -> str:
 
 
 class Axis(NamedTuple):
-    """From a value to a place: `low` is at `start`, `high` at `end`."""
+    """A linear scale: value `low` is at `start`, `high` at `end`."""
 
     low: float
     high: float
@@ -123,25 +123,25 @@ class Axis(NamedTuple):
     def ticks(self) -> Iterator[float]:
         """Yield round values from `low` to `high`."""
         step = round_step((self.high - self.low) / TICKS)
-        # 1e-9: an end that is a tick stays one in spite of rounding
+        # 1e-9: an end of the axis stays a tick despite rounding
         return (number * step for number in range(ceil(self.low / step - 1e-9), floor(self.high / step + 1e-9) + 1))
 
 
 def round_step(least: float) -> float:
-    """Return the smallest of 1, 2, 5, 10, 20, ... (or 0.5, 0.2, ...) that is not less."""
+    """Return the smallest number of the series 1, 2, 5, 10, 20, ... (also 0.5, 0.2, ...) that is at least `least`."""
     power = 10.0 ** floor(log10(least))
     return next(factor * power for factor in (1, 2, 5, 10) if factor * power >= least * (1 - 1e-9))
 
 
 def axis_across(ticks: Iterable[tuple[float, str]], top: float, bottom: float) -> Iterator[str]:
-    """Yield a line and a label for each tick, which is its x and its words."""
+    """Yield the grid line and the label of each tick, given as x and text."""
     for x, words in ticks:
         yield line((x, top - 6), (x, bottom + 4), stroke=GRID, stroke_width=1)
         yield text((x, bottom + 20), words, font_size=TEXT, fill=PALE, text_anchor="middle")
 
 
 def axis_up(axis: Axis, left: float, right: float) -> Iterator[str]:
-    """Yield a line and a label for each tick of an axis that goes up."""
+    """Yield the grid line and the label of each tick of a vertical axis."""
     for value in axis.ticks():
         y = axis.at(value)
         yield line((left, y), (right, y), stroke=GRID, stroke_width=1)

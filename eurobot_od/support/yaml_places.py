@@ -1,7 +1,7 @@
-"""YAML as nodes with their places in the file, and the problems that a file has, each with its place.
+"""YAML as nodes with their places in the file, and a file's problems, each with its place.
 
-A file is parsed only as far as nodes, which `yaml_shapes` reads. All problems of a file are collected, so one run shows
-them all.
+A file is only parsed into nodes here; `yaml_shapes` reads the values. All problems of a file are collected, so that one
+run shows them all.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
@@ -22,7 +23,7 @@ from eurobot_od.support.texts import encodable, one_line
 
 T = TypeVar("T")
 STRING, DECIMAL = "tag:yaml.org,2002:str", "tag:yaml.org,2002:float"
-"""The tag of what YAML itself takes for a text."""
+"""The tags that YAML gives to texts and to decimal numbers."""
 
 
 class Place(NamedTuple):
@@ -36,27 +37,27 @@ START = Place(1, 1)
 
 
 class PlaceElsewhere(Place):
-    """A place in another `file` than the one that is read: one that it builds on."""
+    """A place in another `file`, from which the file that is read inherits."""
 
     file: str
 
 
 class Problem(NamedTuple):
-    """What is wrong at a place, in words without the file's name."""
+    """What is wrong at a place, without the file's name."""
 
     place: Place
     what: str
 
 
 class ReadError(Exception):
-    """A node that gave no value; the problems say why."""
+    """A node could not be read; the collected problems say why."""
 
 
 class WithPlace:
-    """A value that remembers its `place`; a copy, or another process, first makes it without one."""
+    """A value with its `place` in the file; copying and pickling first create it without one."""
 
     def __new__(cls, value: Any, place: Place = START) -> Self:
-        self = super().__new__(cls, value)  # type: ignore[call-arg]  # of the text or number that it is, too
+        self = super().__new__(cls, value)  # type: ignore[call-arg]  # the other base is a text or a number
         self.place = place
         return self
 
@@ -68,11 +69,11 @@ class PlacedText(WithPlace, str):
 
 
 class PlacedNumber(WithPlace, int):
-    """A whole number, zero or more, and its `place`."""
+    """A non-negative whole number and its `place`."""
 
 
 class PlacedInteger(PlacedNumber):
-    """A whole number, which may be negative, and its `place`."""
+    """A whole number, possibly negative, and its `place`."""
 
 
 class PlacedReal(WithPlace, float):
@@ -84,7 +85,7 @@ NodeReader = Callable[[yaml.Node, Problems], T]
 
 
 def place_of(mark: yaml.Mark) -> Place:
-    """Count line and column from 1, as editors do; YAML counts from 0."""
+    """Convert YAML's mark, which counts from 0, to line and column from 1."""
     if not isinstance(mark, MarkElsewhere):
         return Place(mark.line + 1, mark.column + 1)
     place = PlaceElsewhere(mark.line + 1, mark.column + 1)
@@ -93,24 +94,31 @@ def place_of(mark: yaml.Mark) -> Place:
 
 
 class MarkElsewhere(yaml.Mark):
-    """The mark of a node that comes from another file, its `name`."""
+    """The mark of a node from another file, its `name`."""
 
 
 def elsewhere(node: yaml.Node, file: str) -> yaml.Node:
-    """Return a node, and all in it, as one that comes from another file."""
-    if not isinstance(node.start_mark, MarkElsewhere):  # an alias is here already, and may refer to itself
+    """Mark a node, and all nodes in it, as coming from another file, and return it."""
+    if not isinstance(node.start_mark, MarkElsewhere):  # an alias was visited before, and may refer to itself
         mark = node.start_mark
         node.start_mark = MarkElsewhere(file, mark.index, mark.line, mark.column, None, 0)
-        for part in node.value if isinstance(node, yaml.CollectionNode) else ():
-            for each in part if isinstance(part, tuple) else (part,):
-                elsewhere(each, file)
+        for child in children(node):
+            elsewhere(child, file)
     return node
 
 
-def merged(base: yaml.Node, own: yaml.Node) -> yaml.Node:
-    """Return a mapping with the entries of both; own ones count, and one that is empty takes away the base's.
+def children(node: yaml.Node) -> Iterator[yaml.Node]:
+    """Yield the items of a list, or the keys and values of a mapping; nothing for a single value."""
+    if isinstance(node, yaml.MappingNode):
+        yield from chain.from_iterable(node.value)
+    elif isinstance(node, yaml.SequenceNode):
+        yield from node.value
 
-    What is a mapping in both is merged likewise; anything else is replaced as a whole.
+
+def merged(base: yaml.Node, own: yaml.Node) -> yaml.Node:
+    """Merge two mappings: own entries replace those of the base, and an empty own entry removes the base's.
+
+    Entries that are mappings in both are merged likewise; anything else is replaced as a whole.
     """
     if not (isinstance(base, yaml.MappingNode) and isinstance(own, yaml.MappingNode)):
         return own
@@ -123,21 +131,21 @@ def merged(base: yaml.Node, own: yaml.Node) -> yaml.Node:
 
 
 def shown(node: yaml.Node) -> str:
-    """Say what a node is: its text, `nothing`, `a list` or `a mapping`."""
+    """Describe a node in an error: its text, `nothing`, `a list` or `a mapping`."""
     kinds: dict[type[yaml.Node], str] = {yaml.SequenceNode: "a list", yaml.MappingNode: "a mapping"}
     empty = node.value == "" and isinstance(node, yaml.ScalarNode) and not node.style
     return "nothing" if empty else kinds.get(type(node)) or repr(node.value)
 
 
 def refuse(node: yaml.Node, problems: Problems, what: str) -> NoReturn:
-    """Note the problem of a node and leave its reader."""
+    """Add a problem at a node, then raise ReadError to leave its reader."""
     problems.append(Problem(place_of(node.start_mark), what))
     raise ReadError
 
 
 @contextmanager
 def refusing(node: yaml.Node, problems: Problems) -> Iterator[None]:
-    """Have a LocalError noted as the problem of a node, whose reader is left then."""
+    """Convert a LocalError inside the `with` block into a problem at the node, and leave its reader."""
     try:
         yield
     except LocalError as error:
@@ -145,7 +153,7 @@ def refusing(node: yaml.Node, problems: Problems) -> Iterator[None]:
 
 
 def taken(text: PlacedText, problems: Problems, convert: Callable[[str], T]) -> T:
-    """Convert a text that knows its place; the LocalError of one that cannot be converted is noted there."""
+    """Convert a text; a LocalError becomes a problem at the text's place."""
     try:
         return convert(str(text))
     except LocalError as error:
@@ -155,7 +163,7 @@ def taken(text: PlacedText, problems: Problems, convert: Callable[[str], T]) -> 
 
 @contextmanager
 def telling(file: str | Path) -> Iterator[Problems]:
-    """Collect what is wrong with a file; raises YamlError with all of it in the end, if there is anything."""
+    """Collect the problems of a file; at the end raises YamlError if there is any."""
     problems: Problems = []
     with suppress(ReadError):
         yield problems
@@ -164,8 +172,8 @@ def telling(file: str | Path) -> Iterator[Problems]:
 
 
 def placed_lines(file: str | Path, problems: Iterable[Problem]) -> list[str]:
-    """Return a line `file:line:column: what` for each problem, once, in the file's order."""
-    # An object that several nodes share brings its problem several times.
+    """Return one line `file:line:column: what` for each distinct problem, in the file's order."""
+    # A node that is read several times has its problem several times.
     return [
         one_line(f"{getattr(place, 'file', file)}:{place.line}:{place.column}: {what}")
         for place, what in sorted(set(problems))
@@ -173,9 +181,10 @@ def placed_lines(file: str | Path, problems: Iterable[Problem]) -> list[str]:
 
 
 def read_all(parts: Iterator[tuple[NodeReader[T], yaml.Node]], problems: Problems) -> list[T]:
-    """Read every part, also after a faulty one, to find all problems; then give up if there was one."""
-    # By their number, as a reader may note a problem and still give a value: a key that stands twice.
-    before, values = len(problems), []
+    """Read every part, also after a faulty one, to find all problems; raises ReadError at the end if there was one."""
+    # Counted, because a reader may add a problem and still return a value, such as for a repeated key.
+    before = len(problems)
+    values = []
     for reader, node in parts:
         try:
             values.append(reader(node, problems))
@@ -187,17 +196,17 @@ def read_all(parts: Iterator[tuple[NodeReader[T], yaml.Node]], problems: Problem
 
 
 def compose(source: str, problems: Problems) -> yaml.Node:
-    """Parse the one document of `source` into nodes; text that is not YAML is one problem."""
+    """Parse the only document of `source` into nodes; invalid YAML is a problem."""
     return _parsed(yaml.compose, source, problems)
 
 
 def compose_all(source: str, problems: Problems) -> list[yaml.Node]:
-    """Parse all documents of `source`; text that is not YAML is one problem."""
+    """Parse all documents of `source`; invalid YAML is a problem."""
     return _parsed(lambda *arguments: list(yaml.compose_all(*arguments)), source, problems)
 
 
 class PurePython(yaml.SafeLoader):
-    """Parses slowly, and like libyaml refuses escapes that are no characters, which no file can hold."""
+    """A slow parser which, like libyaml, refuses escapes that are not characters."""
 
     def scan_flow_scalar_non_spaces(self, double: bool, start_mark: yaml.Mark) -> list[str]:
         """Return the characters up to the next blank; raises ScannerError."""
@@ -231,7 +240,7 @@ else:
 
 
 def _nodes(parse: Callable[[str, type], T | None], source: str) -> T | None:
-    """Return what the first parser makes of it that takes it; else raise the last one's error, whose words we know."""
+    """Return the result of the first parser that accepts the source, or raise the last parser's error."""
     for parser in PARSERS[:-1]:
         with suppress(yaml.YAMLError):
             return parse(source, parser)
@@ -239,18 +248,18 @@ def _nodes(parse: Callable[[str, type], T | None], source: str) -> T | None:
 
 
 MOST_VALUES, BEFORE_VALUES = 500_000, "\n,[{-?"
-"""Most values of a text that is parsed, counted by the characters of which one stands before each of them."""
+"""Largest number of values that is parsed, estimated by counting the characters that precede a value."""
 
 
 def _parsed(parse: Callable[[str, type], T | None], source: str, problems: Problems) -> T:
-    """Call the parser; what it raises, and a text without a document, or with too much, become a problem."""
+    """Call the parser; its errors, an empty source and one with too many values become problems."""
     if sum(map(source.count, BEFORE_VALUES)) > MOST_VALUES:
         problems.append(Problem(START, f"more than {MOST_VALUES} values, which are the most that are read"))
         raise ReadError
     try:
         parsed = _nodes(parse, source)
     except yaml.reader.ReaderError as error:
-        lines = source[: error.position].split("\n")  # this error alone has a position instead of a mark
+        lines = source[: error.position].split("\n")  # only this error has a position instead of a mark
         problem = Problem(Place(len(lines), len(lines[-1]) + 1), error.reason)
     except yaml.MarkedYAMLError as error:
         problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, in_words(error))
@@ -265,7 +274,7 @@ def _parsed(parse: Callable[[str, type], T | None], source: str, problems: Probl
 
 
 def refuse_aliases(root: yaml.Node, problems: Problems) -> None:
-    """Note every part that an alias uses again: it would be read twice, and its problems have only one place."""
+    """Refuse a node that is used again by an alias: it would be read twice, with only one place for problems."""
     seen: set[int] = set()
     waiting = [root]
     while waiting:
@@ -273,8 +282,7 @@ def refuse_aliases(root: yaml.Node, problems: Problems) -> None:
         if id(node) in seen:
             refuse(node, problems, "an alias refers to this; write it out")
         seen.add(id(node))
-        if isinstance(node, yaml.CollectionNode):
-            waiting += (part for each in node.value for part in (each if isinstance(each, tuple) else (each,)))
+        waiting += children(node)
 
 
 MISTAKES = (
@@ -297,14 +305,14 @@ MISTAKES = (
     (r".*node content.*", "a value is missing"),
     (r".*found another document", "a second document, where one is all there can be"),
 )
-"""A complaint as `context|problem`, context without `while ...ing a`, and what it means."""
+"""Patterns of PyYAML's errors as `context|problem`, without `while ...ing a`, and what each means to the user."""
 
 CONTEXT = re.compile(r"while (parsing|scanning) an? ")
 
 
 def in_words(error: yaml.MarkedYAMLError) -> str:
-    """Say what is wrong, for a person."""
-    # The parser's words are in two parts, of which either may be what tells one mistake from another.
+    """Return what is wrong, in the user's terms."""
+    # Either part of the parser's text may be what distinguishes two mistakes.
     complaint = f"{CONTEXT.sub('', error.context or '', count=1)}|{error.problem}"
     for pattern, words in MISTAKES:
         match = re.fullmatch(pattern, complaint, re.DOTALL)

@@ -1,12 +1,12 @@
-"""Shapes of YAML: what reads a value and tells what is wrong with it; made of typed declarations.
+"""Shapes: readers of YAML values that report what is wrong, made from type annotations.
 
-`shape_of` takes an annotation. A named tuple, a dataclass or a function stands for a mapping with its parameters as
-keys; what has a default may be left out. `Annotated` adds a range or a list's form (see `declared`), another shape, or
-a function that converts the value. Whatever is called with a value refuses it by a LocalError, which is told with the
+`shape_of` takes an annotation. A named tuple, a dataclass or a function stands for a mapping whose keys are its
+parameters; keys with a default may be omitted. `Annotated` adds a range or the form of a list (see `declared`), another
+shape, or a function that converts the value. A function rejects a value by LocalError, which is reported with the
 value's place.
 
-Nothing is converted by the rules of YAML 1.1: `010` is 8 there, `12:30` is 750, `off` is False, and the second of two
-equal keys wins.
+YAML 1.1's own conversions are not used: they read `010` as 8, `12:30` as 750 and `off` as False, and accept a repeated
+key.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ DECIMAL = r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?"
 
 @dataclass(frozen=True, eq=False)
 class Shape(Generic[T]):
-    """What may stand at a place: `read` takes it from the YAML; `whole` is one that only whole numbers have."""
+    """Reader of one kind of value; `whole` is set if it accepts whole numbers only."""
 
     read: NodeReader[T]
     whole: bool = False
 
 
 def read_yaml(source: str, shape: Shape[T], file: str | Path) -> T:
-    """Read a text of one YAML document; raises YamlError with all its problems. `file` is its name in them."""
+    """Read a text of one YAML document; raises YamlError with all its problems. `file` is its name in errors."""
     with nodes.telling(file) as problems:
         return shape.read(nodes.compose(source, problems), problems)
 
@@ -63,7 +63,7 @@ def read_yaml(source: str, shape: Shape[T], file: str | Path) -> T:
 
 
 def _unquoted(pattern: str, what: str, make: Callable[[str, Place], T]) -> NodeReader[T]:
-    """Return the reader of a number, which YAML takes for one without quotes."""
+    """Return the reader of a number that is written without quotes."""
 
     def read(node: yaml.Node, problems: Problems) -> T:
         if not isinstance(node, yaml.ScalarNode) or node.style or not re.fullmatch(pattern, node.value):
@@ -96,19 +96,19 @@ REAL = Shape(_unquoted(DECIMAL, "a decimal number", lambda text, _: float(text))
 """A decimal number, which may be negative and have a fraction."""
 
 TEXT = Shape(_text)
-"""A text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
+"""A text; one that YAML would convert (`off`, `12:30`, `1.0`) has to be in quotes."""
 
 INTEGER = Shape(
     _unquoted(f"{WHOLE}|-[1-9][0-9]{{0,99}}", A_WHOLE_NUMBER, lambda text, place: PlacedInteger(int(text, 0), place))
 )
-"""A NUMBER, or a negative one in decimal."""
+"""A whole number, which may be negative."""
 
 SCALAR = Shape(_scalar)
-"""A single value as it is written, whatever YAML takes it for."""
+"""A single value as text, whatever its type in YAML."""
 
 
 def converted(shape: Shape[T], convert: Callable[[T], S]) -> Shape[S]:
-    """Make a shape of what `convert` makes from another; it raises LocalError for what it does not take."""
+    """Make a shape whose values are converted by `convert`, which rejects a value by LocalError."""
 
     def read(node: yaml.Node, problems: Problems) -> S:
         value = shape.read(node, problems)
@@ -144,7 +144,7 @@ NUMBER_OR_ASCII: Shape[PlacedInteger | PlacedReal | PlacedText] = Shape(
 
 
 def matching(pattern: str, what: str) -> Shape[PlacedText]:
-    """Make a shape of a text that matches all of a regular expression, called `what`."""
+    """Make a shape of a text that matches a whole regular expression; `what` describes it in errors."""
 
     def matched(text: PlacedText) -> PlacedText:
         if not re.fullmatch(pattern, text):
@@ -155,12 +155,12 @@ def matching(pattern: str, what: str) -> Shape[PlacedText]:
 
 
 def named(table: Mapping[str, T], kind: str) -> Shape[T]:
-    """Make a shape of one of a table's names, read as what the table has for it."""
+    """Make a shape of a name in `table`, read as the value in the table."""
     return converted(SCALAR, lambda text: look_up(kind, text, table))
 
 
 def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
-    """Make a shape of a number in a range; `name` is what errors call it."""
+    """Make a shape of a number in a range; `name` is its name in errors."""
     words = f"whole numbers {allowed}" if shape.whole else str(allowed)
 
     def read(node: yaml.Node, problems: Problems) -> T:
@@ -176,7 +176,7 @@ def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
 
 
 def longer_than_0(seconds: float) -> float:
-    """Return a time; raises LocalError for none."""
+    """Return a time; raises LocalError for 0."""
     if not seconds:
         raise LocalError("this time has to be longer than 0")
     return seconds
@@ -199,7 +199,7 @@ def listing(item: Shape[T]) -> Shape[tuple[T, ...]]:
 
 
 def listed(make: Callable[..., T], items: Sequence[Shape[Any]]) -> Shape[T]:
-    """Make a shape of a list with a shape for each of its items, which are given to `make`."""
+    """Make a shape of a list with one shape for each item; `make` is called with the items."""
 
     def read(node: yaml.Node, problems: Problems) -> T:
         found = _items(node, problems)
@@ -228,14 +228,14 @@ def one_or_more(item: Shape[T]) -> Shape[tuple[T, ...]]:
 
 
 def filled(entries: T) -> T:
-    """Return a list or mapping; raises LocalError for an empty one."""
+    """Return a list or mapping; raises LocalError if it is empty."""
     if not entries:
         raise LocalError("expected at least one entry")
     return entries
 
 
 def pairs_of(node: yaml.Node, problems: Problems) -> dict[PlacedText, yaml.Node]:
-    """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
+    """Return a mapping's keys with their value nodes; a repeated key is a problem."""
     return _pairs(node, problems, ASCII)
 
 
@@ -245,14 +245,14 @@ def _pairs(node: yaml.Node, problems: Problems, key: Shape[T]) -> dict[T, yaml.N
     pairs: dict[T, yaml.Node] = {}
     keys = nodes.read_all(((key.read, each) for each, _ in node.value), problems)
     for name, (key_node, value_node) in zip(keys, node.value):
-        if name in pairs:  # PyYAML would take the second without a word
+        if name in pairs:  # PyYAML would silently take the second
             problems.append(Problem(nodes.place_of(key_node.start_mark), f"key {nodes.shown(key_node)} is given twice"))
         pairs.setdefault(name, value_node)
     return pairs
 
 
 def mapping(value: Shape[T], key: Shape[S]) -> Shape[dict[S, T]]:
-    """Make a shape of a mapping whose keys have a shape, too; it keeps the file's order, no key twice."""
+    """Make a shape of a mapping from shapes of its keys and values; it keeps the file's order."""
 
     def read(node: yaml.Node, problems: Problems) -> dict[S, T]:
         pairs = _pairs(node, problems, key)
@@ -263,7 +263,7 @@ def mapping(value: Shape[T], key: Shape[S]) -> Shape[dict[S, T]]:
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a mapping: its shape, what it is for where that has to be told, and whether it has to be there."""
+    """One key of a mapping: its shape, a hint for the error about a missing one, and whether it is required."""
 
     shape: Shape[Any]
     help: str = ""
@@ -274,7 +274,7 @@ Keys: TypeAlias = Mapping[str, Key]
 
 
 def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
-    """Make a shape of a mapping with fixed keys, given to `make` by their names; no other key may be there."""
+    """Make a shape of a mapping with fixed keys; `make` is called with the values by name. Other keys are refused."""
 
     def read(node: yaml.Node, problems: Problems) -> T:
         pairs = pairs_of(node, problems)
@@ -287,7 +287,7 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
         problems += wrong
         known = {str(name): each for name, each in pairs.items() if name in keys}
         values = nodes.read_all(((keys[name].shape.read, each) for name, each in known.items()), problems)
-        if wrong:  # only now: problems with the other keys are reported in the same run
+        if wrong:  # only now, so that problems of the other values are reported, too
             raise nodes.ReadError
         with nodes.refusing(node, problems):
             return make(**dict(zip(known, values)))
@@ -298,7 +298,7 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
 # From declarations
 
 Plain: TypeAlias = Mapping[Any, Shape[Any]]
-"""The shapes of single values by their types."""
+"""Shapes of single values by type."""
 
 PLAIN: Plain = {
     int: converted(NUMBER, int),
@@ -312,32 +312,34 @@ PLAIN: Plain = {
 
 
 def shape_of(kind: Any, plain: Plain = PLAIN, name: str = "value") -> Shape[Any]:
-    """Return the shape that an annotation, a class or a function declares; `name` is what errors call its value."""
+    """Return the shape that an annotation, a class or a function declares; `name` is the value's name in errors."""
     if kind in plain:
         return plain[kind]
     if isinstance(kind, type) and issubclass(kind, Enum):
         return named({each.value: each for each in kind}, name)
-    form, of = FORMS.get(get_origin(kind)), partial(shape_of, plain=plain)
+    form = FORMS.get(get_origin(kind))
+    of = partial(shape_of, plain=plain)
     return form(of, name, *get_args(kind)) if form else record(kind, _keys(of, kind))
 
 
 Of: TypeAlias = Callable[..., Shape[Any]]
-"""`shape_of` with the shapes of a file."""
+"""`shape_of` with the `plain` shapes already given."""
 
 
 def _keys(of: Of, kind: Any) -> dict[str, Key]:
-    """Return the keys that the parameters of a class or function stand for."""
-    hints, parameters = get_type_hints(kind, include_extras=True), signature(kind).parameters.items()
+    """Return the keys for the parameters of a class or function."""
+    hints = get_type_hints(kind, include_extras=True)
+    parameters = signature(kind).parameters.items()
     return {name: Key(of(hints[name], name=name), needed=each.default is each.empty) for name, each in parameters}
 
 
 def _optional(of: Of, name: str, *kinds: Any) -> Shape[Any]:
-    (kind,) = set(kinds) - {NoneType}  # None by leaving it out
+    (kind,) = set(kinds) - {NoneType}  # None is written by omitting the key
     return of(kind, name=name)
 
 
 def _mapping(of: Of, name: str, key: Any, value: Any) -> Shape[Any]:
-    if get_origin(key) is Literal:  # each of them has to be there
+    if get_origin(key) is Literal:  # every one is required
         return record(dict, {each: Key(of(value, name=each), needed=True) for each in get_args(key)})
     return mapping(of(value, name=name), of(key))
 
@@ -349,7 +351,7 @@ def _sequence(of: Of, name: str, item: Any, *others: Any) -> Shape[Any]:
 
 
 def _annotated(of: Of, name: str, kind: Any, *said: Any) -> Shape[Any]:
-    """Take in one after the other what is said of a type."""
+    """Apply the metadata of `Annotated` one after the other."""
     shape: Shape[Any] | None = None
     for each in said:
         if isinstance(each, Shape):
@@ -368,7 +370,7 @@ FORMS: Mapping[Any, Callable[..., Shape[Any]]] = {
     **dict.fromkeys((dict, abc.Mapping), _mapping),
     **dict.fromkeys((tuple, abc.Sequence), _sequence),
 }
-"""What makes the shape of an annotation by its origin."""
+"""Functions that make the shape of a generic annotation, by its origin."""
 
 
 def _by_fields(of: Of, said: Listed, kind: Any) -> Shape[Any]:
@@ -390,4 +392,4 @@ SAID: Mapping[type, Callable[..., Shape[Any]]] = {
     ByName: _by_name,
     OneOrMore: lambda of, _, kind: one_or_more(of(get_args(kind)[0])),
 }
-"""What makes the shape of a type by what is said of it."""
+"""Functions that make a shape from metadata in `Annotated`, by the metadata's type."""

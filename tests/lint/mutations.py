@@ -103,7 +103,7 @@ class Defect(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return a short name for test reports."""
+        """Short name for test reports."""
         return f"{self.code} {self.what}"
 
 

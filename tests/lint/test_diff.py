@@ -40,7 +40,7 @@ SAME = [
 
 
 @pytest.mark.parametrize(("what", "pattern", "replacement"), SAME)
-def test_how_it_is_written_does_not_count(what: str, pattern: str, replacement: str) -> None:
+def test_notation_makes_no_difference(what: str, pattern: str, replacement: str) -> None:
     count = 1 if what.startswith("limits") else 0
     changed = re.sub(pattern, lambda _: replacement, CLEAN, count=count)
     assert changed != CLEAN
@@ -69,7 +69,7 @@ DIFFERENT = [
 
 
 @pytest.mark.parametrize(("section", "old", "new", "expected"), DIFFERENT)
-def test_what_it_means_counts(section: str, old: str, new: str, expected: list[str]) -> None:
+def test_a_changed_meaning_is_a_difference(section: str, old: str, new: str, expected: list[str]) -> None:
     start = CLEAN.index(f"[{section}]")
     changed = CLEAN[:start] + CLEAN[start:].replace(old, new, 1)
     found = [str(each) for each in compare(device(CLEAN), device(changed))]
@@ -77,19 +77,19 @@ def test_what_it_means_counts(section: str, old: str, new: str, expected: list[s
     assert all(any(text in each for each in found) for text in expected), found
 
 
-def test_names_count_if_that_is_asked_for() -> None:
+def test_names_are_compared_on_request() -> None:
     changed = CLEAN.replace("ParameterName=Unit", "ParameterName=Einheit")
     found = compare(device(CLEAN), device(changed), with_names=True)
     assert [str(each) for each in found] == ["0x2008 sub 0 Unit: name: Unit -> Einheit"]
 
 
-def test_an_eds_and_its_dcf_are_the_same_for_the_dcfs_node() -> None:
+def test_an_eds_equals_its_dcf_for_the_dcfs_node_id() -> None:
     dcf = BASES["dcf"][1].replace("DefaultValue=$NODEID+0x200", "DefaultValue=$NODEID+0x200\nParameterValue=0x205")
     assert compare(device(CLEAN), device(dcf, "a.dcf")) == []
     assert compare(device(CLEAN), device(dcf, "a.dcf"), 6) == []  # it follows the node-ID
 
 
-def test_of_two_nodes_only_what_does_not_follow_the_node_id_differs() -> None:
+def test_values_that_follow_the_node_id_are_equal_for_two_nodes() -> None:
     five = BASES["dcf"][1].replace("DefaultValue=$NODEID+0x200", "DefaultValue=$NODEID+0x200\nParameterValue=0x205")
     six = five.replace("NodeID=5", "NodeID=6").replace("0x205", "0x206")
     assert compare(device(five, "a.dcf"), device(six, "b.dcf")) == []
@@ -99,7 +99,7 @@ def test_of_two_nodes_only_what_does_not_follow_the_node_id_differs() -> None:
     ]
 
 
-def test_a_compact_array_is_the_array_written_out() -> None:
+def test_a_compact_array_equals_the_expanded_array() -> None:
     compact = BASES["compact"][1]
     subs = [
         ("Highest sub-index", 5, "ro", 8),
@@ -146,7 +146,9 @@ LIVE: list[tuple[dict[tuple[int, int], bytes | int], list[str]]] = [
 
 
 @pytest.mark.parametrize(("readings", "expected"), LIVE)
-def test_a_nodes_answers_are_compared(readings: dict[tuple[int, int], bytes | int], expected: list[str]) -> None:
+def test_a_nodes_answers_are_compared_with_its_file(
+    readings: dict[tuple[int, int], bytes | int], expected: list[str]
+) -> None:
     assert [str(each) for each in compare_live(device(CLEAN), readings, 5)] == expected
 
 
@@ -166,7 +168,7 @@ OF_A_DCF: list[tuple[str, dict[tuple[int, int], bytes | int], list[str]]] = [
 
 
 @pytest.mark.parametrize(("section", "readings", "expected"), OF_A_DCF)
-def test_of_a_dcf_counts_what_it_says(
+def test_only_parameter_values_of_a_dcf_are_compared_with_a_node(
     section: str, readings: dict[tuple[int, int], bytes | int], expected: list[str]
 ) -> None:
     text = (CLEAN + COMMISSIONED).replace(f"[{section}]\n", f"[{section}]\nParameterValue=7\n")
@@ -204,7 +206,7 @@ def test_a_live_node_is_compared_by_sdo() -> None:
     ]
 
 
-def test_our_own_node_is_as_its_eds_says() -> None:
+def test_our_simulated_node_equals_its_eds() -> None:
     file = read_device(str(LIFT))
     with line("lift") as channel, master_on(channel) as master:
         found = compare_live(file, read_bytes(master.node(2), readable(file)), 2)
@@ -215,13 +217,13 @@ def test_our_own_node_is_as_its_eds_says() -> None:
     }
 
 
-def test_a_node_that_is_not_there_is_told() -> None:
+def test_a_missing_node_is_reported() -> None:
     with master_on(new_channel(), 0.01) as master, pytest.raises(NoAnswer, match="0x1000:0"):
         read_bytes(master.node(9), [(0x1000, 0)])
 
 
 @pytest.mark.long
-def test_memory_is_that_of_what_is_shown(tmp_path: Path) -> None:
+def test_memory_is_bounded_for_millions_of_sub_indices(tmp_path: Path) -> None:
     """A file of 4 MB may describe 12 million sub-indices."""
     file = tmp_path / "compact.eds"
     each = "[{:X}]\nParameterName=A\nObjectType=8\nDataType=7\nAccessType=rw\nCompactSubObj=254\n"

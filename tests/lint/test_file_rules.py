@@ -25,7 +25,7 @@ from tests.lint.mutations import CLEAN
         ("", False),
     ],
 )
-def test_a_time(text: str, is_one: bool) -> None:
+def test_times_are_recognised(text: str, is_one: bool) -> None:
     assert is_time(text) is is_one
 
 
@@ -45,7 +45,7 @@ def test_a_time(text: str, is_one: bool) -> None:
         ("xx-28-2014", False),
     ],
 )
-def test_a_date(text: str, is_one: bool) -> None:
+def test_dates_are_recognised(text: str, is_one: bool) -> None:
     assert is_date(text) is is_one
 
 
@@ -66,14 +66,14 @@ def test_a_date(text: str, is_one: bool) -> None:
         ("fee1", True),
     ],
 )
-def test_what_is_meant_as_an_object(text: str, is_one: bool) -> None:
+def test_malformed_object_sections_are_recognised(text: str, is_one: bool) -> None:
     assert looks_like_object(text) is is_one
 
 
 @pytest.mark.parametrize(
     ("text", "is_one"), [("4.0", True), ("4", True), ("4.", False), (".0", False), ("4.0a", False), ("", False)]
 )
-def test_a_version(text: str, is_one: bool) -> None:
+def test_versions_are_recognised(text: str, is_one: bool) -> None:
     assert is_version(text) is is_one
 
 
@@ -88,7 +88,7 @@ def test_a_version(text: str, is_one: bool) -> None:
         ("DummyUsage", "Dummy0005", 1, "E231"),
     ],
 )
-def test_a_number_is_0_to_its_most(section: str, key: str, most: int, code: str) -> None:
+def test_numbers_are_checked_up_to_the_maximum(section: str, key: str, most: int, code: str) -> None:
     def codes(value: int) -> set[str]:
         return {each.code for each in lint(with_entry(CLEAN, section, key, str(value)).encode(), "clean.eds")}
 

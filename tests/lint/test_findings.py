@@ -25,7 +25,7 @@ def schema() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("file", ["old.eds", "with space/ü:%.eds", str(OLD), os.fsdecode(b"\xff.eds")])
-def test_a_log_is_as_the_schema_demands(file: str, schema: dict[str, Any]) -> None:
+def test_a_log_is_valid_by_the_schema(file: str, schema: dict[str, Any]) -> None:
     findings = lint(OLD.read_bytes(), file)
     log = sarif(findings, (*FILE_RULES, *RULES))
     checker = jsonschema.FormatChecker()
@@ -33,7 +33,7 @@ def test_a_log_is_as_the_schema_demands(file: str, schema: dict[str, Any]) -> No
     assert len(log["runs"][0]["results"]) == len(findings) > 0
 
 
-def test_each_result_says_its_rule_level_and_place() -> None:
+def test_each_result_has_rule_level_and_place() -> None:
     finding, *_ = lint(OLD.read_bytes(), os.fsdecode(b"a b\xff.eds"))
     run = sarif([finding], FILE_RULES)["runs"][0]
     result = run["results"][0]

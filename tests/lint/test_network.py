@@ -27,13 +27,13 @@ def our_texts() -> dict[str, str]:
 
 
 @pytest.mark.parametrize("dialect", [lift.DIALECT, lift.REVERSED])
-def test_our_own_networks_have_nothing_above_info(tmp_path: Path, dialect: str) -> None:
+def test_our_networks_have_only_infos(tmp_path: Path, dialect: str) -> None:
     folder = lift.write(tmp_path).parent / dialect
     found = lint_network(read_network([str(each) for each in sorted(folder.glob("*.eds"))]))
     assert [each for each in found if each.severity is not Severity.INFO] == []
 
 
-def test_a_made_network_file_has_nothing_above_info(tmp_path: Path) -> None:
+def test_a_generated_network_file_has_only_infos(tmp_path: Path) -> None:
     found = lint_network(read_network([str(lift.write(tmp_path).parent / "network.yaml")]))
     assert [each for each in found if each.severity is not Severity.INFO] == []
 
@@ -47,7 +47,7 @@ def test_every_identifier_has_its_producers_and_consumers() -> None:
     assert overview(network_of(our_texts())) == expected
 
 
-def test_the_shared_message_is_declared_not_forgiven() -> None:
+def test_a_shared_message_needs_a_declaration() -> None:
     texts = our_texts()
     assert [each.message for each in lint_network(network_of(texts)) if each.code == "I802"] == [
         "0x305 Configure Confirm: sent by cabin TPDO 4 and door TPDO 2, declared by one name everywhere and no data"
@@ -112,7 +112,7 @@ ALSO = {
 
 
 @pytest.mark.parametrize(("code", "node", "change", "at"), CONFLICTS)
-def test_a_conflict_is_flagged_where_it_is(code: str, node: str, change: Callable[[str], str], at: str) -> None:
+def test_a_conflict_is_reported_at_its_place(code: str, node: str, change: Callable[[str], str], at: str) -> None:
     texts = our_texts()
     texts[node] = change(texts[node])
     if code in ALSO:
@@ -135,7 +135,7 @@ SILENT = [
 
 
 @pytest.mark.parametrize(("code", "node", "change"), SILENT)
-def test_what_fits_is_not_flagged(code: str, node: str, change: Callable[[str], str]) -> None:
+def test_matching_files_are_not_reported(code: str, node: str, change: Callable[[str], str]) -> None:
     texts = our_texts()
     texts[node] = change(texts[node])
     assert code not in {each.code for each in lint_network(network_of(texts))}
@@ -150,7 +150,7 @@ def _section_of(texts: dict[str, str], file: str, line: int) -> str:
 BIT_RATES = "BaudRate_125=1\nBaudRate_250=1\nBaudRate_500=1\nBaudRate_800=0\nBaudRate_1000=1"
 
 
-def test_nodes_need_a_bit_rate_in_common() -> None:
+def test_nodes_need_a_common_bit_rate() -> None:
     texts = our_texts()
     texts["cabin"] = (
         texts["cabin"].replace("BaudRate_10=0", "BaudRate_10=1").replace(BIT_RATES, BIT_RATES.replace("=1", "=0"))
@@ -158,7 +158,7 @@ def test_nodes_need_a_bit_rate_in_common() -> None:
     assert "E821" in {each.code for each in lint_network(network_of(texts))}
 
 
-def test_commissioned_nodes_need_one_bit_rate() -> None:
+def test_commissioned_nodes_need_the_same_bit_rate() -> None:
     texts = {name: f"{text}\n[DeviceComissioning]\nNodeID=1\nBaudrate=500\n" for name, text in our_texts().items()}
     assert "E823" not in {each.code for each in lint_network(network_of(texts))}
     for name, rate in ("cabin", 250), ("door", 125):
@@ -195,7 +195,9 @@ DECLARED = [
 
 
 @pytest.mark.parametrize(("declared", "codes"), DECLARED)
-def test_a_network_file_declares(write: Callable[[str], str], declared: str, codes: set[str]) -> None:
+def test_a_network_file_declares_shared_messages_priorities_and_bit_rate(
+    write: Callable[[str], str], declared: str, codes: set[str]
+) -> None:
     found = lint_network(read_network([write(NODES + declared)]))
     assert {each.code for each in found if each.severity is not Severity.INFO} == codes
 
@@ -224,12 +226,12 @@ MALFORMED = [
 
 
 @pytest.mark.parametrize(("text", "message"), MALFORMED)
-def test_a_malformed_network_file_is_told_by_line(write: Callable[[str], str], text: str, message: str) -> None:
+def test_a_malformed_network_file_is_reported_by_line(write: Callable[[str], str], text: str, message: str) -> None:
     with pytest.raises(FileError, match=re.escape(message)):
         read_network([write(text)])
 
 
-def test_every_network_rule_is_shown() -> None:
+def test_every_network_rule_has_a_test() -> None:
     shown = {code for code, *_ in CONFLICTS} | {"I802", "W813", "W814", "E821", "E822", "E823"}
     assert {each.code for each in RULES} == shown
 

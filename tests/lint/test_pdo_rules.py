@@ -60,7 +60,7 @@ def found(*values: tuple[str, str], text: str = CLEAN) -> set[str]:
         ("$NODEID+0x781", {"E606", "E611"}),
     ],
 )
-def test_an_identifier_is_judged_by_the_range_it_is_in(cob_id: str, codes: set[str]) -> None:
+def test_an_identifier_is_checked_by_its_range(cob_id: str, codes: set[str]) -> None:
     assert found(("1400sub1", cob_id)) == codes
 
 
@@ -80,7 +80,7 @@ NO_RTR, RTR = ("1800sub1", "$NODEID+0x40000180"), ("1800sub1", "$NODEID+0x180")
         (255, set(), set(), set()),
     ],
 )
-def test_a_transmission_type_is_judged_by_the_direction(
+def test_a_transmission_type_is_checked_by_direction(
     number: int, rpdo: set[str], tpdo: set[str], without_rtr: set[str]
 ) -> None:
     assert found(("1400sub2", str(number))) == rpdo
@@ -136,7 +136,7 @@ def test_an_event_timer_is_compared_with_the_inhibit_time(milliseconds: int, inh
         (255, set()),
     ],
 )
-def test_a_number_of_mapped_objects_is_judged(count: int, codes: set[str]) -> None:
+def test_the_number_of_mapped_objects_is_checked(count: int, codes: set[str]) -> None:
     assert found(("1600sub0", str(count))) == codes
 
 
@@ -171,7 +171,7 @@ def test_a_dummy_is_an_index_below_20h_with_its_length(entry: str, codes: set[st
     [(0x00, {"E646"}), (0x01, {"W639"}), (0x09, {"W639"}), (0x0A, {"I640"}), (0x0F, {"I640"}), (0x10, set()),
      (0x11, {"E638"})],
 )  # fmt: skip
-def test_a_mapped_length_is_judged_by_type_and_limits(bits: int, codes: set[str]) -> None:
+def test_a_mapped_length_is_checked_by_type_and_limits(bits: int, codes: set[str]) -> None:
     assert found(("1600sub1", f"0x200101{bits:02X}")) == codes  # UNSIGNED16, 0 to 1000
 
 
@@ -189,7 +189,7 @@ def test_a_mapped_length_is_judged_by_type_and_limits(bits: int, codes: set[str]
         ("-128", None, 8, True),
     ],
 )
-def test_signed_values_are_cut_outside_of_what_the_bits_hold(
+def test_signed_limits_beyond_the_mapped_bits_are_reported(
     low: str | None, high: str | None, bits: int, is_cut: bool
 ) -> None:
     text = with_entry(with_entry(CLEAN, "2007", "LowLimit", low), "2007", "HighLimit", high)
@@ -201,7 +201,7 @@ def test_signed_values_are_cut_outside_of_what_the_bits_hold(
     [("0", "255", 8, False), ("0", "256", 8, True), ("0", "1", 1, False), ("0", "2", 1, True), (None, "255", 8, False),
      ("0", None, 8, True)],
 )  # fmt: skip
-def test_unsigned_values_are_cut_above_what_the_bits_hold(
+def test_unsigned_limits_beyond_the_mapped_bits_are_reported(
     low: str | None, high: str | None, bits: int, is_cut: bool
 ) -> None:
     text = with_entry(with_entry(CLEAN, "2001sub1", "LowLimit", low), "2001sub1", "HighLimit", high)

@@ -15,13 +15,13 @@ MADE = {name: text.encode() for name, text in lift.texts().items() if name.endsw
 
 
 @pytest.mark.parametrize("base", BASES)
-def test_nothing_is_found_in_a_clean_file(base: str) -> None:
+def test_a_clean_file_has_no_findings(base: str) -> None:
     name, text = BASES[base]
     assert lint(text.encode(), name) == []
 
 
 @rows("defect", DEFECTS)
-def test_a_defect_is_flagged_by_its_code_at_its_line(defect: Defect) -> None:
+def test_a_defect_is_reported_with_its_code_and_line(defect: Defect) -> None:
     found = lint(broken_file(defect), BASES[defect.base][0])
     assert (expected_line(defect), defect.code) in {(each.line, each.code) for each in found}, found
 
@@ -30,18 +30,18 @@ def test_every_rule_has_a_defect() -> None:
     assert {each.code for each in FILE_RULES} - {each.code for each in DEFECTS} == set()
 
 
-def test_there_are_many_different_defects() -> None:
+def test_the_table_has_many_different_defects() -> None:
     assert len({each.name for each in DEFECTS}) == len(DEFECTS) >= 120
 
 
-def test_a_code_is_a_rule_of_its_own() -> None:
+def test_every_code_belongs_to_one_rule() -> None:
     codes = [each.code for each in FILE_RULES]
     assert len(set(codes)) == len(codes)
     assert len({code[1:] for code in codes}) == len(codes)  # a change of severity never makes two rules look alike
 
 
 @pytest.mark.parametrize(("file", "content"), MADE.items())
-def test_made_files_have_nothing_above_info(file: str, content: bytes) -> None:
+def test_generated_files_have_only_infos(file: str, content: bytes) -> None:
     assert [each for each in lint(content, file) if each.severity is not Severity.INFO] == []
 
 
@@ -55,7 +55,7 @@ NO_DEFECTS = [
 
 
 @pytest.mark.parametrize(("section", "old", "new", "code"), NO_DEFECTS)
-def test_what_is_right_in_another_way_is_not_flagged(section: str, old: str, new: str, code: str) -> None:
+def test_valid_variants_are_not_reported(section: str, old: str, new: str, code: str) -> None:
     name, text = BASES["eds"]
     head, found, tail = text.partition(f"[{section}]")
     assert old in tail
@@ -78,18 +78,18 @@ WORDS = [
 
 
 @pytest.mark.parametrize(("section", "old", "new", "words"), WORDS)
-def test_what_is_missing_is_named(section: str, old: str, new: str, words: str) -> None:
+def test_a_finding_names_what_is_missing(section: str, old: str, new: str, words: str) -> None:
     text = mutated(Defect("", "", section, old, new))
     assert any(each.message.startswith(words) for each in lint(text.encode(), "clean.eds"))
 
 
-def test_a_value_of_a_compact_array_is_said_with_its_sub_index() -> None:
+def test_a_finding_in_a_compact_array_names_the_sub_index() -> None:
     text = "[2000]\nParameterName=A\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=3\n[2000Value]\n2=256\n"
     (found,) = (each for each in lint(text.encode(), "a.eds") if each.code == "E435")
     assert (found.line, found.message) == (8, "2=256 of 0x2000 sub 2 is outside UNSIGNED8")
 
 
-def test_sub_indices_counted_in_decimal_are_said_once() -> None:
+def test_decimal_sub_indices_are_reported_once() -> None:
     head = "[2000]\nParameterName=A\nObjectType=8\nSubNumber=11\n"
     member = "[2000sub{}]\nParameterName=x\nObjectType=7\nDataType=5\nAccessType=ro\nDefaultValue={}\n"
     text = head + "".join(member.format(sub, "" if sub else 10) for sub in range(11))

@@ -39,7 +39,7 @@ ABOVE_INFO: dict[str, list[tuple[int, str]]] = {
 
 
 @pytest.mark.parametrize("name", ABOVE_INFO)
-def test_what_is_wrong_is_found_and_nothing_else(name: str) -> None:
+def test_exactly_the_known_defects_are_found(name: str) -> None:
     found = lint((SAMPLES / name).read_bytes(), name)
     assert [(each.line, each.code) for each in found if each.severity is not Severity.INFO] == ABOVE_INFO[name]
 
@@ -49,19 +49,19 @@ def test_a_generated_file_has_a_granularity_that_does_not_fit() -> None:
     assert {each.code for each in found} == {"W233", "W609", "E227", "W450", "E409"}
 
 
-def test_there_are_eight_styles() -> None:
+def test_the_table_has_eight_styles() -> None:
     assert len([*SAMPLES.iterdir()]) >= 8
 
 
 @pytest.mark.parametrize("name", ["crlf_io_module.eds", "sloppy_sensor.eds"])
-def test_the_pdos_are_those_of_the_file(name: str) -> None:
+def test_all_pdos_of_the_file_are_read(name: str) -> None:
     device = load((SAMPLES / name).read_bytes(), name)
     assert [(each.name, each.identifier(5), each.bits) for each in device.pdos if each.name == "TPDO 1"] == [
         ("TPDO 1", 0x185, 8 if name.startswith("crlf") else 32)
     ]
 
 
-def test_a_compact_object_has_the_sub_indices_it_stands_for() -> None:
+def test_a_compact_object_has_all_its_sub_indices() -> None:
     device = load((SAMPLES / "compact_drive.eds").read_bytes(), "compact_drive.eds")
     names = [variable.name for sub in (1, 2, 32) for variable in [device.variable(0x2100, sub)] if variable]
     values = [device.value(0x2100, sub) for sub in (0, 1, 2, 33)]

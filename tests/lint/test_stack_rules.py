@@ -30,7 +30,7 @@ def without(*indices: str) -> str:
     return "\n[".join(each for each in sections if not each.upper().startswith(indices))
 
 
-def test_a_device_with_all_that_the_stack_needs_is_clean() -> None:
+def test_a_complete_device_has_no_findings() -> None:
     assert found(SERVO) == {("I905", "CANopenLinux needs 0x1280, or to be compiled with -DCO_CONFIG_GTW=0")}
 
 
@@ -46,7 +46,7 @@ DEFECTS = [
 
 
 @pytest.mark.parametrize(("code", "text", "message"), DEFECTS, ids=[each[2] for each in DEFECTS])
-def test_a_defect_is_flagged(code: str, text: str, message: str) -> None:
+def test_a_defect_is_reported(code: str, text: str, message: str) -> None:
     assert (code, message) in found(text)
 
 

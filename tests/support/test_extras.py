@@ -10,7 +10,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
 
 
-def test_requirements_are_sorted_by_their_extra() -> None:
+def test_requirements_are_grouped_by_extra() -> None:
     requirements = [
         "canopen>=2.4",
         "polars>=1.20; extra == 'season'",
@@ -34,5 +34,5 @@ def test_a_module_of_our_own_that_is_missing_is_a_bug() -> None:
         raise ModuleNotFoundError(name="eurobot_od.web.wings")
 
 
-def test_an_extra_that_nobody_knows_promises_no_command() -> None:
+def test_an_unknown_extra_has_no_install_command() -> None:
     assert extras.missing("wings", "flight") == "wings is not installed; the extra `flight` brings it"

@@ -37,7 +37,7 @@ def file(tmp_path: Path) -> Path:
     return file
 
 
-def test_of_two_programs_with_one_file_none_fails_and_a_reader_sees_no_halves(file: Path) -> None:
+def test_concurrent_writers_succeed_and_readers_see_whole_files(file: Path) -> None:
     write_whole(file, b"0" * SIZE)
     programs = [subprocess.Popen([sys.executable, "-c", WRITE, file, name]) for name in "12"]
     seen = set()
@@ -49,7 +49,7 @@ def test_of_two_programs_with_one_file_none_fails_and_a_reader_sees_no_halves(fi
 
 
 @pytest.mark.posix
-def test_a_link_stays_a_link(file: Path) -> None:
+def test_a_symbolic_link_is_kept(file: Path) -> None:
     link = file.with_name("link.dcf")
     link.symlink_to(file.name)
     write_whole(link, b"new")
@@ -59,14 +59,14 @@ def test_a_link_stays_a_link(file: Path) -> None:
 
 @pytest.mark.posix
 @pytest.mark.parametrize("mode", [0o600, 0o664, 0o444])
-def test_the_mode_stays(file: Path, mode: int) -> None:
+def test_the_file_mode_is_kept(file: Path, mode: int) -> None:
     file.chmod(mode)
     write_whole(file, b"new")
     assert (stat.S_IMODE(file.stat().st_mode), file.read_bytes()) == (mode, b"new")
 
 
 @pytest.mark.posix
-def test_a_new_file_has_the_mode_that_the_user_wants(tmp_path: Path) -> None:
+def test_a_new_file_has_the_mode_of_the_umask(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:
         write_whole(tmp_path / "new", b"")
@@ -75,7 +75,7 @@ def test_a_new_file_has_the_mode_that_the_user_wants(tmp_path: Path) -> None:
     assert stat.S_IMODE((tmp_path / "new").stat().st_mode) == 0o640
 
 
-def test_what_a_crash_has_left_goes_and_other_files_stay(file: Path) -> None:
+def test_old_temporary_files_are_deleted_and_other_files_kept(file: Path) -> None:
     for name in ("settings [1].dcf.0123abcd.new", "settings [1].dcf.mine.new", "other.dcf.0123abcd.new"):
         file.with_name(name).write_bytes(b"half")
         os.utime(file.with_name(name), (1.0, 1.0))
@@ -84,14 +84,14 @@ def test_what_a_crash_has_left_goes_and_other_files_stay(file: Path) -> None:
     assert left == ["other.dcf.0123abcd.new", "settings [1].dcf", "settings [1].dcf.mine.new"]
 
 
-def test_what_another_program_is_just_writing_stays(file: Path) -> None:
+def test_a_young_temporary_file_is_kept(file: Path) -> None:
     beside = file.with_name("settings [1].dcf.0123abcd.new")
     beside.write_bytes(b"half")
     write_whole(file, b"new")
     assert beside.exists()
 
 
-def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(file: Path) -> None:
+def test_a_failed_write_keeps_the_old_file_and_leaves_no_temporary_file(file: Path) -> None:
     with pytest.raises(TypeError):
         write_whole(file, "no bytes")  # type: ignore[arg-type]
     assert file.read_bytes() == b"old"
@@ -117,7 +117,7 @@ class Interrupt:
 
 # An interrupt between `open` and `with` leaves the open file to the collector, which says so.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_ctrl_c_at_any_moment_leaves_one_whole_file_and_no_other(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_at_any_line_leaves_one_complete_file(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda _: None)  # hundreds of them take a disk's time
     before, step = sys.gettrace(), 0
     sys._getframe().f_trace_opcodes = True  # Python 3.12 traces opcodes only if a frame wanted that before `settrace`
@@ -137,12 +137,12 @@ def test_ctrl_c_at_any_moment_leaves_one_whole_file_and_no_other(file: Path, mon
     assert step > 100
 
 
-def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
+def test_a_missing_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write_whole(tmp_path / "nowhere" / "drive.dcf", b"")
 
 
-def test_what_could_not_be_written_is_known_before(tmp_path: Path) -> None:
+def test_an_unwritable_file_is_detected_before_writing(tmp_path: Path) -> None:
     check_writable(tmp_path / "new")
     check_writable(Path(os.devnull))
     for path, number in {tmp_path / "nowhere" / "new": errno.ENOENT, tmp_path: errno.EISDIR}.items():
@@ -151,7 +151,7 @@ def test_what_could_not_be_written_is_known_before(tmp_path: Path) -> None:
         assert raised.value.errno == number
 
 
-def test_a_file_is_on_the_disk_before_it_takes_the_others_place(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_is_synced_before_it_replaces_the_old_one(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[str] = []
     fsync, replace = os.fsync, Path.replace
 
@@ -185,7 +185,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_file_that_is_too_large_is_one_line(
+def test_a_file_above_the_limit_is_refused_in_one_line(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for suffix in ("eds", "yaml"):
@@ -198,14 +198,14 @@ def test_a_file_that_is_too_large_is_one_line(
     assert "larger than 16 MB, which is the most that is read" in said.err
 
 
-def test_a_file_that_just_fits_is_read(tmp_path: Path) -> None:
+def test_a_file_at_the_limit_is_read(tmp_path: Path) -> None:
     file = tmp_path / "fits.eds"
     with file.open("wb") as stream:
         stream.truncate(MOST)
     assert len(read_whole(file)) == MOST
 
 
-def test_no_more_is_read_than_fits(tmp_path: Path) -> None:
+def test_reading_stops_after_the_limit(tmp_path: Path) -> None:
     file = tmp_path / "endless.eds"
     with file.open("wb") as stream:
         stream.truncate(8 * MOST)

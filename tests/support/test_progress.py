@@ -29,16 +29,16 @@ from tests.kit.devices import MOTOR
         (500, None, 1.0, "x  500 bytes  0.5 kB/s"),  # a server need not say how many there are
     ],
 )
-def test_a_line(done: int, size: int | None, seconds: float, text: str) -> None:
+def test_a_bar_shows_share_number_rate_and_time_left(done: int, size: int | None, seconds: float, text: str) -> None:
     assert line("x", done, size, seconds) == text
 
 
-def test_a_line_of_what_is_known_in_percent() -> None:
+def test_a_bar_of_percent_shows_its_rate() -> None:
     filled = "███████░░░░░░░░░░░░░░░░░░░░░░░"
     assert line("x", 25, 100, 5.0, PERCENT) == f"x  {filled}  25%  25 of 100 %  5.0 %/s, about 15 s left"
 
 
-def test_of_what_is_over_soon_nothing_is_drawn() -> None:
+def test_no_bar_is_drawn_before_the_delay() -> None:
     terminal, now = Terminal(), [0.0]
     with bar("x", terminal, lambda: now[0], after=1.0) as progress:
         now[0] = 0.9
@@ -50,7 +50,7 @@ def test_of_what_is_over_soon_nothing_is_drawn() -> None:
     assert (before, "75 of 100 bytes" in after) == ("", True)
 
 
-def test_a_terminal_sees_the_bar_now_and_then_and_nothing_of_it_at_the_end() -> None:
+def test_the_bar_is_redrawn_at_intervals_and_erased_at_the_end() -> None:
     terminal, now = Terminal(), [0.0]
     with bar("x", terminal, lambda: now[0]) as progress:
         for done in (10, 20, 30, 100):
@@ -79,7 +79,7 @@ def test_without_a_terminal_nothing_is_drawn() -> None:
         ("lint EDS EDS", "1 of 2 files"),
     ],
 )
-def test_who_reads_much_tells_a_terminal_how_far_it_is(
+def test_reading_a_large_log_shows_a_bar_on_a_terminal(
     words: str, seen: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if "mcap" in words:
@@ -113,11 +113,11 @@ def told(stream: io.StringIO, number: int, seconds: float, at_once: int = 1) -> 
     return [after.removeprefix(before) for before, after in pairwise(["", *written, stream.getvalue()])]
 
 
-def test_what_is_short_is_not_spoken_of() -> None:
+def test_a_short_job_prints_no_progress() -> None:
     assert set(told(io.StringIO(), 9, LONG / 9.5)) == {""}
 
 
-def test_a_line_says_how_long_it_takes_and_others_now_and_then_how_far_it_is() -> None:
+def test_a_long_job_prints_its_expected_time_then_its_progress() -> None:
     said = told(io.StringIO(), 100, 1.0, at_once=2)
     assert [(number, text) for number, text in enumerate(said, 1) if text] == [
         (3, "100 matches, about 48 s on 2 processes\n"),
@@ -128,11 +128,11 @@ def test_a_line_says_how_long_it_takes_and_others_now_and_then_how_far_it_is() -
     ]
 
 
-def test_minutes_are_said_as_minutes() -> None:
+def test_long_times_are_in_minutes() -> None:
     assert told(io.StringIO(), 300, 0.9)[1] == "300 matches, about 4 min\n"
 
 
-def test_a_terminal_sees_a_bar_that_is_gone_at_the_end() -> None:
+def test_a_counted_job_erases_its_bar_at_the_end() -> None:
     first, *_, last, end = told(Terminal(), 3, 1.0)
     assert first == f"\r{'█' * 10}{'░' * 20}  33%  1 of 3 matches  1.0 matches/s"
     assert last == f"\r{'█' * 30} 100%  3 of 3 matches  1.0 matches/s, about 0 s left"
@@ -177,11 +177,11 @@ FOLDED = [
 
 
 @pytest.mark.parametrize(("width", "lines"), FOLDED)
-def test_a_line_is_folded_between_words(width: int, lines: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_line_is_wrapped_between_words(width: int, lines: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "columns", lambda _: width)
     assert folded(LINE, io.StringIO(), 24) == "\n".join(lines)
 
 
-def test_a_file_has_lines_of_any_length() -> None:
+def test_lines_for_a_file_are_not_wrapped() -> None:
     assert columns(io.StringIO()) == ENDLESS
     assert folded(LINE * 10, io.StringIO(), 24) == LINE * 10

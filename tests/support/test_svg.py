@@ -22,7 +22,7 @@ from eurobot_od.support import svg
         (svg.element("a", title='"&'), '<a title="&quot;&amp;"/>'),
     ],
 )
-def test_a_figure_is_written_with_all_its_measures(figure: str, text: str) -> None:
+def test_every_figure_has_its_coordinates(figure: str, text: str) -> None:
     assert figure == text
 
 
@@ -37,7 +37,7 @@ def test_numbers_have_at_most_two_decimals(value: object, text: str) -> None:
 @pytest.mark.parametrize(
     ("least", "step"), [(1, 1), (1.01, 2), (0.3, 0.5), (6, 10), (10, 10), (0.00021, 0.0005), (4321, 5000)]
 )
-def test_steps_are_round(least: float, step: float) -> None:
+def test_tick_steps_are_1_2_or_5_times_a_power_of_ten(least: float, step: float) -> None:
     assert svg.round_step(least) == pytest.approx(step)
 
 

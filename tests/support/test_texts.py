@@ -52,7 +52,7 @@ TEXTS = [
 
 
 @pytest.mark.parametrize(("text", "shown", "why"), TEXTS)
-def test_a_text_becomes_one_line_that_shows(text: str, shown: str, why: str) -> None:
+def test_control_characters_are_escaped(text: str, shown: str, why: str) -> None:
     assert one_line(text) == shown, why
 
 
@@ -89,12 +89,12 @@ def log(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("form", [[], ["--json"], ["--csv"], ["--statistics"]])
-def test_channels_and_names_of_logs(log: Path, form: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_channels_and_file_names_are_escaped(log: Path, form: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     said = decoded(capsys, *form, str(log), str(log))
     assert all(line.isprintable() for line in said.split("\n"))
 
 
-def test_a_log_whose_name_is_not_utf_8(
+def test_a_log_with_a_name_that_is_not_utf_8_is_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -104,12 +104,12 @@ def test_a_log_whose_name_is_not_utf_8(
     assert "\udcff" not in capsys.readouterr().err
 
 
-def test_csv(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_csv_cells_are_escaped(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     row = next(csv.DictReader(decoded(capsys, "--csv", str(log)).splitlines()))
     assert (row["channel"], row["line"]) == (r"'=c\x1b[2Jan0", "1")
 
 
-def test_errors(capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["decode", "no\x1b[31m\nfile.log"]) == 2
     assert capsys.readouterr().err == "eurobot-od: no\\x1b[31m\\nfile.log: No such file or directory\n"
 
@@ -130,16 +130,16 @@ LINES = {
 
 
 @pytest.mark.parametrize("text", LINES.values(), ids=LINES)
-def test_lines_of_names_and_strings(text: str) -> None:
+def test_names_and_strings_are_escaped_in_output(text: str) -> None:
     assert all(line.isprintable() for line in text.split("\n"))
 
 
-def test_junit_is_xml_with_the_names_as_they_show() -> None:
+def test_junit_is_valid_xml_with_escaped_names() -> None:
     root = ElementTree.fromstring(report.junit([RESULT, LEFT_OUT]))
     assert [case.get("name") for case in root.iter("testcase")] == [SHOWN] * 3
 
 
-def test_svg_is_xml() -> None:
+def test_svg_is_valid_xml() -> None:
     drawn = svg.element("svg", svg.text((0.0, 0.0), EVIL), svg.title(EVIL), id=EVIL)
     root = ElementTree.fromstring(drawn)
     assert [each.text for each in root] == [SHOWN, SHOWN]
@@ -157,7 +157,7 @@ def test_a_device_name_with_line_ends_injects_no_section_into_a_dcf(tmp_path: Pa
 # Amounts
 
 
-def test_one_is_singular() -> None:
+def test_an_amount_of_one_is_singular() -> None:
     assert [amount(number, "frame") for number in range(3)] == ["0 frames", "1 frame", "2 frames"]
     assert [amount(number, "enemy", "enemies") for number in (1, 2)] == ["1 enemy", "2 enemies"]
 
@@ -212,14 +212,14 @@ INVALID = [
 
 
 @pytest.mark.parametrize(("written", "expected"), VALID)
-def test_reads(written: str, expected: float) -> None:
+def test_durations_are_parsed(written: str, expected: float) -> None:
     assert seconds(written) == pytest.approx(expected)
     assert microseconds(written) == round(expected * 1_000_000)
     assert is_duration(written)
 
 
 @pytest.mark.parametrize("written", INVALID)
-def test_refuses(written: str) -> None:
+def test_texts_that_are_no_durations_are_refused(written: str) -> None:
     with pytest.raises(DurationError) as error:
         seconds(written)
     expected = f"{written!r} is not a duration; write a number and one of us, ms, s, min, such as 500 ms"
@@ -230,7 +230,7 @@ def test_refuses(written: str) -> None:
 @pytest.mark.parametrize(
     ("duration", "shown"), [(0.0, "0 ms"), (0.00025, "0.25 ms"), (0.1, "100 ms"), (1.0, "1 s"), (90.5, "90.5 s")]
 )
-def test_writes(duration: float, shown: str) -> None:
+def test_durations_are_formatted(duration: float, shown: str) -> None:
     assert text(duration) == shown
 
 

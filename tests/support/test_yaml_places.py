@@ -30,7 +30,7 @@ def shown(problems: Problems) -> list[str]:
     return [f"{line}:{column}: {what}" for (line, column), what in problems]
 
 
-def test_all_problems_of_a_file_are_one_error_in_the_files_order_each_once() -> None:
+def test_one_error_lists_each_problem_of_a_file_once_in_order() -> None:
     found = [Problem(Place(3, 1), "b\nc"), Problem(Place(2, 5), "a"), Problem(Place(2, 5), "a")]
     with pytest.raises(YamlError) as error, telling("a.yaml") as problems:
         problems += found
@@ -52,7 +52,7 @@ def test_all_problems_of_a_file_are_one_error_in_the_files_order_each_once() -> 
         ('"\\udcff": 1', "1:1: not YAML: half a surrogate pair is not a character"),
     ],
 )
-def test_tells_what_is_no_yaml(source: str, what: str) -> None:
+def test_invalid_yaml_is_a_problem_with_its_place(source: str, what: str) -> None:
     problems: Problems = []
     with pytest.raises(ReadError):
         compose(source, problems)
@@ -74,14 +74,14 @@ def test_refuses_aliases(source: str) -> None:
     assert [what for _, what in problems] == ["an alias refers to this; write it out"]
 
 
-def test_takes_what_only_looks_the_same() -> None:
+def test_equal_values_without_aliases_are_accepted() -> None:
     problems: Problems = []
     refuse_aliases(compose("[1, 1, {a: 1}]", problems), problems)
     assert problems == []
 
 
 @pytest.mark.parametrize("value", [PlacedText("x", Place(2, 3)), PlacedNumber(7, Place(4, 5))])
-def test_a_copy_has_the_place_as_well(value: PlacedText | PlacedNumber) -> None:
+def test_copies_and_pickles_keep_the_place(value: PlacedText | PlacedNumber) -> None:
     copy = pickle.loads(pickle.dumps(value))
     assert (copy, type(copy), copy.place) == (value, type(value), value.place)
 
@@ -122,7 +122,7 @@ def test_all_parsers_read_the_same(source: str) -> None:
 
 
 @pytest.mark.parametrize("sign", ["[", "- ", "{a: "])
-def test_deep_nesting_is_a_problem_and_no_crash(sign: str) -> None:
+def test_deep_nesting_is_a_problem(sign: str) -> None:
     problems: Problems = []
     with pytest.raises(ReadError):
         compose(sign * 100_000, problems)
@@ -167,7 +167,7 @@ TEXTS = {
 
 
 @pytest.mark.parametrize(("text", "words"), TEXTS.values())
-def test_what_is_no_yaml_is_told_in_words(text: str, words: str) -> None:
+def test_yaml_errors_are_explained(text: str, words: str) -> None:
     source, place = marked(text)
     problems: Problems = []
     with pytest.raises(ReadError):

@@ -107,28 +107,28 @@ INVALID: list[tuple[Any, str, str]] = [
 
 
 @pytest.mark.parametrize(("kind", "source", "value"), VALID)
-def test_reads_what_is_declared(kind: Any, source: str, value: object) -> None:
+def test_values_are_read_by_their_annotation(kind: Any, source: str, value: object) -> None:
     assert read_yaml(source, shape_of(kind), "a.yaml") == value
 
 
 @pytest.mark.parametrize(("kind", "source", "what"), INVALID)
-def test_tells_place_and_reason(kind: Any, source: str, what: str) -> None:
+def test_a_wrong_value_is_reported_with_its_place(kind: Any, source: str, what: str) -> None:
     with pytest.raises(YamlError) as error:
         read_yaml(source, shape_of(kind), "a.yaml")
     assert str(error.value) == f"a.yaml:{what}"
 
 
-def test_a_file_may_write_its_single_values_in_a_way_of_its_own() -> None:
+def test_a_file_may_replace_the_shapes_of_single_values() -> None:
     assert read_yaml("[010, off]", shape_of(tuple[str, str], {**PLAIN, str: SCALAR}), "a.yaml") == ("010", "off")
 
 
-def test_tells_all_problems() -> None:
+def test_all_problems_of_a_value_are_reported() -> None:
     with pytest.raises(YamlError) as error:
         read_yaml("{name: off, number: 9, colr: 1}", shape_of(Thing), "a.yaml")
     assert [line.split(" ")[0] for line in str(error.value).splitlines()] == [f"a.yaml:1:{at}:" for at in (8, 21, 24)]
 
 
 @pytest.mark.parametrize("kind", [PlacedNumber, PlacedText])
-def test_values_know_their_place(kind: Any) -> None:
+def test_values_have_their_place(kind: Any) -> None:
     source = "- 1\n- 22\n" if kind is PlacedNumber else "- a\n- b\n"
     assert read_yaml(source, shape_of(tuple[kind, ...]), "a.yaml")[1].place == Place(2, 3)
