@@ -10,11 +10,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count
-from unittest.mock import patch
 
 import can
 import canopen
-from canopen.sdo.client import SdoClient
 
 from eurobot_od.bus.live import Live
 from eurobot_od.robot import dialects
@@ -57,15 +55,25 @@ def live(role: str, bus: can.BusABC) -> Live:
     return Live.node(bus, ROLES[role](dialects.load(role, dialects.DEFAULT)))
 
 
+class PatientNetwork(canopen.Network):
+    """canopen's network, whose SDO clients have more time than their 0.3 s."""
+
+    NOTIFIER_CYCLE = 0.01
+
+    def __setitem__(self, node_id: int, node: canopen.RemoteNode | canopen.LocalNode) -> None:
+        """Add a node."""
+        if isinstance(node, canopen.RemoteNode):
+            node.sdo.RESPONSE_TIMEOUT = PATIENCE
+        super().__setitem__(node_id, node)
+
+
 @contextmanager
 def stock_network(bus: can.BusABC) -> Iterator[canopen.Network]:
-    """Connect canopen's network to a bus; its SDO clients have more time than their 0.3 s."""
-    network = canopen.Network(bus)
-    network.NOTIFIER_CYCLE = 0.01
+    """Connect canopen's network to a bus."""
+    network = PatientNetwork(bus)
     network.connect()
     try:
-        with patch.object(SdoClient, "RESPONSE_TIMEOUT", PATIENCE):
-            yield network
+        yield network
     finally:
         network.disconnect()
 
