@@ -1,1 +1,1 @@
-"""What the bits of a PDO mean: layouts, kinds of fields, messages, and the table of them that a network has."""
+"""PDOs: layouts of bits, kinds of fields, messages, and the table of a network's messages."""

@@ -1,7 +1,7 @@
-"""One message as a dictionary maps it: the layout of its PDO bound to the fields of its type.
+"""A message as a dictionary maps it: the layout of its PDO, bound to the fields of its type.
 
 A binding works with raw integers (`pack`, `unpack`) and with meanings (`encode`, `decode`). The functions for meanings
-are generated when they are first needed, so that a program that sends two messages does not wait for all 23.
+are generated on first use, so that a program that uses two messages does not wait for all others.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Placed(NamedTuple):
-    """A mapped object in a frame: its `mask`, as wide as it is, and its lowest bit, `offset` (CiA 301, 7.4.8.2)."""
+    """A mapped object in a frame: `mask` of its value, and `offset`, its lowest bit in the frame (CiA 301, 7.4.8.2)."""
 
     entry: Mapped
     address: Address
@@ -40,23 +40,27 @@ class Placed(NamedTuple):
 
 
 class MappedObject(NamedTuple):
-    """A mapped object: the `field` that `show`, logs and the page call it by, and canopen's variable."""
+    """A mapped object: its `field` in `show`, logs and the page, and canopen's variable."""
 
     field: str
     variable: ODVariable
 
 
 class Binding:
-    """One message as a dictionary maps it: `name`, message `type`, `cob_id`, `layout`, and who has it.
+    """A message as a dictionary maps it: `name`, message `type`, `cob_id`, `layout`, and the nodes that have it.
 
-    `group` and `always` are what the catalogue says about it. Of a longer frame it `reads_longer` than its mapping, if
-    who listens can trust in that. `senders` and `receivers` are the names of the
-    dictionaries that have it as a TPDO and as an RPDO. Raises MappingError if the mapping and the message type's fields
-    do not fit.
+    `group` and `always` come from the catalogue. `reads_longer` is set if frames may be longer than the mapping, which
+    only a catalogue allows. `senders` and `receivers` are the names of the dictionaries with it as a TPDO and as an
+    RPDO.
+
+    Raises MappingError if the mapping does not fit the message type's fields.
     """
 
     def __init__(self, file: Path, pdo: Pdo, name: str, entry: CatalogueEntry | None) -> None:
-        self.file, self.pdo, self.name, self.cob_id = file, pdo, name, pdo.cob_id
+        self.file = file
+        self.pdo = pdo
+        self.name = name
+        self.cob_id = pdo.cob_id
         self.senders: list[str] = []
         self.receivers: list[str] = []
         try:
@@ -64,33 +68,35 @@ class Binding:
         except LayoutError as error:
             raise MappingError(file, pdo.mapping_index, f"{name}: {error}") from None
         mapped = [(field, each) for (field, *_), each in zip(self.layout.slots, pdo.mapping) if field is not None]
-        # A message of a protocol begins as that says, however long a frame is; another PDO is what its mapping is.
+        # A longer frame of a catalogue's message still begins with it; for any other PDO only the mapping counts.
         self.reads_longer = entry is not None
-        if entry is None:  # nothing is known of the fields but the types of the mapped objects
+        if entry is None:  # only the types of the mapped objects are known
             widths = self.layout.widths
             made = {field: _kind(each, widths[field]) for field, each in mapped}
             entry = CatalogueEntry(kinds.made_type(name, made))
         self.type, self.group, self.always = entry
-        self.kinds = {**kinds.kinds(self.type), **dict(self._told(mapped if self.reads_longer else ()))}
+        self.kinds = dict(kinds.kinds(self.type))
+        if self.reads_longer:
+            self.kinds |= self._kinds_of_file(mapped)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
-        fields, own = set(self.layout.fields), set(self.kinds)
+        fields = set(self.layout.fields)
+        own = set(self.kinds)
         if fields - own or own - set(self.defaults) - fields:  # a field with a default need not be mapped
             has, wants = (", ".join(names) or "nothing" for names in (self.layout.fields, self.kinds))
             raise MappingError(file, pdo.mapping_index, f"{name} maps {has}; its fields are {wants}")
-        # An object's limits may be wider than the bits that it is mapped with.
+        # An object's limits may be wider than its mapped bits.
         ends = {field: (each.limits, self.layout.raws[field]) for field, each in mapped}
         self.limits = {f: Limits(max(said.low, raws[0]), min(said.high, raws[-1])) for f, (said, raws) in ends.items()}
 
     @cached_property
     def is_whole(self) -> bool:
-        """Whether it is known of all entries of the mapping what they are."""
+        """Whether all entries of the mapping are known."""
         return not any(each.is_unknown for each in self.pdo.mapping)
 
     def known_fields(self, length: int) -> frozenset[str]:
-        """Return the fields of which a frame of so many bytes has a value for certain.
+        """Return the fields whose values are certain in a frame of `length` bytes.
 
-        Behind an entry of an unknown object a field has a known place only if the frame has the length of the whole
-        mapping.
+        After an entry of an unknown object, a field's place is known only if the frame has the mapping's full length.
         """
         is_placed, offset = True, 0
         has_lengths = all(each.bits for each in self.pdo.mapping) and length == self.layout.length
@@ -102,8 +108,8 @@ class Binding:
                 unknown.add(field)
         return frozenset(set(self.layout.fields) - unknown)
 
-    def _told(self, mapped: Iterable[tuple[str, Mapped]]) -> Iterator[tuple[str, Kind]]:
-        """Yield the fields that are mapped, with the units and codes that the file says; raises MappingError."""
+    def _kinds_of_file(self, mapped: Iterable[tuple[str, Mapped]]) -> Iterator[tuple[str, Kind]]:
+        """Yield the mapped fields' kinds with the units and codes of the file; raises MappingError."""
         known = kinds.kinds(self.type)
         for field, each in dict(mapped).items():
             try:
@@ -114,21 +120,21 @@ class Binding:
                 raise MappingError(self.file, self.pdo.mapping_index, what) from None
 
     def again(self) -> Self:
-        """Return the same message without senders and receivers: they may be others by now."""
+        """Return a copy without senders and receivers."""
         other = copy(self)
         other.senders, other.receivers = [], []
         return other
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
-        """The mapped objects that carry something."""
+        """Mapped objects that carry a value, with their places."""
         offsets = accumulate((entry.bits for entry in self.pdo.mapping), initial=0)
         carrying = ((each, offset) for each, offset in zip(self.pdo.mapping, offsets) if not each.is_padding)
         return tuple(Placed(each, each.address, (1 << each.bits) - 1, offset) for each, offset in carrying)
 
     @cached_property
     def objects(self) -> Mapping[str, MappedObject]:
-        """The mapped objects by their names in the file; an object that is mapped in slices of a few bits is one."""
+        """Mapped objects by name in the file; an object that is mapped in slices is one."""
         found = {}
         for entry, (field, *_) in zip(self.pdo.mapping, self.layout.slots):
             if field is not None:
@@ -138,7 +144,7 @@ class Binding:
         return found
 
     def object_name(self, name: str | int) -> str | None:
-        """Return the name of the object that its name, its field, its index or its place stands for, None for none."""
+        """Return the name of the object that `name`, a name, field, index or position, stands for; None if none."""
         if isinstance(name, int):
             by_place: dict[int, str] = dict(enumerate(self.objects))
             return (by_place | {each.variable.index: key for key, each in reversed([*self.objects.items()])}).get(name)
@@ -146,7 +152,7 @@ class Binding:
         return (fields | {kinds.plain_name(key): key for key in self.objects}).get(kinds.plain_name(name))
 
     def field(self, name: str) -> str:
-        """Return the field of an object that a person names; raises UnknownName."""
+        """Return the field for an object's name in any spelling; raises UnknownName."""
         key = self.object_name(name)
         if key is None:
             raise UnknownName(f"field of {self.name}", name, self.kinds)
@@ -154,31 +160,31 @@ class Binding:
 
     @property
     def too_narrow(self) -> list[str]:
-        """Fields with values to be sent that do not fit into the bits they are mapped with."""
+        """Fields with valid values that do not fit their mapped bits."""
         limits = {f: entry.limits for entry, (f, *_) in zip(self.pdo.mapping, self.layout.slots) if f is not None}
         extremes = {field: self.kinds[field].extremes(each) for field, each in limits.items()}
         return [f for f, each in extremes.items() if any(raw not in self.layout.raws[f] for raw in each)]
 
     def message(self, /, **values: Any) -> Message:
-        """Return the message with these meanings of its fields, unchecked; raises TypeError for a field too many."""
+        """Return the message with these unchecked field values; raises TypeError for an unknown field."""
         make: Callable[..., Message] = self.type
         return make(**values)
 
     @property
     def optional(self) -> list[str]:
-        """Fields that a frame may leave out at its end: those with a default."""
+        """Fields that a frame may omit at its end: those with a default."""
         return [field for field in self.layout.fields if field in self.defaults]
 
     @cached_property
     def lengths(self) -> tuple[int, ...]:
-        """Lengths in bytes that a frame of this message may have; the last is that of the whole mapping."""
-        # Nothing between the two: a frame that ends within an optional field would have half a value.
+        """Valid lengths of a frame in bytes; the last one is that of the whole mapping."""
+        # No length between the two, because a frame could end within an optional field.
         shortest = self.layout.shortest(field for field in self.layout.fields if field not in self.defaults)
         return tuple(sorted({shortest, self.layout.length}))
 
     def raw(self, field: str, value: Any) -> int:
-        """Return the raw value of a field's meaning; raises FieldError."""
-        if field not in self.limits:  # a dialect may leave out a field that has a default; only that can be "sent"
+        """Return the raw value for a field's value; raises FieldError."""
+        if field not in self.limits:  # a field that is not mapped always has its default
             if value == self.defaults[field]:
                 return 0
             default = self.kinds[field].text(self.defaults[field])
@@ -203,7 +209,7 @@ class Binding:
         return dict(zip(self.layout.fields, self._unpack(self.complete(data))))
 
     def pack(self, values: Mapping[str, int]) -> bytes:
-        """Return the data with these raw values; optional fields may be left out, signed ones may be negative.
+        """Return the data for raw values; optional fields may be omitted, signed ones may be negative.
 
         Raises UnknownName for a field that is not mapped, FieldError for one that is missing or too wide.
         """
@@ -216,7 +222,7 @@ class Binding:
         value: Any = values.get(field)
         if value is None and field in self.defaults:
             value = self.raw(field, self.defaults[field])
-        # Against the bits, not the limits: `pack` is there to send what no sender should, too.
+        # Checked against the bits, not the limits: `pack` may also make invalid messages.
         raws = self.layout.raws[field]
         if not isinstance(value, Integral) or value not in raws:
             raise FieldError(self.name, field, value, f"{raws[0]}..{raws[-1]}")
@@ -228,15 +234,15 @@ class Binding:
     def complete(self, data: Data) -> bytes:
         """Return data of the mapping's full length.
 
-        What is longer is cut (CiA 301, EMCY 0x8220); optional fields that a shorter frame leaves out get their
-        defaults. Raises FrameLengthError for any other length (EMCY 0x8210).
+        Longer data is cut (CiA 301, EMCY 0x8220); omitted optional fields get their defaults. Raises FrameLengthError
+        for any other length (EMCY 0x8210).
         """
         if len(data) >= self.layout.length:
             return bytes(data[: self.layout.length])
         if len(data) not in self.lengths:
             raise self.wrong_length(data)
         word = int.from_bytes(bytes(data) + bytes(self.layout.length - len(data)), self.layout.byte_order)
-        for field in self.optional:  # none of them came, whatever their bits hold
+        for field in self.optional:  # a partly received field is discarded
             word &= ~self.layout.place(field, -1)
             word |= self.layout.place(field, self.raw(field, self.defaults[field]))
         return self._to_bytes(word)
@@ -249,8 +255,8 @@ class Binding:
 
     @cached_property
     def decode(self) -> Callable[[Data], Message]:
-        """The function from a frame's data to the typed message; it raises FrameLengthError."""
-        # Data of another length is completed and read again, this time by the generated code.
+        """Function from a frame's data to the typed message; it raises FrameLengthError."""
+        # Data of another length is completed first.
         read: Callable[[Data], Message] = codec.reader(
             self.layout, self._columns, self.type, lambda data: read(self.complete(data)), self.unknown
         )
@@ -258,7 +264,7 @@ class Binding:
 
     @cached_property
     def encode(self) -> Callable[[Any], Frame]:
-        """The function from a typed message to its frame; it raises FieldError."""
+        """Function from a typed message to its frame; it raises FieldError."""
         return codec.writer(self.layout, self._columns, self.cob_id, self._write_carefully, self.unknown)
 
     @cached_property
@@ -269,9 +275,10 @@ class Binding:
         write: Callable[[Any], int] = partial(self.raw, field)
         if field not in self.limits:
             return Column(field, None, write, self.defaults[field])
-        limits, raws = self.limits[field], self.layout.raws[field]
+        limits = self.limits[field]
+        raws = self.layout.raws[field]
         read = partial(kind.read, limits=limits)
-        if self.layout.widths[field] <= codec.TABLE_BITS:  # what is sent comes from a table, too: it has few values
+        if self.layout.widths[field] <= codec.TABLE_BITS:  # few values: a table for sending, too
             meanings = {read(raw): raw for raw in raws}
             write = {m: raw for m, raw in meanings.items() if not isinstance(m, OutOfRange)}.__getitem__
         said = (kind.numbers(limits), kind.sendable(limits))
@@ -280,7 +287,7 @@ class Binding:
 
     @cached_property
     def unknown(self) -> Unknown | None:
-        """The bits that mean "unknown" as a whole, such as those of x, y and angle; None if no field can be so."""
+        """Bits that together mean "unknown", such as those of x, y and angle; None without such fields."""
         codes = {f: kind.unknown_as_a_whole for f, kind in self.kinds.items() if kind.unknown_as_a_whole is not None}
         if not codes:
             return None
@@ -288,7 +295,7 @@ class Binding:
         return Unknown(mask, sum(self.layout.place(field, code) for field, code in codes.items()), codes)
 
     def _write_carefully(self, message: Message) -> Frame:
-        """Encode an unknown position, or say in an error what is wrong."""
+        """Encode a message that the generated code refused: an unknown position; raises FieldError for others."""
         values = message._asdict()
         unknown = self.unknown
         word = 0
@@ -299,7 +306,7 @@ class Binding:
         for field, value in values.items():
             raw = self.raw(field, value)
             word |= self.layout.place(field, raw) if field in self.limits else 0
-        # 255 mm, 255 mm is a real place, but with the angle's code it would be read as "unknown": better not sent.
+        # 255 mm, 255 mm is a valid place, but with the angle's code it would be read as "unknown".
         if unknown and word & unknown.mask == unknown.code:
             field, *_ = unknown.codes
             alone = " and ".join(each for each in unknown.codes if values[each] is None)
@@ -309,7 +316,7 @@ class Binding:
 
 
 def _kind(entry: Mapped, width: int) -> Kind:
-    """Return the kind of a field of which nothing is known but the mapped object, and what its file says about it."""
+    """Return the kind of a field without a message type, from the mapped object and its file."""
     said = entry.meaning
     if entry.is_unknown:
         return kinds.UnknownKind()
@@ -322,14 +329,14 @@ def _kind(entry: Mapped, width: int) -> Kind:
 
 
 def _slots(mapping: Iterable[Mapped]) -> list[Slot]:
-    """Return the mapping's slots; objects of one name are told apart, while the slices of one value keep theirs."""
+    """Return the mapping's slots; objects with the same name get different fields, slices of one value the same one."""
     slots: list[Slot] = []
     taken: set[str | None] = {None}
     for entry in mapping:
         signed = entry.type.is_signed
-        bits = entry.bits or 1  # of an unknown length: the fields behind it have no known place either way
+        bits = entry.bits or 1  # 0: of unknown length, so that later fields have no known place
         each = Slot(None, 0, bits) if entry.is_padding else slot(entry.name, bits, kinds.field_name, signed)
-        # 86 of 200 real files have several objects of one name. A slice's field is shorter than its entry's name.
+        # 86 of 200 real files repeat a name. A slice's field is shorter than its entry's name.
         if each.field == kinds.field_name(entry.name):
             each = each._replace(field=first_free(each.field, taken))
         slots.append(each)
@@ -348,12 +355,13 @@ def parse(binding: Binding, fields: Sequence[str]) -> Message:
         field = written if written in binding.kinds else binding.field(written)
         if field in values:
             raise LocalError(f"{binding.name}: {field} given twice")
-        kind, limits = binding.kinds[field], binding.limits.get(field)
+        kind = binding.kinds[field]
+        limits = binding.limits.get(field)
         try:
             values[field] = kind.parse(value)
         except (ValueError, KeyError):
             allowed = kind.allowed(limits) if limits else "nothing, as the loaded EDS does not map it"
-            # without an equals sign the whole word is what was written, and wrong
+            # without an equals sign, the whole word is the wrong value
             raise FieldError(binding.name, field, value if given else text, allowed) from None
     missing = [field for field in binding.kinds if field not in values and field not in binding.defaults]
     if missing:

@@ -1,13 +1,12 @@
-"""The mapping in force: what a bus has shown of its devices' parameters, over what their files say.
+"""The current configuration of devices: parameters observed on the bus, and their files for everything else.
 
-A write that a device has confirmed, and its answer to a read, count more than its file, until the device starts anew:
-then it has what it was told to store, or else its file's values again (CiA 301, 7.5.2.13). A file only fills in: an
-object or a PDO that it lacks is there once the device has taken it. Of a device without a file, what was shown makes
-one.
+A confirmed write, and the answer to a read, replace the file's value until the device is reset. It then has its stored
+values, or else its file's (CiA 301, 7.5.2.13). Objects and PDOs that the file lacks are added once the device has
+accepted a write to them. For a device without a file, a dictionary is made from the observed values.
 
-What a log cannot know is not guessed. A mapping entry is unknown if it was written and the log does not have what, as
-long as the device has not answered a write of it, or if it may have been written before the log begins: when a master
-is seen to end a mapping whose beginning is not there, or when a device answers with something else than its file says.
+Nothing is guessed. A mapping entry is unknown if it was written with data that the log does not have, while a write of
+it is unanswered, or if it may have been written before the log begins: when the log has only the end of a
+configuration, or when a device's answer differs from its file.
 """
 
 from __future__ import annotations
@@ -37,33 +36,33 @@ from eurobot_od.od.values import (
 )
 
 SERVICES = (standard.SYNC, standard.TIME, standard.EMCY, standard.SDO_REQUESTS, standard.SDO_ANSWERS)
-"""Objects that say where a service is, besides those of the PDOs and of further SDO channels."""
+"""Objects with the COB-IDs of services other than PDOs and further SDO channels."""
 
 SETTINGS = (standard.SYNC_PERIOD, standard.HEARTBEAT_TIME)
-"""Objects that say how often something comes."""
+"""Objects with periods."""
 
 SDO_CHANNELS = frozenset((*standard.SDO_SERVERS, *standard.SDO_CLIENTS))
 
 
 Describe: TypeAlias = Callable[[int, Mapping[Address, int], Dictionary | None], Dictionary | None]
-"""Returns the description of a node by what it has shown of 0x1000 and 0x1018; the last one is its named file."""
+"""Function from node-ID, observed values of 0x1000 and 0x1018, and the node's named file, to its dictionary."""
 
 
 def nothing_known(*_: object) -> None:
-    """Describe no node: there is no library."""
+    """Return None, as a `Describe` without a library."""
 
 
 def is_followed(address: Address) -> bool:
-    """Return whether an object is one of those that say what other frames mean."""
+    """Return whether an object affects the meaning of other frames."""
     index = address[0]
     in_record = values.pdo_of(index) is not None or index in SDO_CHANNELS or index == standard.CONSUMED_HEARTBEATS
     return in_record or address in (*SERVICES, *SETTINGS)
 
 
 class LeftIdentifier(NamedTuple):
-    """An identifier that a PDO has left: the PDO's communication record, where it is `now`, and how that was seen.
+    """An identifier that a PDO no longer has: the PDO's communication record, its identifier `now`, and the evidence.
 
-    `now` is None for a PDO that is switched off. `how` ends a sentence: "by SDO at line 2".
+    `now` is None for a PDO that is not valid. `how` completes a sentence, such as "by SDO at line 2".
     """
 
     record: int
@@ -73,12 +72,12 @@ class LeftIdentifier(NamedTuple):
 
 @dataclass
 class DeviceInForce:
-    """What a device has shown that it has, and which objects were written, nobody knows with what (`unknown`).
+    """The observed configuration of one device.
 
-    `asked` are entries of mappings that a master has asked to write, and the device has not answered.
-    `begun` are the PDOs whose configuration the log has from its beginning, by their communication records; all of them
-    once the device `is_started`. The mapping of those in `doubted` may be another than the file's, but for what was
-    shown. `left` are identifiers that PDOs have left.
+    `shown` has the observed values, `unknown` the objects that were written with unknown values, `asked` the mapping
+    entries with an unanswered write. PDOs are given by their communication records: for those in `begun` the log has
+    the whole configuration, as for all PDOs once the device `is_started`; for those in `doubted`, entries that were not
+    observed may differ from the file. `left` has the identifiers that PDOs no longer have.
     """
 
     shown: dict[Address, int] = field(default_factory=dict)
@@ -90,16 +89,16 @@ class DeviceInForce:
     is_started: bool = False
 
     def copy(self, is_started: bool) -> DeviceInForce:
-        """Return what the device has after it starts anew."""
+        """Return the configuration after a reset, or before one."""
         parts = dict(self.shown), set(self.unknown), set[Address](), set(self.begun), set(self.doubted), dict(self.left)
         return DeviceInForce(*parts, is_started)
 
     def is_open(self, index: int) -> bool:
-        """Return whether the mapping of a PDO may have been rewritten before the log begins."""
+        """Return whether a PDO's mapping may have been rewritten before the log begins."""
         return not (self.is_started or index in self.begun)
 
     def present(self, file: Dictionary | None) -> dict[Address, int]:
-        """Return what is in force in place of the file's values, with what is not known marked as such."""
+        """Return the values that replace those of the file, with unknown ones marked."""
         unknown = self.unknown | self.asked
         present = {address: value for address, value in self.shown.items() if address not in unknown}
         if file is None:
@@ -110,8 +109,9 @@ class DeviceInForce:
         return present
 
     def _of_unknown(self, file: Dictionary, index: int) -> dict[Address, int]:
-        """Return what stands for the unknown parameters of a PDO."""
-        mapping, found = index + values.MAPPING_OFFSET, dict[Address, int]()
+        """Return placeholders for the unknown parameters of a PDO."""
+        mapping = index + values.MAPPING_OFFSET
+        found = dict[Address, int]()
         if (index, values.COB_ID) in self.unknown:
             found[index, values.COB_ID] = (file.number((index, values.COB_ID)) or 0) & ~values.NOT_VALID
         highest = max((sub for at, sub in (*self.shown, *self.unknown) if at == mapping), default=0)
@@ -127,7 +127,7 @@ class DeviceInForce:
         return found
 
     def is_unknown(self, file: Dictionary, address: Address) -> bool:
-        """Return whether nobody knows what an entry of a mapping is."""
+        """Return whether a mapping entry is unknown."""
         index = values.pdo_of(address[0])
         is_missing = address not in self.shown and address[0] not in file.members
         is_asked = any(values.pdo_of(each) == index for each, _ in self.asked)
@@ -137,7 +137,7 @@ class DeviceInForce:
 
 
 class InForce:
-    """What the devices of one bus have in force; at first what their files say, or what was `learned` of them."""
+    """The current configuration of all devices on a bus; at first from their files, or as `learned` before."""
 
     def __init__(
         self,
@@ -146,7 +146,8 @@ class InForce:
         describe: Describe = nothing_known,
     ) -> None:
         self._files = {each.node_id: each for each in dictionaries}
-        self._named, self._describe = dict(self._files), describe
+        self._named = dict(self._files)
+        self._describe = describe
         self._identities: dict[int, dict[Address, int]] = {}
         self._objects: dict[int, set[int]] = {}
         self._present: dict[int, Dictionary] = {}
@@ -154,7 +155,7 @@ class InForce:
         self._stored: dict[int, DeviceInForce] = {}
         for each in learned:
             self._learned[each.node_id] = (*self._learned.get(each.node_id, ()), each)
-            # After a start, too: nothing is known of what it has then, and most have the same.
+            # Assumed after a reset, too: most devices keep it.
             self._stored.setdefault(each.node_id, DeviceInForce()).shown.update(_numbers(each))
             if (device_type := each.number(standard.DEVICE_TYPE)) is not None:
                 self._identities[each.node_id] = {standard.DEVICE_TYPE: device_type}
@@ -163,51 +164,51 @@ class InForce:
 
     @property
     def described(self) -> list[Dictionary]:
-        """The devices that have files, each as it is now."""
+        """The devices with files, in their current configuration."""
         return [self._present.get(node_id, each) for node_id, each in self._files.items()]
 
     @property
     def learned(self) -> list[Dictionary]:
-        """What is known of the devices that have no files and have shown a mapping."""
+        """Dictionaries of devices without files, from the observed mappings."""
         return [each for parts in self._learned.values() for each in parts]
 
     @property
     def left(self) -> dict[int, dict[int, LeftIdentifier]]:
-        """The identifiers that PDOs have left, by node-ID and identifier."""
+        """Identifiers that PDOs no longer have, by node-ID and identifier."""
         return {node_id: each.left for node_id, each in self._devices.items() if each.left}
 
     def shown(self, node_id: int) -> Mapping[Address, int]:
-        """Return what a device has shown that it has by now."""
+        """Return a device's observed values."""
         return self._devices[node_id].shown if node_id in self._devices else {}
 
     def profile(self, node_id: int) -> int:
-        """Return the device profile that a device has shown by 0x1000, or by its objects; 0: none."""
+        """Return the device profile by 0x1000 or by the observed objects; 0 if unknown."""
         device_type = self._identities.get(node_id, {}).get(standard.DEVICE_TYPE, 0)
         return profiles.profile_shown(device_type, self._objects.get(node_id, ()))
 
     def renumber(self, identity: Mapping[int, int], node_id: int) -> Dictionary | None:
-        """Take in that the device of an identity, by its parts as LSS_IDENTITY counts them, has a new node-ID.
+        """Note the new node-ID of the device with an identity, whose parts are numbered as by LSS_IDENTITY.
 
-        Return its description by the one file for such devices; None without one, with several, or if that node-ID has
-        a file.
+        Return its dictionary, from the only file for such devices; None without one, with several, or if the new
+        node-ID has a file.
         """
         return self._renumber([each for each in self._files.values() if _is_of(Identity.of(each), identity)], node_id)
 
     def renumber_only(self, heard: Set[int], node_id: int) -> Dictionary | None:
-        """Take in that the one device on a bus has a new node-ID; of several files that of the one that was `heard`.
+        """Note the new node-ID of the only device on a bus; `heard` are the node-IDs heard so far.
 
-        Return as `renumber` does; None if several were heard, or if several files may be meant.
+        Return as `renumber` does; None if several devices were heard, or if several files are possible.
         """
         files = list(self._files.values())
-        meant = [each for each in files if each.node_id in heard] or files
-        return self._renumber(meant, node_id) if len(heard) <= 1 and len(meant) == 1 else None
+        possible = [each for each in files if each.node_id in heard] or files
+        return self._renumber(possible, node_id) if len(heard) <= 1 and len(possible) == 1 else None
 
     def _renumber(self, found: Iterable[Dictionary], node_id: int) -> Dictionary | None:
         files = {each.file: each for each in found}
         if node_id in self._files or len(files) != 1:
             return None
         (file,) = files.values()
-        # Besides the one that the file is for: another device of its kind may have that node-ID.
+        # In addition to the file's own node, because another device of this type may have that node-ID.
         made = self._files[node_id] = file.renumbered(node_id).named(f"{file.name}_{node_id}")
         return made
 
@@ -215,19 +216,19 @@ class InForce:
         return self._devices.setdefault(node_id, DeviceInForce(is_started=self._all_started))
 
     def show(self, node_id: int, address: Address, octets: bytes, written: str = "") -> bool:
-        """Take in what a device has at an address; return whether other frames mean something else now.
+        """Note a value of a device; return whether this changes the meaning of other frames.
 
         Args:
             node_id: node-ID of the device, 1..127
             address: index and sub-index of the object
             octets: its value as an SDO carries it
-            written: where it was written, such as "by SDO at line 2"; empty for what the device has answered to a read
+            written: the evidence of a write, such as "by SDO at line 2"; empty for an answer to a read
         """
         device, profile = self._device(node_id), self.profile(node_id)
         is_news = self._show(node_id, device, address, octets, written)
         if profile == self.profile(node_id) or node_id in self._files:
             return is_news
-        self._changed(node_id)  # its objects have names now
+        self._changed(node_id)  # the profile names its objects
         return True
 
     def _show(self, node_id: int, device: DeviceInForce, address: Address, octets: bytes, written: str) -> bool:
@@ -240,9 +241,10 @@ class InForce:
                 self._stored[node_id] = device.copy(is_started=True)
         elif address[0] == standard.RESTORE:
             if octets == standard.SIGNATURES[standard.RESTORE]:
-                self._stored.pop(node_id, None)  # in force from the next start on
+                self._stored.pop(node_id, None)  # takes effect at the next reset
         elif is_followed(address):
-            before, value = self._said_by(node_id, address), int.from_bytes(octets, "little")
+            before = self._said_by(node_id, address)
+            value = int.from_bytes(octets, "little")
             self._doubt(node_id, address, value, is_written=bool(written))
             if address[1] == values.COB_ID and address[0] in values.COMMUNICATIONS:
                 self._move(node_id, address[0], value, written)
@@ -251,7 +253,7 @@ class InForce:
             device.shown[address] = value
             device.asked.discard(address)
             device.unknown.discard(address)
-            # A device is made anew when it matters, and not at each of the dozen writes that map one PDO.
+            # The dictionary is made again only if frames change, not after each of the writes that map a PDO.
             return before != self._said_by(node_id, address) and self._changed(node_id)
         return False
 
@@ -260,7 +262,7 @@ class InForce:
             self._objects.setdefault(node_id, set()).add(cia402.on_first_axis(index))
 
     def _identified(self, node_id: int, address: Address, octets: bytes) -> bool:
-        """Take in what a device is; return whether it has another description now."""
+        """Note an identity value; return whether the device has another dictionary now."""
         numbers = self._identities.setdefault(node_id, {})
         numbers[address] = int.from_bytes(octets, "little")
         found = self._describe(node_id, numbers, self._named.get(node_id))
@@ -274,11 +276,11 @@ class InForce:
         self._files[node_id] = found
         self._learned.pop(node_id, None)
         self._present.pop(node_id, None)
-        self._changed(node_id)  # what it has shown before counts more than the file
+        self._changed(node_id)  # values observed before replace those of the file
         return True
 
     def ask(self, node_id: int, address: Address) -> bool:
-        """Take in that a master asks to write an object: until the answer nobody knows it; return as `show` does."""
+        """Note a write request of a mapping entry, which is unknown until the answer; return as `show` does."""
         if address[0] not in values.MAPPINGS or not address[1]:
             return False
         before = self._said_by(node_id, address)
@@ -286,7 +288,7 @@ class InForce:
         return before != self._said_by(node_id, address) and self._changed(node_id)
 
     def refuse(self, node_id: int, address: Address) -> bool:
-        """Take in that a device has refused a write, and has what it had before; return as `show` does."""
+        """Note that a device has refused a write and keeps its value; return as `show` does."""
         device = self._device(node_id)
         if address not in device.asked:
             return False
@@ -295,10 +297,11 @@ class InForce:
         return before != self._said_by(node_id, address) and self._changed(node_id)
 
     def forget(self, node_id: int, address: Address) -> bool:
-        """Take in that an object was written, nobody knows with what; return as `show` does."""
+        """Note a write with unknown data; return as `show` does."""
         if not is_followed(address) or values.pdo_of(address[0]) is None:
             return False
-        before, device = self._said_by(node_id, address), self._device(node_id)
+        before = self._said_by(node_id, address)
+        device = self._device(node_id)
         self._doubt(node_id, address, None, is_written=True)
         device.shown.pop(address, None)
         device.asked.discard(address)
@@ -306,46 +309,50 @@ class InForce:
         return before != self._said_by(node_id, address) and self._changed(node_id)
 
     def _doubt(self, node_id: int, address: Address, value: int | None, is_written: bool) -> None:
-        """Note what a value of a PDO's parameter says of the others, which the log may not have."""
-        index, device = values.pdo_of(address[0]), self._device(node_id)
+        """Note whether a PDO parameter's value shows a configuration from before the log."""
+        index = values.pdo_of(address[0])
+        device = self._device(node_id)
         if index is None:
             return
-        is_entry, known = address[0] != index, self._number(node_id, address)
+        is_entry = address[0] != index
+        known = self._number(node_id, address)
         if not is_written:
             if is_entry and known is not None and known != value and address not in device.unknown:
                 device.doubted.add(index)
         elif value is not None and self._begins(address, index, value):
             device.begun.add(index)
-        # A PDO that was valid is switched on only by a master that has switched it off before.
+        # A master that enables a valid PDO has disabled it before.
         elif device.is_open(index) and (is_entry or (address[1] == values.COB_ID and _is_valid(known))):
             device.doubted.add(index)
 
     def _begins(self, address: Address, index: int, value: int) -> bool:
-        """Return whether a write begins to configure a PDO, by which all that follows is in the log."""
+        """Return whether a write begins the configuration of a PDO, so that the log has all of it."""
         is_off = address == (index, values.COB_ID) and not _is_valid(value)
         return is_off or (address == (index + values.MAPPING_OFFSET, 0) and value == 0)
 
     def _move(self, node_id: int, index: int, value: int, written: str) -> None:
-        """Note which identifier a PDO leaves, and which it takes."""
-        device, known = self._device(node_id), self._number(node_id, (index, values.COB_ID))
+        """Note the identifier that a PDO leaves, and the one that it takes."""
+        device = self._device(node_id)
+        known = self._number(node_id, (index, values.COB_ID))
         now = values.identifier(value) if _is_valid(value) else None
         if now is not None:
             device.left.pop(now, None)
         before = None if known is None else values.identifier(known)
         how = written or "as it has answered"
-        # What is said of a PDO that was off before stays: since when it is off.
+        # A PDO that was not valid keeps the evidence of when it was disabled.
         if before and before != now and (_is_valid(known) or before not in device.left):
             device.left[before] = LeftIdentifier(index, now, how)
         if now is None and values.identifier(value):
             device.left.setdefault(values.identifier(value), LeftIdentifier(index, now, how))
 
     def _number(self, node_id: int, address: Address) -> int | None:
-        """Return the number that a device has at an address by what was shown, or else by its file."""
-        found, file = self.shown(node_id).get(address), self._files.get(node_id)
+        """Return the number at an address, as observed or else from the file."""
+        found = self.shown(node_id).get(address)
+        file = self._files.get(node_id)
         return file.number(address) if found is None and file else found
 
     def _said_by(self, node_id: int, address: Address) -> Any:
-        """Return what an object and those beside it say of a device's frames; None for a PDO that is not valid."""
+        """Return all parameters that determine the frames of an object's PDO; only the COB-ID if it is not valid."""
         file = self._files.get(node_id)
         found = self._device(node_id).present(file)
 
@@ -363,22 +370,29 @@ class InForce:
         return settings, [present(mapping, sub) for sub in range(min(present(mapping, 0) or 0, values.MAX_BITS) + 1)]
 
     def start(self, node_id: int) -> bool:
-        """Take in that a device starts anew, or all; return whether other frames mean something else now."""
-        changed, self._all_started = False, self._all_started or node_id == ALL_NODES
-        for each in list(self._devices) if node_id == ALL_NODES else [node_id]:
-            file, before = self._files.get(each), self._device(each)
+        """Note the reset of a device, or of all; return whether this changes the meaning of other frames."""
+        changed = False
+        node_ids = [node_id]
+        if node_id == ALL_NODES:
+            self._all_started = True
+            node_ids = list(self._devices)
+        for each in node_ids:
+            file = self._files.get(each)
+            before = self._device(each)
             self._devices[each] = now = self._stored.get(each, DeviceInForce()).copy(is_started=True)
             is_other = (before.present(file), before.left) != (now.present(file), now.left)
             changed |= is_other and self._changed(each)
         return changed
 
     def _changed(self, node_id: int) -> bool:
-        """Make a device anew; return whether what it sends or receives has changed."""
-        file, device = self._files.get(node_id), self._device(node_id)
+        """Make a device's dictionary again; return whether the meaning of its frames has changed."""
+        file = self._files.get(node_id)
+        device = self._device(node_id)
         present = device.present(file)
         if file is None:
             profile = self.profile(node_id)
-            known, self._learned[node_id] = self._learned.get(node_id, ()), made(node_id, present, profile)
+            known = self._learned.get(node_id, ())
+            self._learned[node_id] = made(node_id, present, profile)
             return known != self._learned[node_id]
         before = self._present.get(node_id, file)
         now = self._present[node_id] = completed(file, present).configured(present)
@@ -390,24 +404,24 @@ def _is_valid(cob_id: int | None) -> bool:
 
 
 def _is_of(file: Sequence[int], named: Mapping[int, int]) -> bool:
-    """Return whether a file is for devices of an identity: of that product, and of that vendor if it says its own."""
+    """Return whether a file is for devices with an identity: same product, and same vendor unless the file has none."""
     vendor, product, *_ = file
     return bool(product) and product == named.get(1) and vendor in (0, named.get(0, vendor))
 
 
 def _said(device: Dictionary) -> Any:
-    """Return what a device's parameters say of its frames."""
+    """Return all parameters of a device that determine the meaning of its frames."""
     pdos = device.read_pdos(device.default, lambda _: None, listening=True)
-    # Of one that is off, its identifier: a frame under it is not that of another PDO.
+    # A PDO that is not valid keeps its identifier: a frame with it belongs to no other PDO.
     said = [each if each.valid else (each.index, each.cob_id) for each in pdos]
     return said, [device.default(each) for each in SERVICES], list(sdo_channels(device))
 
 
-# A device whose file lacks what it has
+# A device whose file is incomplete
 
 
 def completed(file: Dictionary, present: Mapping[Address, int]) -> Dictionary:
-    """Return a device's file with the records that it lacks, and with the objects that are mapped all the same."""
+    """Return a device's file with missing records, and with mapped objects that it lacks."""
     records = {at for at, _ in present if at not in file.members and is_followed((at, values.COB_ID))}
     subs = {at: {sub: number for (index, sub), number in present.items() if index == at} for at in sorted(records)}
     texts = [_record(at, _record_name(at), {0: max(kept)} | kept) for at, kept in subs.items()]
@@ -424,7 +438,7 @@ def _record_name(index: int) -> str:
 
 
 def _missing(file: Dictionary, present: Mapping[Address, int]) -> Iterator[str]:
-    """Yield the objects that are mapped and are not in a file, or are there with fewer bits than are mapped."""
+    """Yield the mapped objects that are not in a file, or that have fewer bits there than are mapped."""
     objects: dict[Address, int] = {}
     for (at, sub), number in present.items():
         entry = MappingEntry.of(number)
@@ -440,20 +454,20 @@ def _missing(file: Dictionary, present: Mapping[Address, int]) -> Iterator[str]:
 # A device without a file
 
 MOST_PDOS = 1 << 11
-"""How many that were made are kept: twice as many as a device can have."""
+"""Number of cached dictionaries: twice the PDOs of one device."""
 
 
 def _numbers(device: Dictionary) -> dict[Address, int]:
-    """Return what a device that was made has of what is followed."""
+    """Return a dictionary's values that affect the meaning of frames."""
     numbers = {each: device.number(each) for each in device.addresses() if is_followed(each)}
     return {address: number for address, number in numbers.items() if number is not None}
 
 
 def made(node_id: int, shown: Mapping[Address, Value], profile: int = 0) -> tuple[Dictionary, ...]:
-    """Return a dictionary of the services that are shown, and of each PDO whose whole mapping is.
+    """Return a dictionary of the observed services, and one of each PDO whose whole mapping was observed.
 
-    Each has its own, as they are shown one by one: a device of 64 PDOs would be read 64 times. Each says in 0x1000
-    which `profile` the device has; 0: it is not known.
+    They are separate because PDOs are observed one by one: a common dictionary would be read again for each. Each has
+    the device profile in 0x1000 unless `profile` is 0, unknown.
     """
     numbers = {address: value for address, value in shown.items() if isinstance(value, int)}
     head = profiles.device_type_text(profile) if profile else ""
@@ -466,7 +480,7 @@ def _read(node_id: int, text: str) -> Dictionary | None:
     name = f"node {node_id}"
     try:
         return Dictionary.read(text.encode(), Path(name), node_id, name)
-    except DictionaryError:  # nothing in it can be used: a mapping of objects that no device can have
+    except DictionaryError:  # a mapping of impossible objects
         return None
 
 
@@ -484,12 +498,13 @@ def _services(shown: Mapping[Address, int]) -> Iterator[str]:
 
 def _pdos(shown: Mapping[Address, int], profile: int) -> Iterator[str]:
     for records in values.COMMUNICATION_RECORDS.values():
-        # Few of the 512 are there, and all are looked for at each change.
+        # Only those that exist, as this runs at each change and there may be 512.
         for index in sorted({each - values.MAPPING_OFFSET for each, _ in shown}.intersection(records)):
-            mapping, text = index + values.MAPPING_OFFSET, ""
+            mapping = index + values.MAPPING_OFFSET
+            text = ""
             objects: dict[Address, int] = {}
             count = shown.get((mapping, 0), 0)
-            subs = range(1, (0 if count in set(Multiplex) else count) + 1)
+            subs = range(1, 1 if count in set(Multiplex) else count + 1)
             if (mapping, 0) not in shown or any((mapping, sub) not in shown for sub in subs):
                 continue
             for record, last in ((index, values.EVENT_TIMER), (mapping, len(subs))):
@@ -509,7 +524,7 @@ def _record(index: int, name: str, subs: Mapping[int, int]) -> str:
 
 
 def _mapped(index: int, bits: Mapping[int, int], profile: int = 0) -> str:
-    """Write an object that a PDO maps, by its device's profile, or else by its index."""
+    """Return the EDS text of an object that a PDO maps, named by the device's profile, or else by its index."""
     found = {sub: profiles.object_of(profile, (index, sub)) for sub in bits}
 
     def code(sub: int) -> int:

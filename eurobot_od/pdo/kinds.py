@@ -1,8 +1,8 @@
 """Kinds of fields: the two-way conversion between a field's raw value and its meaning.
 
-A kind says what a raw value means, which raw value a meaning has, how a person writes it, and what is allowed. Whatever
-is special about a field is a method of its kind: no other code asks which kind a field has. Widths and limits come from
-the EDS, as arguments; units, plain ranges, steps and codes as well, by `Kind.of`.
+A kind converts raw values to meanings and back, parses and formats them, and knows which are allowed. Special behaviour
+of a field is a method of its kind: no other code tests which kind a field has. Widths and limits come from the EDS, as
+arguments; so do units, ranges, steps and codes, by `Kind.of`.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ if TYPE_CHECKING:
 
 
 class OutOfRange(int):
-    """A received raw value outside its range: kept as it came, flagged by its type, not to be acted on."""
+    """A received raw value outside its range; it is kept, marked by this type, and must not be acted on."""
 
     def __repr__(self) -> str:
         return f"OutOfRange({int(self)})"
 
 
 UNKNOWN = "unknown"
-"""The word for a value that its sender does not know, and for one of which nobody knows what it is."""
+"""The text for a value that its sender does not know, and for one whose object is unknown."""
 
 
 class ColumnForm(Enum):
-    """The form of a field's values in a column of a table; anything else is null there, with a flag beside it."""
+    """Form of a field's values in a column of a table; a value of another form is null there, and marked."""
 
     NUMBER = "number"
     BITS = "bits"
@@ -56,7 +56,7 @@ class ColumnForm(Enum):
 
 
 class KeyedForm(NamedTuple):
-    """How a value is written in YAML as a mapping; `key` and `word` say what its keys and its words stand for."""
+    """Form of a value that YAML writes as a mapping; `key` and `word` name its keys and its words in errors."""
 
     key: str
     keys: tuple[str, ...]
@@ -65,65 +65,66 @@ class KeyedForm(NamedTuple):
 
 
 WHOLE = {"mm": "millimetres", "deg": "degrees"}
-"""What a unit is called where only whole ones are allowed."""
+"""Plural of a unit, for errors about fractions."""
 
 
 class MeaningError(Exception):
-    """A message type and a table that cannot agree on a field: what the field `is`, or needs, in words."""
+    """A message type and a table that disagree on a field; the text completes a sentence about the field."""
 
 
 class Kind:
-    """A number in `unit`; raw value and meaning are the same, the EDS limits are the range, and `codes` mean something.
+    """A number in `unit` whose raw value is its meaning, except for `codes`; the EDS limits are its range.
 
-    What a number means is the table's, which a file says (see `od.meanings`): `of` makes the kind that has it. A class
-    of messages names what it needs: `Kind("mm")` that the unit is mm, `Kind("mm", Reading)` that the table has a code
-    for each member of the enum Reading, by its name. The table's unit may have a step: raw 123 of `0.1 mm` is 12.3.
+    Units, steps and codes come from a table in the file (see `od.meanings`); `of` returns the kind with those. A
+    message class declares what it requires: `Kind("mm")` the unit mm, `Kind("mm", Reading)` also a code for each member
+    of the enum Reading, by name. The table's unit may have a step: raw 123 of `0.1 mm` is 12.3.
     """
 
     scale: UnitScale
-    """What one step of the raw value is, in the unit."""
+    """One step of the raw value, in the unit."""
 
     modulus: int | None = None
-    """What the value wraps around at, None for a value that does not."""
+    """The number at which the value wraps around, or None."""
 
     unknown_as_a_whole: int | None = None
-    """The raw value that means "unknown" if all such fields of the message have theirs, None without one.
+    """Raw value for "unknown", or None; it is valid only when every such field of the message has its own.
 
-    Such a field may also be None as a meaning, which a person writes `unknown`.
+    The meaning is None, which a person writes as `unknown`.
     """
 
     keyed_form: KeyedForm | None = None
-    """How people may write the value in YAML as a mapping; `parse` then takes `key:word,key:word`, or `none`."""
+    """Form of the value as a mapping in YAML; `parse` then accepts `key:word,key:word`, or `none`."""
 
     says_more: ClassVar = False
-    """Whether `text` writes more of a plain number than the number and its unit."""
+    """Whether `text` adds words to a number and its unit."""
 
     column_form: ColumnForm = ColumnForm.NUMBER
-    """What the values are in a column: the raw values in `numbers`, all raw BITS, or what the form says."""
+    """Form of the values in a column."""
 
     _within: Limits | None = None
 
     def __init__(self, unit: str = "", codes: type[Enum] | Mapping[str, Any] = MappingProxyType({})) -> None:
-        self.unit, self.scale = unit, UnitScale(unit)
+        self.unit = unit
+        self.scale = UnitScale(unit)
         self._needed: Mapping[str, Any] = (
             codes if isinstance(codes, Mapping) else {words_of(member): member for member in codes}
         )
         self._words: Mapping[int, str] = {}
         self._meanings: dict[int, Any] = {}
         self._raws: dict[tuple[type, Any], int] = {}
-        # an IntEnum has its numbers with it: for a device without a table
+        # The numbers of an IntEnum are for a device without a table.
         self._number({name: each.value for name, each in self._needed.items() if isinstance(each, IntEnum)})
 
     def _number(self, codes: Mapping[str, int]) -> None:
-        """Take over the numbers of codes, by the names that the kind has for them."""
+        """Set the numbers of the codes, given by the kind's names."""
         self._words = {raw: name for name, raw in codes.items()}
         self._meanings = {raw: self._needed[name] for name, raw in codes.items()}
         self._raws = {(type(meaning), meaning): raw for raw, meaning in self._meanings.items()}
 
-    # What the table says
+    # From the file's table
 
     def of(self, said: ObjectMeaning) -> Self:
-        """Return the kind with the unit, range and codes that a table says; raises MeaningError if they do not fit."""
+        """Return the kind with a table's unit, range and codes; raises MeaningError if they do not fit."""
         if said == NO_MEANING and not self._needed.keys() - self._words.values():
             return self
         if self.unit and said.unit_alone not in ("", self.unit):
@@ -135,7 +136,7 @@ class Kind:
         made.scale = UnitScale(made.unit, said.step, self.scale.offset)
         if not made.scale.is_raw and self.column_form is ColumnForm.NUMBER:
             made.column_form = ColumnForm.SCALED
-        if not self._needed and type(self).read is not Kind.read:  # a class that has its numbers itself
+        if not self._needed and type(self).read is not Kind.read:  # a class with its own numbers
             self._refuse_others(said.codes)
             return made
         made._within = said.plain
@@ -143,7 +144,7 @@ class Kind:
         return made
 
     def _refuse_others(self, codes: Mapping[str, int]) -> None:
-        """Raise MeaningError for a code of the table that is none of the kind's own, or has another number there."""
+        """Raise MeaningError for a code of the table that is not one of the kind's own with the same number."""
         own = {plain_name(name): raw for raw, name in self.named_values().items()}
         if self.unknown_as_a_whole is not None:
             own[UNKNOWN] = self.unknown_as_a_whole
@@ -152,7 +153,7 @@ class Kind:
                 raise MeaningError(f"knows no code '{name}' of {raw}, which the table has")
 
     def _fitting(self, codes: Mapping[str, int]) -> dict[str, int]:
-        """Return a table's codes by the names that the kind has for them; raises MeaningError if they are not those."""
+        """Return a table's codes by the kind's names; raises MeaningError if a code is missing or unknown."""
         if not self._needed:
             self._refuse_others(codes)
             return {}
@@ -175,7 +176,7 @@ class Kind:
         if raw in self._meanings:
             return self._meanings[raw]
         plain = self.measured(limits)
-        # a number that a code stands for is that code's: as a plain one it would be taken for it
+        # A number that stands for a code cannot be a plain value.
         if not plain.low <= raw <= plain.high or (int, raw) in self._raws:
             return OutOfRange(raw)
         return self.scale.physical(raw)
@@ -193,7 +194,7 @@ class Kind:
         return raw
 
     def _raw_of(self, meaning: Any) -> int:
-        """Return the number of a code; raises ValueError for what is none of this kind's."""
+        """Return the number of a code; raises ValueError for an unknown one."""
         try:
             return self._raws[type(meaning), meaning]
         except KeyError:
@@ -206,46 +207,46 @@ class Kind:
             raise ValueError(value) from None
 
     def numbers(self, limits: Limits) -> range:
-        """Return the raw values that mean their own number, so that `text` writes that and the unit."""
+        """Return the raw values that are plain numbers, so that `text` writes the number and the unit."""
         if self.column_form is not ColumnForm.NUMBER:
             return range(0)
         plain = self.measured(limits)
         taken = {raw for raw, meaning in self._meanings.items() if meaning is None or meaning != raw}
         taken |= {meaning for raw, meaning in self._meanings.items() if isinstance(meaning, int) and meaning != raw}
-        # a code within the range would cut it in two: what is below it is read one by one
+        # Numbers below a code within the range are not included.
         return range(max([plain.low, *(raw + 1 for raw in taken if plain.low <= raw <= plain.high)]), plain.high + 1)
 
     def measured(self, limits: Limits) -> Limits:
-        """Return the lowest and the highest raw value that is a plain one, in an object of these limits."""
+        """Return the lowest and highest raw value that is a measured one, for an object with these limits."""
         return self._within or limits
 
     @property
     def raw_unit(self) -> str:
-        """What one step of the raw values is, such as 0.1 mm."""
+        """One step of the raw value with its unit, such as 0.1 mm."""
         return self.scale.step
 
     @property
     def distances(self) -> Kind:
-        """The kind of the distance between two values."""
+        """Kind of the difference between two values."""
         return Quantity(self.unit, abs(self.scale.factor)) if self.scale.offset else self
 
     def sendable(self, limits: Limits) -> range:
-        """Return the values that are their own raw value, which `write` need not be asked about."""
+        """Return the values that equal their raw value, so that `write` need not be called."""
         return self.numbers(limits)
 
     def extremes(self, limits: Limits) -> Limits:
-        """Return the lowest and the highest raw value that there is to be sent."""
+        """Return the lowest and the highest raw value that may be sent."""
         raws = (*self.measured(limits), *self._meanings)
         return Limits(min(raws), max(raws))
 
     def named_values(self) -> Mapping[int, str]:
-        """Return the raw values that have a name of their own, whatever the other fields of the message are."""
+        """Return the raw values with a name of their own, independent of other fields."""
         return self._words
 
-    # As a person writes it
+    # As text
 
     def parse(self, text: str) -> Any:
-        """Read what a person wrote; raises ValueError."""
+        """Parse a value; raises ValueError."""
         if text in self._needed:
             return self._needed[text]
         if text == UNKNOWN and self.unknown_as_a_whole is not None:
@@ -256,22 +257,22 @@ class Kind:
         return typed_number(number) if self.scale.is_raw else typed_real(number)
 
     def text(self, value: Any) -> str:
-        """Write the value for a person: the name of an enum's member, or a number with its unit."""
+        """Format a value: the name of an enum's member, or a number with its unit."""
         if isinstance(value, Enum):
             return words_of(value)
         if value is None:
             return UNKNOWN
-        if not self.scale.is_raw and isinstance(value, OutOfRange):  # raw, as everywhere
+        if not self.scale.is_raw and isinstance(value, OutOfRange):  # OutOfRange is always a raw value
             return f"{int(value)} x {self.raw_unit} (out of range)"
         number = str(int(value)) if self.scale.is_raw else digits(value)
         return f"{number} {self.unit}".rstrip() + (" (out of range)" if isinstance(value, OutOfRange) else "")
 
     def plain(self, value: Any) -> Any:
-        """Return the value for JSON and CSV: a number, None for unknown, or the words that a person writes."""
+        """Return the value for JSON and CSV: a number, None for unknown, or the text."""
         return words_of(value) if isinstance(value, Enum) else value
 
     def allowed(self, limits: Limits) -> str:
-        """Say what may be sent."""
+        """Describe the allowed values."""
         step = abs(self.scale.factor)
         ends = "..".join(digits(each) for each in sorted(map(self.scale.physical, self.measured(limits))))
         steps = "" if step == 1 else f"in steps of {digits(step)}"
@@ -282,8 +283,8 @@ class Kind:
             yield f"{'None for ' if self._meanings.get(raw, name) is None else ''}{name} ({raw})"
 
     def wanted(self, value: Any, limits: Limits) -> str:
-        """Say what may be sent to somebody who wanted to send a value that may not."""
-        # 12.5 is between 0 and 3000: the range alone would not tell what is wrong with it.
+        """Describe the allowed values, for the error about a rejected one."""
+        # For 12.5, a range of 0 to 3000 would not explain the error.
         is_number = type(self).write is Kind.write and self.scale.is_raw and isinstance(value, RealNumber)
         if is_number and float(value) % 1 != 0:
             return f"whole {WHOLE.get(self.unit, 'numbers')}, {self.allowed(limits)}"
@@ -291,14 +292,21 @@ class Kind:
 
 
 class Quantity(Kind):
-    """A number of steps of a `unit`, from `within[0]` to `within[1]` units; raw values of `codes` mean something else.
+    """A number of steps in `unit`, for a device without a table.
 
-    It is for a device without a table.
+    `Quantity("mm", step=0.1, within=(-20, 150), codes=Reading)`: raw 123 is 12.3 mm, a number of the enum Reading is
+    its member, any other is OutOfRange. A value to send is rounded to the nearest step; without step and offset it must
+    be a whole number.
 
-    `Quantity("mm", step=0.1, within=(-20, 150), codes=Reading)`: raw 123 is 12.3 mm, a raw value of the enum Reading is
-    its member, any other is OutOfRange. An `offset` in units is added to the steps. What is sent is rounded to the
-    nearest step; without a step and an offset it is a whole number. Raises ValueError for a step that is 0 or not
-    finite, and for codes without a range or within it.
+    Args:
+        unit: unit of the value
+        step: value of one raw step, in the unit; not 0
+        within: lowest and highest value in the unit; default: the limits of the EDS
+        codes: enum of raw values outside the range
+        offset: added to the steps, in the unit
+
+    Raises:
+        ValueError: the step is 0 or not finite, or codes lie within the range or come without one
     """
 
     def __init__(
@@ -321,7 +329,7 @@ class Quantity(Kind):
 
 
 class Choice(Kind):
-    """One of the members of an enum; a reserved number is read as OutOfRange."""
+    """A member of an enum; a reserved number is read as OutOfRange."""
 
     column_form = ColumnForm.WORD
 
@@ -330,7 +338,7 @@ class Choice(Kind):
         self.enum = enum
 
     def read(self, raw: int, limits: Limits) -> Any:
-        # Not by calling the enum and catching its error: a node may send a reserved number in every frame.
+        # Not by the enum's ValueError, which is slow if a node sends a reserved number in every frame.
         return self._meanings[raw] if raw in self._meanings else OutOfRange(raw)
 
     def extremes(self, limits: Limits) -> Limits:
@@ -354,11 +362,11 @@ class Choice(Kind):
         return ", ".join(f"{name} ({raw})" for raw, name in self._words.items())
 
 
-# What is known of an object by its data type alone
+# Kinds by data type
 
 
 class Worded(Quantity):
-    """A number in a `scale` that somebody has words for: `says` has those of a raw value, `codes` is a list of them."""
+    """A number in a `scale` with words: `says` returns those of a raw value, `codes` lists them."""
 
     says_more = True
 
@@ -372,7 +380,7 @@ class Worded(Quantity):
         return with_words(super().text(value), self.words(value))
 
     def words(self, value: Any) -> str:
-        """Return what a value says; empty if nobody says anything of it."""
+        """Return the words for a value; empty if there are none."""
         return self._says(int(value if isinstance(value, OutOfRange) else round(self.scale.raw(value))))
 
     def named_values(self) -> Mapping[int, str]:
@@ -380,7 +388,7 @@ class Worded(Quantity):
 
 
 class Boolean(Kind):
-    """A BOOLEAN; mapped with more than its one bit, any other number than 0 and 1 is out of range."""
+    """A BOOLEAN; if it is mapped with more than one bit, numbers other than 0 and 1 are out of range."""
 
     column_form = ColumnForm.BOOLEAN
 
@@ -406,7 +414,7 @@ class Boolean(Kind):
 
 
 class UnknownKind(Kind):
-    """Bits of an object that nobody knows: whatever they are, the value is unknown."""
+    """Bits of an unknown object; the value is always unknown."""
 
     column_form = ColumnForm.NOTHING
 
@@ -421,17 +429,18 @@ class UnknownKind(Kind):
             raise ValueError(text)
 
     def allowed(self, limits: Limits) -> str:
-        return "nothing, as it is not known which object is mapped"
+        return "nothing, because the mapped object is unknown"
 
 
 class Real(Kind):
-    """A floating-point number in `unit`: REAL32 or REAL64. An EDS's limits of one are not looked at."""
+    """A floating-point number in `unit`: REAL32 or REAL64; limits in the EDS are ignored."""
 
     column_form = ColumnForm.REAL
 
     def __init__(self, type_: DataType, unit: str = "", factor: float = 1, offset: float = 0) -> None:
         super().__init__(unit)
-        self.type, self.scale = type_, UnitScale(unit, factor, offset)
+        self.type = type_
+        self.scale = UnitScale(unit, factor, offset)
 
     def read(self, raw: int, limits: Limits) -> Any:
         return self.scale.physical(self.type.read(raw.to_bytes(self.type.size, "little")))  # type: ignore[arg-type]
@@ -443,11 +452,11 @@ class Real(Kind):
             raise ValueError(value) from error
 
     def parse(self, text: str) -> Any:
-        """Read a number as the type holds it, so that what is written 0.1 equals what is received as 0.1."""
+        """Parse a number and round it as the type does, so that 0.1 equals a received 0.1."""
         return self.read(self.write(typed_real(text), NO_LIMITS), NO_LIMITS)
 
     def text(self, value: Any) -> str:
-        # A REAL32 has seven digits; the rest of what Python shows of it (0.10000000149) is the conversion's.
+        # A REAL32 has seven significant digits; further ones (0.10000000149) come from the conversion.
         number = f"{value:.7g}" if self.type is values.REAL32 else repr(value)
         return f"{number} {self.unit}".rstrip()
 
@@ -459,7 +468,7 @@ class Real(Kind):
 
 
 class Text(Kind):
-    """A VISIBLE_STRING of whole bytes, without the zeros that fill it up; any byte is a character of Latin-1."""
+    """A VISIBLE_STRING of whole bytes, without trailing zeros; bytes are read as Latin-1."""
 
     column_form = ColumnForm.TEXT
 
@@ -468,7 +477,7 @@ class Text(Kind):
         self.length = length
 
     def read(self, raw: int, limits: Limits) -> Any:
-        # CiA 301 has ASCII here, but devices send what they like: Latin-1 has a character for any byte.
+        # CiA 301 demands ASCII, but devices send other bytes, too; Latin-1 has a character for each.
         return raw.to_bytes(self.length, "little").rstrip(b"\0").decode("latin-1")
 
     def write(self, value: Any, limits: Limits) -> int:
@@ -487,7 +496,7 @@ class Text(Kind):
 
 
 class Octets(Text):
-    """An OCTET_STRING of whole bytes; a person writes two hexadecimal digits for each."""
+    """An OCTET_STRING of whole bytes, written as two hexadecimal digits each."""
 
     column_form = ColumnForm.OCTETS
 
@@ -513,7 +522,7 @@ class Octets(Text):
 
 
 NO_LIMITS = Limits(0, 0)
-"""For a kind that looks at none."""
+"""Limits for a kind that ignores them."""
 
 _OF_TYPE: Mapping[DataType, Callable[[int, UnitScale], Kind]] = {
     values.BOOLEAN: lambda *_: Boolean(),
@@ -525,10 +534,10 @@ _OF_TYPE: Mapping[DataType, Callable[[int, UnitScale], Kind]] = {
 
 
 def kind_of(type_: DataType, bits: int, variable: ODVariable | None = None) -> Kind:
-    """Return the kind of a field of a data type that has `bits` bits, those of a `variable` if it is known.
+    """Return the kind of a field by its data type, its `bits`, and the mapped `variable` if it is known.
 
-    Integers, and what is mapped in part only (16 bits of a REAL32, 12 bits of a text), are numbers; they have the unit
-    of the variable, and the words of its maker or of the device's profile, if the whole variable is mapped.
+    Integers and partly mapped values (16 bits of a REAL32, 12 bits of a text) are numbers. If the whole variable is
+    mapped, they have its unit, and the words of its manufacturer or of the device's profile.
     """
     known = variable if bits == type_.bits else None
     meaning, scale = (meaning_of(known), scale_of(known)) if known is not None else (None, RAW)
@@ -542,28 +551,28 @@ def kind_of(type_: DataType, bits: int, variable: ODVariable | None = None) -> K
 
 
 def whole_number(value: Any) -> int:
-    """Return a whole number as int; raises ValueError for 1.5, infinity, what is not a number and what is flagged."""
-    # What came flagged must not be sent on as if it were a value. `% 1` of infinity is NaN, which is not 0 either.
+    """Return a whole number as int; raises ValueError for anything else, and for OutOfRange."""
+    # `% 1` of infinity is NaN, which is not 0.
     if isinstance(value, OutOfRange) or not isinstance(value, RealNumber) or value % 1 != 0:
         raise ValueError(value)
     return int(value) if isinstance(value, Integral) else int(float(value))
 
 
 def real_number(value: Any) -> float:
-    """Return a number, also one of NumPy's, as float; raises ValueError for anything else and for what is flagged."""
+    """Return a number, also one of NumPy's, as float; raises ValueError for anything else, and for OutOfRange."""
     if isinstance(value, OutOfRange) or not isinstance(value, RealNumber):
         raise ValueError(value)
     return float(value)
 
 
 def words_of(member: Enum) -> str:
-    """Return an enum's member as people write it: `NOT_POSSIBLE` is `not possible`."""
+    """Return the text for an enum's member: `not possible` for `NOT_POSSIBLE`."""
     return member.name.lower().replace("_", " ")
 
 
-# The catalogue: which message type stands for a PDO, by the PDO's name, and what a message type is.
+# The catalogue: message types by the names of their PDOs.
 #
-# The decorator `Catalogue.message` enters a message class. A PDO without a class gets a named tuple made from its
+# The decorator `Catalogue.message` adds a message class. For a PDO without a class, a named tuple is made from its
 # mapping.
 
 
@@ -578,38 +587,38 @@ def _equal(self: object, other: object) -> bool:
 
 
 def told_apart(message_type: _Class) -> _Class:
-    """Make equality depend on the type: as mere tuples a Goto Confirm and a Stop Drive, both empty, would be equal."""
+    """Make equality depend on the type: as plain tuples, two empty messages of different types would be equal."""
     message_type.__eq__ = _equal  # type: ignore[method-assign, assignment]
-    # object's `!=` asks `__eq__`; tuple's own would go on comparing the fields only.
+    # `object.__ne__` calls `__eq__`; tuple's own compares only the fields.
     message_type.__ne__ = object.__ne__  # type: ignore[method-assign, assignment]
     return message_type
 
 
 @cache
 def kinds(message_type: type[Message]) -> Mapping[str, Kind]:
-    """Return the kind of every field of a message type, in their order."""
+    """Return the kind of every field of a message type, in order."""
     hints = get_type_hints(message_type, include_extras=True)
     return {name: hints[name].__metadata__[0] for name in message_type._fields}
 
 
 @cache
 def units(message_type: type[Message]) -> Mapping[str, str]:
-    """Return the unit of every field of a message type that has one."""
+    """Return the units of a message type's fields that have one."""
     return {name: kind.unit for name, kind in kinds(message_type).items() if kind.unit}
 
 
 def is_flagged(message: Message) -> bool:
-    """Return whether any value of a received message is out of range."""
+    """Return whether any value of a received message is OutOfRange."""
     return OutOfRange in map(type, message)
 
 
 def flagged_fields(message: Message) -> list[str]:
-    """Return the fields of a received message whose value is out of range; empty if all may be acted on."""
+    """Return the fields of a received message whose value is OutOfRange."""
     return [name for name, value in zip(message._fields, message) if isinstance(value, OutOfRange)]
 
 
 def plain(message: Message) -> dict[str, Any]:
-    """Return a message's fields as numbers, None (unknown), or the words that a person writes."""
+    """Return a message's fields as numbers, texts, or None for unknown."""
     fields = zip(kinds(type(message)).items(), message)
     return {name: None if value is None else kind.plain(value) for (name, kind), value in fields}
 
@@ -620,16 +629,16 @@ def _worded(message_type: type[Message]) -> Mapping[str, Worded]:
 
 
 def worded(message: Message) -> dict[str, str]:
-    """Return what the values of a message's fields say, where its maker or its device's profile has words for them."""
+    """Return the words for a message's values, where the manufacturer or the device's profile has some."""
     values = ((name, kind, getattr(message, name)) for name, kind in _worded(type(message)).items())
     said = ((name, kind.words(value)) for name, kind, value in values if value is not None)
     return {name: words for name, words in said if words}
 
 
 def describe(message: Message, own: Mapping[str, Kind]) -> str:
-    """Write a message's fields for a person, without those that have their default: `x=1200 mm, angle=90 deg`.
+    """Format a message's fields, without those that have their default: `x=1200 mm, angle=90 deg`.
 
-    `own` are the kinds of its binding, which know the table's units.
+    `own` are the kinds of its binding, with the units from the file.
     """
     defaults = message._field_defaults
     fields = ((name, kind, value) for (name, kind), value in zip(own.items(), message))
@@ -643,7 +652,7 @@ NO_GROUP = ""
 
 
 class CatalogueEntry(NamedTuple):
-    """A message type, the `group` of messages that it is one of, and whether it acts `always`: in every NMT state."""
+    """A message type, its `group`, and whether it is handled `always`, in every NMT state."""
 
     type: type[Message]
     group: str = NO_GROUP
@@ -651,9 +660,9 @@ class CatalogueEntry(NamedTuple):
 
 
 class Catalogue:
-    """Message types by the names of their PDOs; case, spaces, hyphens and underscores in a name do not matter.
+    """Message types by the names of their PDOs; case, spaces, hyphens and underscores in a name are ignored.
 
-    `errors` are the words for the emergency error codes that are the devices' own (CiA 301, Table 26: 0xFF00 and up).
+    `errors` has the texts for device-specific emergency error codes (CiA 301, Table 26: 0xFF00 and up).
     """
 
     def __init__(self, errors: Mapping[int, str] = MappingProxyType({})) -> None:
@@ -661,7 +670,7 @@ class Catalogue:
         self._entries: dict[str, CatalogueEntry] = {}
 
     def message(self, group: str = NO_GROUP, *, always: bool = False) -> Callable[[_Class], _Class]:
-        """Return the decorator that enters a message class; its name is the PDO's in CamelCase."""
+        """Return the decorator that adds a message class; its name is the PDO's in CamelCase."""
 
         def enter(message_type: _Class) -> _Class:
             self._entries[plain_name(message_type.__name__)] = CatalogueEntry(told_apart(message_type), group, always)
@@ -670,54 +679,54 @@ class Catalogue:
         return enter
 
     def copy(self) -> Catalogue:
-        """Return a catalogue with the same types, for others to be entered beside them."""
+        """Return a copy of the catalogue, to which types can be added."""
         made = Catalogue(self.errors)
         made._entries = dict(self._entries)
         return made
 
     def find(self, name: str) -> CatalogueEntry | None:
-        """Return the entry for a PDO's name; None if there is none."""
+        """Return the entry for a PDO's name, or None."""
         return self._entries.get(plain_name(name))
 
     @property
     def types(self) -> tuple[type[Message], ...]:
-        """All message types in the order in which they were entered."""
+        """All message types, in the order in which they were added."""
         return tuple(entry.type for entry in self._entries.values())
 
     @property
     def always(self) -> frozenset[type[Message]]:
-        """The message types that act in every NMT state."""
+        """Message types that are handled in every NMT state."""
         return frozenset(entry.type for entry in self._entries.values() if entry.always)
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """The groups in the order of their first message."""
+        """The groups, in the order of their first message."""
         return tuple(dict.fromkeys(entry.group for entry in self._entries.values() if entry.group))
 
 
 LONGEST_NAME = 60
-"""Most characters of a file's name that a line for a person has room for."""
+"""Longest name from a file that is shown in a line, in characters."""
 
 NOTHING = Catalogue()
-"""The empty catalogue, for devices of which only the EDS is known."""
+"""The empty catalogue, for devices without message classes."""
 
 
 def plain_name(name: str) -> str:
-    """Return a name as it is looked up: `Goto XY`, `goto-xy` and `GotoXY` are one."""
+    """Return a name for look-up: the same for `Goto XY`, `goto-xy` and `GotoXY`."""
     return re.sub(r"[ _-]", "", name).casefold()
 
 
 def readable_name(name: str) -> str:
-    """Return a name that fits in a line: no control characters, not longer than `LONGEST_NAME`."""
+    """Return a name without control characters and at most `LONGEST_NAME` long."""
     words = "".join(each if each.isprintable() else " " for each in name).split()
     return " ".join(words)[:LONGEST_NAME].rstrip()
 
 
 def field_name(parameter_name: str) -> str:
-    """Return the field for an EDS ParameterName: `X position` is `x`, `Enemy 1 diameter` is `enemy_1_diameter`.
+    """Return the field name for a ParameterName: `x` for `X position`, `enemy_1_diameter` for `Enemy 1 diameter`.
 
-    What Python does not take as a name is changed until it does: `Status (raw)` is `status_raw`, `class` is `class_`,
-    `2nd axis` is `field_2nd_axis`.
+    The result is always a valid name in Python: `status_raw` for `Status (raw)`, `class_` for `class`, `field_2nd_axis`
+    for `2nd axis`.
     """
     words = parameter_name.lower().removesuffix(" position")
     name = re.sub(r"\W+", "_", words, flags=re.ASCII).strip("_")[:LONGEST_NAME].rstrip("_") or "field"
@@ -727,13 +736,13 @@ def field_name(parameter_name: str) -> str:
 
 
 def made_type(name: str, kinds: Mapping[str, Kind]) -> type[Message]:
-    """Return a message type for a PDO that no catalogue has, by its fields' names and kinds.
+    """Return a message type for a PDO that is in no catalogue, from its fields' names and kinds.
 
-    Python generates code for a named tuple; of what a file says, only fields' names go into it, and those as
-    `field_name` makes them: letters, digits and underscores.
+    Python generates code for a named tuple. Only the field names come from a file, and `field_name` has reduced them to
+    letters, digits and underscores.
     """
     annotated: Any = [(field, Annotated[Any, kind]) for field, kind in kinds.items()]
     made: Any = NamedTuple("Message", annotated)  # type: ignore[misc]  # made at run time
     made.__name__ = made.__qualname__ = name
-    made.__doc__ = ""  # what Python writes there says no more than the fields
+    made.__doc__ = ""  # Python's default only repeats the fields
     return cast("type[Message]", told_apart(made))

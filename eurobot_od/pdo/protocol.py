@@ -1,7 +1,7 @@
 """The messages of loaded dictionaries: frames in, typed messages out, and back.
 
-Identifiers and bits come from the dictionaries, meanings from the kinds of the catalogue's message types. They are put
-together here; if they do not fit, loading ends with an error that names file and index.
+Identifiers and bits come from the dictionaries, meanings from the kinds of the catalogue's message types. If they do
+not fit, loading raises an error with file and index.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
 
 NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
-"""Names of communication records that any PDO could have."""
+"""Pattern of record names that do not tell one PDO from another."""
 
 
 class Described(Interface):
-    """What has dictionaries: a network of devices."""
+    """Anything with dictionaries, such as a network of devices."""
 
     @property
     def dictionaries(self) -> Iterable[Dictionary]:
@@ -38,7 +38,7 @@ class Described(Interface):
 
 
 PdoSource: TypeAlias = tuple[Dictionary, Iterable[Pdo]]
-"""What a file says, often a whole `Dictionary`, and those of its PDOs that are looked at."""
+"""A dictionary, and the PDOs to use of it."""
 
 
 class Protocol:
@@ -47,13 +47,16 @@ class Protocol:
         protocol = Protocol.of("motor.eds", node_id=5)
         print(protocol.decode(0x185, bytes(8)))
 
-    `catalogue` has the message types; a PDO that it does not know becomes a named tuple of plain numbers. `refused`
-    gets a MappingError if a mapping does not fit its message type, if two messages share a COB-ID, or if two
-    dictionaries disagree about a message; by default it is raised. `former` are messages that may be the same still.
+    Args:
+        sources: dictionaries, each with the PDOs to use
+        catalogue: message types; a PDO that is not in it becomes a named tuple of plain numbers
+        refused: called with a MappingError if a mapping does not fit its message type, if two messages share a
+            COB-ID, or if two dictionaries disagree about a message; default: the error is raised
+        former: earlier bindings, reused where unchanged
     """
 
     CATALOGUE: ClassVar[Catalogue] = NOTHING
-    """The message types of what `of` reads."""
+    """Message types for `of`."""
 
     def __init__(
         self,
@@ -62,12 +65,13 @@ class Protocol:
         refused: OnRefused = fatal,
         former: Iterable[Binding] = (),
     ) -> None:
-        self.catalogue, self._former = catalogue, {each.name: each for each in former}
+        self.catalogue = catalogue
+        self._former = {each.name: each for each in former}
         self._bindings: dict[str, Binding] = {}
         self._by_cob_id: dict[int, Binding] = {}
         every = ((dictionary, pdo) for dictionary, pdos in sources for pdo in pdos)
         valid = [(dictionary, pdo) for dictionary, pdo in every if pdo.valid and pdo.multiplex is None]
-        # senders first: a message has its sender's name and fields
+        # Senders first, because a message has its sender's name and fields.
         for dictionary, pdo in sorted(valid, key=lambda each: each[1].direction is PdoDirection.RPDO):
             try:
                 self._bind(dictionary, pdo)
@@ -75,7 +79,7 @@ class Protocol:
                 refused(error)
         self._by_type = {binding.type: binding for binding in self._bindings.values()}
         self._by_name = {plain_name(name): binding for name, binding in self._bindings.items()}
-        # filled when a message is first read or written, as its function is generated then
+        # Filled on first use of each message, when its function is generated.
         self._readers: dict[int, Callable[[bytes], Message]] = {}
         self._writers: dict[type[Message], Callable[[Any], Frame]] = {}
 
@@ -83,9 +87,14 @@ class Protocol:
     def of(cls, source: str | Path | Dictionary | Described, node_id: int | None = None) -> Self:
         """Return the messages of a device, or of all devices of a network.
 
-        A device is its EDS or DCF, or what was read of one, with a node-ID (1..127) if the file has none. A network is
-        an `eurobot_od.Network`, a network file (YAML, nodelist.cpj), or a folder of EDS files. Raises FileError,
-        and MappingError as the class does.
+        Args:
+            source: a device's EDS or DCF, or its dictionary; or an `eurobot_od.Network`, a network file (YAML,
+                nodelist.cpj) or a folder of EDS files
+            node_id: node-ID (1..127) for a file that has none
+
+        Raises:
+            FileError: a file cannot be read
+            MappingError: as the class raises it
         """
         if isinstance(source, Dictionary):
             dictionaries: Iterable[Dictionary] = [source]
@@ -106,9 +115,9 @@ class Protocol:
         listening: bool = False,
         former: Iterable[Binding] = (),
     ) -> Self:
-        """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks.
+        """Return the messages of devices as their files map them; `refused` is also called for incomplete mappings.
 
-        Who is `listening` gets those with 29-bit identifiers, too.
+        `listening` adds PDOs with 29-bit identifiers, which can only be received.
         """
         sources = ((each, each.read_pdos(each.default, refused, listening)) for each in dictionaries)
         return cls(sources, catalogue, refused, former)
@@ -134,16 +143,17 @@ class Protocol:
     def _identify(self, dictionary: Dictionary, pdo: Pdo) -> tuple[str, CatalogueEntry | None]:
         """Return the name of a PDO's message, and its entry in the catalogue.
 
-        Outside the catalogue a record's name need not say which PDO it is: half of the EDS files in the world repeat
-        "TPDO communication parameter", or one name for all. Such a PDO is the message that already has its COB-ID, from
-        whose sender or to whose receiver it is. Else it has its record's name, if that says something and is free, or
-        is named by device, direction and number.
+        Outside the catalogue, the record's name may not identify the PDO: half of all EDS files use "TPDO communication
+        parameter" or another name for every PDO. Such a PDO belongs to the message that already has its COB-ID, as
+        another sender or receiver. Otherwise its name is the record's, if that is specific and free, or is made from
+        device, direction and number.
         """
         entry = self.catalogue.find(pdo.name)
         if entry is not None:
             return pdo.name, entry
-        same, name = self._by_cob_id.get(pdo.cob_id), readable_name(pdo.name)
-        # A message of the catalogue has a name that means something: another PDO on its COB-ID is an error.
+        same = self._by_cob_id.get(pdo.cob_id)
+        name = readable_name(pdo.name)
+        # A name in the catalogue is unique: another PDO with its COB-ID is an error.
         if same and self.catalogue.find(same.name) is None:
             return same.name, None
         if NAMES_NOTHING.search(name) or plain_name(name) in map(plain_name, self._bindings):
@@ -153,7 +163,7 @@ class Protocol:
     # Typed messages
 
     def encode(self, message: Message) -> Frame:
-        """Return the frame of a message; raises UnknownName, and FieldError for a value that may not be sent."""
+        """Return the frame of a message; raises UnknownName, and FieldError for a value that is not allowed."""
         try:
             write = self._writers[type(message)]
         except KeyError:
@@ -161,11 +171,11 @@ class Protocol:
         return write(message)
 
     def decode(self, cob_id: int, data: bytes) -> Message:
-        """Return the typed message of a frame; a value outside its range is an OutOfRange in its field.
+        """Return the typed message of a frame; a value outside its range is an OutOfRange.
 
         Raises UnknownIdentifier, FrameLengthError.
         """
-        try:  # cheaper than a look beforehand: it fails once for each message of a whole log
+        try:  # cheaper than a test, as it fails only once for each message
             read = self._readers[cob_id]
         except KeyError:
             read = self._readers[cob_id] = self.binding_of(cob_id).decode
@@ -185,19 +195,19 @@ class Protocol:
         binding = self.binding_of(cob_id)
         return binding.name, binding.unpack(data)
 
-    # What there is
+    # All messages
 
     @property
     def bindings(self) -> tuple[Binding, ...]:
-        """All messages in the order of their COB-IDs, which is that of their priority."""
+        """All messages, ordered by COB-ID, which is their priority."""
         return tuple(self._by_cob_id[cob_id] for cob_id in sorted(self._by_cob_id))
 
     def names(self) -> list[str]:
-        """Return the names of all messages, most urgent first."""
+        """Return the names of all messages, highest priority first."""
         return [binding.name for binding in self.bindings]
 
     def binding(self, message: str | type[Message]) -> Binding:
-        """Return how a message is mapped, by its name or by its type; raises UnknownName."""
+        """Return a message's binding by its name or type; raises UnknownName."""
         try:
             return self._by_name[plain_name(message)] if isinstance(message, str) else self._by_type[message]
         except KeyError:
@@ -205,7 +215,7 @@ class Protocol:
             raise UnknownName("message", name, self.names()) from None
 
     def binding_of(self, cob_id: int) -> Binding:
-        """Return how the message with a COB-ID is mapped; raises UnknownIdentifier."""
+        """Return the binding of the message with a COB-ID; raises UnknownIdentifier."""
         try:
             return self._by_cob_id[cob_id]
         except KeyError:
@@ -216,14 +226,14 @@ class Protocol:
         return self.binding(message).cob_id
 
     def name(self, message_type: type[Message]) -> str:
-        """Return a message type's name as the EDS writes it; raises UnknownName."""
+        """Return a message type's name in the EDS; raises UnknownName."""
         return self.binding(message_type).name
 
 
 def _refuse_difference(known: Binding, dictionary: Dictionary, other: Binding, renamed: bool) -> None:
-    """Two dictionaries that speak of one message must mean the same frame; with `renamed` its fields by any names.
+    """Raise MappingError if two dictionaries map a message differently; with `renamed` the fields' names may differ.
 
-    Outside the catalogue only the COB-ID says that it is one message.
+    Outside the catalogue, a message is identified only by its COB-ID.
     """
     if known.cob_id != other.cob_id:
         what = f"COB-ID {shown_identifier(other.cob_id)}, but {shown_identifier(known.cob_id)} in {known.file.name}"
@@ -237,10 +247,10 @@ def _refuse_difference(known: Binding, dictionary: Dictionary, other: Binding, r
 
 
 class ErrorWords(NamedTuple):
-    """The words for the error codes of a network's devices: a robot's, those of single nodes, and those of profiles.
+    """Texts for the error codes of a network's devices: the robot's, those of single nodes, and those of profiles.
 
-    A node's words come before all others. Those of the `robot` count only for its `own` devices, by node-ID: codes from
-    0xFF00 on mean something else in every maker's devices.
+    A node's texts have priority. The `robot`'s apply only to its `own` devices, by node-ID, because codes from 0xFF00
+    on differ between manufacturers.
     """
 
     robot: Mapping[int, str]
@@ -256,9 +266,9 @@ class ErrorWords(NamedTuple):
         nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
         learned: Iterable[Dictionary] = (),
     ) -> ErrorWords:
-        """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own.
+        """Return the texts for devices; those with PDOs of the catalogue are the robot's own.
 
-        What is `learned` of devices without files says which profile they have.
+        `learned` are devices without files, which have only a profile.
         """
         devices = tuple(dictionaries)
         own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
@@ -268,12 +278,12 @@ class ErrorWords(NamedTuple):
         return cls(catalogue.errors, nodes, profiles, own)
 
     def of(self, node_id: int) -> Callable[[int], str]:
-        """Return a function that puts the error codes of a node into words."""
+        """Return the function that returns the text for an error code of a node."""
         robot = self.robot if node_id in self.own else {}
         own = {**robot, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
         return partial(error_words, own=own, profile=self.profiles.get(node_id, 0))
 
 
 def pdo_names(dictionary: Dictionary) -> list[str]:
-    """Return the names of a device's PDOs; a catalogue knows them by these."""
+    """Return the names of a device's PDOs, as the catalogue has them."""
     return [dictionary.objects[index].name for index in values.COMMUNICATIONS.intersection(dictionary.members)]

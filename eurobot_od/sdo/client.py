@@ -1,7 +1,7 @@
 """The SDO client: reads or writes one object of a server, expedited, by segments or by blocks (CiA 301, 7.2.4.3).
 
-Answers and the time in seconds go in, requests come out, each of 8 bytes; whoever drives a transfer has the bus and the
-clock. Whatever comes from the wire, nothing raises here: it ends the transfer, and `result` says how.
+Input is answers and the time in s, output is requests of 8 bytes; the caller has the bus and the clock. Nothing that
+comes from the bus raises: it ends the transfer, and `result` raises the error.
 
     transfer = upload((0x1018, 1), wait=0.5)
     requests = transfer.start(now)
@@ -10,12 +10,12 @@ clock. Whatever comes from the wire, nothing raises here: it ends the transfer, 
         requests = transfer.receive(data, now) if it came, else transfer.tick(now)
     content = transfer.result()
 
-The last requests have to be sent, too: the end of a block upload, or the abort that tells the server of an odd answer
-or of our time-out. Each kind of transfer is a generator that reads as CiA 301 draws it: it yields requests, is given
-the answers, and returns the object's content with the requests that are still to be sent.
+The last requests must be sent, too: the end of a block upload, or the abort after an invalid answer or a time-out. Each
+kind of transfer is a generator in the order of CiA 301's figures: it yields requests, receives the answers, and returns
+the object's content with the requests still to be sent.
 
-A server answers all its clients under one COB-ID. An answer about another object, or to another command, is somebody
-else's: it is skipped, and the wait goes on to its own time-out.
+A server answers all clients with one COB-ID. An answer about another object, or to another command, belongs to another
+client: it is skipped, and does not extend the time-out.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, Serve
 from eurobot_od.support.progress import Progress, unwatched
 
 UNANNOUNCED = 1 << 20
-"""Most bytes, or segments, that are taken of an object whose size the server does not give; it could go on for ever."""
+"""Most bytes, or segments, that are read of an object whose size the server does not announce."""
 
 LONGEST_TEXT = 1 << 14
-"""The same for what is no file: a text, or what no EDS describes."""
+"""The same limit for texts, and for objects without a description."""
 
 FRUITLESS_BLOCKS = 2
-"""A transfer ends after this many blocks in a row without their first segment: one may have been lost, but not more."""
+"""Number of blocks in a row without their first segment after which a transfer ends."""
 
 
 class TransferError(RemoteError):
@@ -57,7 +57,7 @@ class Aborted(TransferError):
 
 
 class OddAnswer(TransferError):
-    """An answer that does not fit its request; `code` is the code of our abort."""
+    """An invalid answer; `code` is the code of our abort."""
 
     def __init__(self, answer: bytes, expected: str, code: AbortCode = AbortCode.UNKNOWN_COMMAND) -> None:
         self.code = code
@@ -65,7 +65,7 @@ class OddAnswer(TransferError):
 
 
 class Silence(TransferError):
-    """No answer came in time; `skipped` answers came that do not belong to the request."""
+    """No answer in time; `skipped` are answers that do not belong to the request."""
 
     code = AbortCode.TIMEOUT
 
@@ -85,20 +85,20 @@ class Ended(NamedTuple):
 
 
 ClientSteps: TypeAlias = Generator[list[bytes], bytes, Ended]
-"""The steps of a transfer; time-out and abort are thrown into it, and a step may raise OddAnswer."""
+"""Generator of a transfer; time-outs and aborts are thrown into it, and it may raise OddAnswer."""
 
 SKIPPED: list[bytes] = []
-"""What a step yields for an answer to somebody else; the time-out stays the one of the request before."""
+"""Yielded for an answer to another client; the time-out is not extended."""
 
 MOST_SKIPPED = 100
-"""Most skipped answers that a transfer keeps, to say what was seen."""
+"""Number of skipped answers that a transfer keeps for its error."""
 
 
 class Transfer:
-    """One transfer; the server has `wait` seconds for each answer.
+    """One transfer; the server has `wait` s for each answer.
 
-    `deadline` is when to call `tick`; it is infinite before the transfer starts and when it is `done`. `skipped` are
-    the last answers that belong to another client.
+    `deadline` is the time to call `tick`; it is infinite before the start and when the transfer is `done`. `skipped`
+    are the last answers that belong to another client.
     """
 
     def __init__(self, address: Address, steps: ClientSteps, wait: float) -> None:
@@ -110,7 +110,7 @@ class Transfer:
 
     @property
     def done(self) -> bool:
-        """Whether there is a result."""
+        """Whether the transfer has ended, by success or failure."""
         return self._outcome is not None
 
     def start(self, now: float) -> list[bytes]:
@@ -120,14 +120,14 @@ class Transfer:
     def receive(self, data: bytes, now: float) -> list[bytes]:
         """Return the requests that follow an answer.
 
-        A frame that is not 8 bytes long is ignored. An abort for another object is skipped, as any other answer to an
-        earlier transfer or to another client.
+        A frame that is not 8 bytes long is ignored. Aborts for another object, and answers to an earlier transfer or
+        another client, are skipped.
         """
         if self.done or len(data) != wire.LENGTH:
             return []
         if data[0] == wire.ABORT:
             abort = Initiate.of(data)
-            # A server without a transfer under way, such as ours, names no object: that abort can only be for us.
+            # A server without a transfer names no object in its abort.
             if abort.address not in (self._address, wire.NO_TRANSFER):
                 self.skipped.append(data)
                 return []
@@ -140,7 +140,7 @@ class Transfer:
         return requests
 
     def tick(self, now: float) -> list[bytes]:
-        """Return what is sent when the server's time is over, which is usually the abort."""
+        """Return the requests after the time-out: usually the abort."""
         return self._step(lambda: self._steps.throw(Silence(self.skipped)), now) if now >= self.deadline else []
 
     def result(self) -> bytes:
@@ -152,7 +152,7 @@ class Transfer:
 
     @property
     def was_disturbed(self) -> bool:
-        """Whether it got no answer while another client got some: its own may have been lost to that one's request."""
+        """Whether it got no answer while another client did, whose request may have replaced this one."""
         return isinstance(self._outcome, Silence) and bool(self.skipped)
 
     def _step(self, step: Callable[[], list[bytes]], now: float) -> list[bytes]:
@@ -162,23 +162,20 @@ class Transfer:
             self._outcome, requests = end.value
         except TransferError as error:
             self._outcome = error
-            # An abort is not answered, neither by a server nor by us.
+            # An abort is not answered.
             requests = [] if isinstance(error, Aborted) else [wire.aborted(self._address, AbortCode(error.code))]
         self.deadline = inf if self.done else now + self.wait
         return requests
 
 
 class Room(NamedTuple):
-    """Most bytes of an object: one whose size the server announces, and one whose size it does not give.
-
-    An object that is announced as longer, or of which more comes, is an odd answer.
-    """
+    """Size limits of an object in bytes: if the server announces its size, and if it does not."""
 
     announced: int = wire.LARGEST
     unannounced: int = UNANNOUNCED
 
     def of(self, answer: bytes, size: int | None) -> int:
-        """Return how many bytes may come after the server's first answer; raises OddAnswer."""
+        """Return the limit after the server's first answer; raises OddAnswer if `size` is above it."""
         if size is not None and size > self.announced:
             raise OddAnswer(answer, f"about an object of at most {self.announced} bytes", AbortCode.TOO_LONG)
         return self.unannounced if size is None else size
@@ -188,7 +185,7 @@ ANY_OBJECT = Room()
 
 
 def upload(address: Address, wait: float, progress: Progress = unwatched, room: Room = ANY_OBJECT) -> Transfer:
-    """Read an object; the server has `wait` seconds for each answer."""
+    """Read an object; the server has `wait` s for each answer."""
     return Transfer(address, _upload(address, progress, room), wait)
 
 
@@ -205,14 +202,17 @@ def block_upload(
     room: Room = ANY_OBJECT,
     crc: int = wire.BLOCK_CRC,
 ) -> Transfer:
-    """Read an object in blocks of up to 127 segments. A server without block transfer aborts; without `crc` it is 0."""
+    """Read an object in blocks of `segments` segments; a server without block transfer aborts.
+
+    `crc` is 0 for a transfer without CRC.
+    """
     return Transfer(address, _block_upload(address, segments, progress, room, crc), wait)
 
 
 def block_download(
     address: Address, content: bytes, wait: float, progress: Progress = unwatched, crc: int = wire.BLOCK_CRC
 ) -> Transfer:
-    """Write an object in blocks as long as the server wants them. A server without block transfer aborts."""
+    """Write an object in blocks of the size that the server asks for; a server without block transfer aborts."""
     return Transfer(address, _block_download(address, content, progress, crc), wait)
 
 
@@ -224,17 +224,20 @@ def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
     answer = yield from _initiated([request], ServerCommand.UPLOAD, address)
     initiated = Initiate.of(answer)
     if initiated.command & wire.EXPEDITED:
-        return Ended(initiated.rest[: initiated.size], [])  # without a size, all four bytes are the value
-    content, toggle, last, count = bytearray(), 0, 0, 0
-    # The size is optional (CiA 301, 7.2.4.3.6): a broken server could send segments until the memory is full.
+        return Ended(initiated.rest[: initiated.size], [])  # without a size, the value has four bytes
+    content = bytearray()
+    toggle = last = count = 0
+    # The size is optional (CiA 301, 7.2.4.3.6), so that a broken server could send segments without end.
     most = room.of(answer, initiated.size)
     while not last:
         request = wire.plain(ClientCommand.UPLOAD_SEGMENT << 5 | toggle)
         answer = yield from _segment([request], ServerCommand.UPLOAD_SEGMENT, toggle)
         content += wire.part_in(answer)
-        last, toggle, count = answer[0] & wire.LAST, toggle ^ wire.TOGGLE, count + 1
+        last = answer[0] & wire.LAST
+        toggle ^= wire.TOGGLE
+        count += 1
         _check_size(answer, content, initiated.size, complete=bool(last))
-        _check_end(answer, max(count - 1, len(content)), most)  # one that is announced as empty also has a segment
+        _check_end(answer, max(count - 1, len(content)), most)  # an empty object has a segment, too
         progress(len(content), initiated.size)
     return Ended(bytes(content), [])
 
@@ -242,7 +245,9 @@ def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
 def _download(address: Address, content: bytes, progress: Progress) -> ClientSteps:
     request = wire.carrying(ClientCommand.DOWNLOAD, address, content)
     yield from _initiated([request], ServerCommand.DOWNLOAD, address)
-    for place in () if request[0] & wire.EXPEDITED else wire.segments_of(content):
+    if request[0] & wire.EXPEDITED:
+        return Ended(b"", [])
+    for place in wire.segments_of(content):
         request = wire.next_segment(ClientCommand.DOWNLOAD_SEGMENT, content, place)
         yield from _segment([request], ServerCommand.DOWNLOAD_SEGMENT, request[0] & wire.TOGGLE)
         progress(min(place + wire.SEGMENT_SIZE, len(content)), len(content))
@@ -253,27 +258,29 @@ def _download(address: Address, content: bytes, progress: Progress) -> ClientSte
 
 
 def _block_upload(address: Address, segments: int, progress: Progress, room: Room, crc: int) -> ClientSteps:
-    # The byte after the block size, the protocol switch threshold, stays 0: the server must not go on by segments
-    # instead (CiA 301, 7.2.4.3.12). A caller that wants to fall back starts another transfer, and knows that it did.
+    # The byte after the block size, the protocol switch threshold, is 0: the server must not switch to segments (CiA
+    # 301, 7.2.4.3.12).
     request = wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | crc, address, bytes([segments]))
     answer = yield from _initiated([request], ServerCommand.BLOCK_UPLOAD, address)
     initiated = Initiate.of(answer)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
     most = room.of(answer, size)
-    content, complete, fruitless = bytearray(), False, 0
+    content = bytearray()
+    complete = False
+    fruitless = 0
     request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.START)
     while not complete:
         arrived, complete, latest = yield from _receive_block(request, content, segments)
         fruitless = 0 if arrived else fruitless + 1
-        # Not beyond the size: until the end says how much of the last segment is filling, it counts whole.
+        # At most the size, because the last segment's unused bytes are counted until the end.
         progress(len(content) if size is None else min(len(content), size), size)
-        _check_end(latest, len(content) - wire.SEGMENT_SIZE, most)  # up to one segment of it may be filling
+        _check_end(latest, len(content) - wire.SEGMENT_SIZE, most)  # up to one segment may be unused
         if fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
-        # The last segment in sequence and the size of the next block: the server repeats from there.
+        # The server repeats from the last segment in sequence.
         request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
     end = yield from _answer([request], ServerCommand.BLOCK_UPLOAD, Block.END)
-    # The last segment is filled up to 7 bytes; the end says how many of them are unused (CiA 301, 7.2.4.3.15).
+    # The end has the number of unused bytes in the last segment (CiA 301, 7.2.4.3.15).
     del content[len(content) - wire.unused_in(end) :]
     _check_size(end, content, size, complete=True)
     if initiated.command & crc and crc_hqx(content, 0) != wire.crc_in(end):
@@ -284,43 +291,49 @@ def _block_upload(address: Address, segments: int, progress: Progress, room: Roo
 def _receive_block(
     request: bytes, content: bytearray, segments: int
 ) -> Generator[list[bytes], bytes, tuple[int, bool, bytes]]:
-    """Ask for a block and take it in.
+    """Send `request` and receive a block.
 
-    Returns how many segments came in sequence, whether the last of all is among them, and the frame heard last.
+    Returns the number of segments in sequence, whether the last one of all is among them, and the last frame.
     """
-    requests, latest, last = [request], b"", False
-    arrived, number, complete = 0, 0, False
+    requests = [request]
+    latest = b""
+    arrived = number = 0
+    last = complete = False
     try:
         while not last and number < segments:
             latest = yield requests
-            requests, number, last = [], latest[0] & ~wire.BLOCK_LAST, bool(latest[0] & wire.BLOCK_LAST)
-            if number == arrived + 1:  # what follows a gap is sent again after the acknowledgement
+            requests = []
+            number = latest[0] & ~wire.BLOCK_LAST
+            last = bool(latest[0] & wire.BLOCK_LAST)
+            if number == arrived + 1:  # segments after a gap are sent again after the acknowledgement
                 content += latest[1:]
                 arrived, complete = number, last
     except Silence:
-        # If anything came, only the end of the block is lost, and the acknowledgement makes the server go on. If
-        # nothing did, our request may be lost, and the server would take the next one for an answer to the block
-        # before.
+        # If a segment came, only the end of the block is lost, and the acknowledgement makes the server continue. If
+        # none came, our request may be lost, and the server would take the next one as the answer to the block before.
         if not latest:
             raise
     return arrived, complete, latest
 
 
 def _block_download(address: Address, content: bytes, progress: Progress, crc: int) -> ClientSteps:
-    # The optional size is given, so that a server with little memory can refuse before the first segment.
+    # With the optional size, a server with little memory can refuse at once.
     command = ClientCommand.BLOCK_DOWNLOAD << 5 | crc | wire.BLOCK_SIZE_GIVEN
     request = wire.initiate(command, address, len(content).to_bytes(4, "little"))
     answer = yield from _initiated([request], ServerCommand.BLOCK_DOWNLOAD, address)
-    place, segments, fruitless = 0, _block_size(answer, answer[4]), 0
+    place = 0
+    segments = _block_size(answer, answer[4])
+    fruitless = 0
     while place in wire.segments_of(content):
         sent = wire.block(content, place, segments)
         answer = yield from _answer(sent, ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE)
-        # A server may change the block size with each acknowledgement, for example while its buffer is not yet empty.
-        arrived, segments = answer[1], _block_size(answer, answer[2])
+        # A server may change the block size with each acknowledgement, for example while its buffer is not empty.
+        arrived = answer[1]
+        segments = _block_size(answer, answer[2])
         fruitless = 0 if arrived else fruitless + 1
         if arrived > len(sent) or fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(answer, f"about {len(sent)} segments that were sent", AbortCode.SEQUENCE_NUMBER)
-        place += arrived * wire.SEGMENT_SIZE  # the next block begins with the first segment that did not arrive
+        place += arrived * wire.SEGMENT_SIZE  # the next block begins with the first missing segment
         progress(min(place, len(content)), len(content))
     request = wire.block_end(ClientCommand.BLOCK_DOWNLOAD, content, crc_hqx(content, 0) if crc else 0)
     yield from _answer([request], ServerCommand.BLOCK_DOWNLOAD, Block.END)
@@ -333,15 +346,15 @@ def _block_size(answer: bytes, segments: int) -> int:
     return segments
 
 
-# What an answer has to be
+# Checks of answers
 
 
 ClientStep: TypeAlias = Generator[list[bytes], bytes, bytes]
-"""One step: its requests, and the answer to them."""
+"""Generator of one step: yields requests, returns the answer."""
 
 
 def _answer(requests: list[bytes], specifier: ServerCommand, sub_command: Block = Block.INITIATE) -> ClientStep:
-    """Return the answer to some requests; answers to other commands are skipped."""
+    """Return the answer to requests; answers to other commands are skipped."""
     expected = specifier, sub_command
     answer = yield requests
     while (answer[0] >> 5, answer[0] & wire.ANSWER_SUB_COMMAND.get(specifier, 0)) != expected:
@@ -365,13 +378,13 @@ def _segment(requests: list[bytes], specifier: ServerCommand, toggle: int) -> Cl
 
 
 def _check_end(answer: bytes, moved: int, most: int) -> None:
-    """Refuse a content that does not end."""
+    """Raise OddAnswer if more than `most` bytes were moved."""
     if moved > most:
         raise OddAnswer(answer, f"the end of an object of at most {most} bytes", AbortCode.TOO_LONG)
 
 
 def _check_size(answer: bytes, content: bytearray, size: int | None, complete: bool) -> None:
-    """Refuse a content that is longer than its server has announced, or shorter once it is complete."""
+    """Raise OddAnswer for content that is longer than announced, or shorter once it is complete."""
     if size is None or len(content) == size or (len(content) < size and not complete):
         return
     code = AbortCode.TOO_LONG if len(content) > size else AbortCode.TOO_SHORT

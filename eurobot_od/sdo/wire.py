@@ -1,6 +1,6 @@
-"""SDO frames: command bytes, the forms of requests and answers, and abort codes.
+"""SDO frames: command bytes, requests and answers, and abort codes (CiA 301, 7.2.4.3).
 
-Numbers are those of CiA 301, 7.2.4.3. Both ends use the same functions: what one writes, the other reads.
+Client and server use the same functions.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from eurobot_od.errors import LocalError
 from eurobot_od.od.values import MANUFACTURER, Address, pdo_of
 
 LENGTH = 8
-"""Bytes of every SDO request and answer; frames of another length are not SDO (CiA 301, 7.2.4.3.1)."""
+"""Length of every SDO request and answer, in bytes (CiA 301, 7.2.4.3.1)."""
 
 EXPEDITED_SIZE, SEGMENT_SIZE, BLOCK_SEGMENTS = 4, 7, 127
-"""Most bytes of an expedited transfer and of a segment, and most segments of a block."""
+"""Most bytes of an expedited transfer, most bytes of a segment, most segments of a block."""
 
 LARGEST = 1 << 24
-"""Most bytes of an object: a few minutes at 1 Mbit/s, and no more memory than any master has."""
+"""Size limit of an object in bytes: a few minutes at 1 Mbit/s."""
 
 EXPEDITED, SIZE_GIVEN = 0x02, 0x01
 TOGGLE, LAST = 0x10, 0x01
 BLOCK_CRC, BLOCK_SIZE_GIVEN, BLOCK_LAST = 0x04, 0x02, 0x80
-"""Bits of command bytes: of the first request and its answer, of segments, of blocks (CiA 301, Figures 23 to 36)."""
+"""Bits of command bytes, in initiates, segments and blocks (CiA 301, Figures 23 to 36)."""
 
 
 class ClientCommand(IntEnum):
@@ -63,22 +63,22 @@ class Block(IntEnum):
 
 REQUEST_SUB_COMMAND: Mapping[int, int] = {ClientCommand.BLOCK_UPLOAD: 3, ClientCommand.BLOCK_DOWNLOAD: 1}
 ANSWER_SUB_COMMAND: Mapping[int, int] = {ServerCommand.BLOCK_UPLOAD: 1, ServerCommand.BLOCK_DOWNLOAD: 3}
-"""The bits of a command byte with the sub-command: one bit if its sender has only two sub-commands."""
+"""Mask of the sub-command in a command byte, by command."""
 
 ABORT = ClientCommand.ABORT << 5
 """Command byte of an abort, from either end."""
 
 NO_TRANSFER: Address = (0, 0)
-"""The object in an abort outside a transfer."""
+"""Address in an abort outside a transfer."""
 
 
 class AbortCode(IntEnum):
-    """SDO abort codes, and the `text` of each (CiA 301, Table 22)."""
+    """SDO abort codes, each with its `text` (CiA 301, Table 22)."""
 
     text: str
 
     def __new__(cls, code: int, text: str = "") -> AbortCode:
-        """Make a member from its code and text."""
+        """Create a member from its code and text."""
         member = int.__new__(cls, code)
         member._value_, member.text = code, text
         return member
@@ -117,7 +117,7 @@ class AbortCode(IntEnum):
 
 
 def reason(code: int) -> str:
-    """Return the text of an abort code; devices may have codes of their own."""
+    """Return the text of an abort code; `unknown code` for a device's own."""
     return AbortCode(code).text if code in set(AbortCode) else "unknown code"
 
 
@@ -148,16 +148,16 @@ class Initiate(NamedTuple):
 
     @property
     def size(self) -> int | None:
-        """The number of bytes of a transfer that is not by blocks; None if the frame does not say."""
+        """The number of bytes of an expedited or segmented transfer; None if the frame does not have it."""
         if not self.command & SIZE_GIVEN:
             return None
-        # In an expedited transfer two bits count the unused bytes of the four; otherwise the four bytes are the size
-        # (CiA 301, 7.2.4.3.3).
+        # An expedited transfer has the number of unused bytes in two bits, others have the size in the four bytes (CiA
+        # 301, 7.2.4.3.3).
         return EXPEDITED_SIZE - (self.command >> 2 & 3) if self.command & EXPEDITED else self.number
 
     @property
     def content(self) -> bytes | None:
-        """The object's whole content in the answer to an upload; None if the frame does not carry it."""
+        """The object's whole content, if the frame is the answer to an expedited upload; else None."""
         is_whole = self.command >> 5 == ServerCommand.UPLOAD and self.command & EXPEDITED
         return self.rest[: self.size or EXPEDITED_SIZE] if is_whole else None
 
@@ -169,9 +169,9 @@ def initiate(command: int, address: Address, rest: bytes = b"") -> bytes:
 
 
 def carrying(specifier: int, address: Address, content: bytes) -> bytes:
-    """Return an initiate with an object's content if it fits, or else with its size, for segments to follow."""
+    """Return an initiate with an object's content, or with its size if segments follow."""
     command = specifier << 5 | SIZE_GIVEN
-    # An empty content cannot be expedited: the two bits count up to three unused bytes, and here all four would be.
+    # Empty content cannot be expedited: two bits count at most three unused bytes.
     if 1 <= len(content) <= EXPEDITED_SIZE:
         return initiate(command | EXPEDITED | EXPEDITED_SIZE - len(content) << 2, address, content)
     return initiate(command, address, len(content).to_bytes(4, "little"))
@@ -191,7 +191,7 @@ def plain(command: int, rest: bytes = b"") -> bytes:
 
 
 def segments_of(content: bytes) -> range:
-    """Return where each segment of a content begins; an empty content has one segment, too."""
+    """Return the offset of each segment of a content; empty content has one segment."""
     return range(0, max(len(content), 1), SEGMENT_SIZE)
 
 
@@ -201,9 +201,10 @@ def segment(specifier: int, toggle: int, part: bytes, last: bool) -> bytes:
 
 
 def next_segment(specifier: int, content: bytes, at: int) -> bytes:
-    """Return the segment that begins at a place in a content, with the toggle bit of its number."""
-    end, toggle = at + SEGMENT_SIZE, TOGGLE * (at // SEGMENT_SIZE & 1)
-    if end < len(content):  # written out: most segments are of this kind
+    """Return the segment at an offset in a content, with the toggle bit for its number."""
+    end = at + SEGMENT_SIZE
+    toggle = TOGGLE * (at // SEGMENT_SIZE & 1)
+    if end < len(content):  # inlined for speed: most segments are full
         return bytes((specifier << 5 | toggle,)) + content[at:end]
     return segment(specifier, toggle, content[at:end], last=True)
 
@@ -214,9 +215,9 @@ def part_in(data: bytes) -> bytes:
 
 
 def block(content: bytes, at: int, segments: int) -> list[bytes]:
-    """Return the segments of the block that begins at a place in a content, numbered from 1."""
+    """Return the segments of the block at an offset in a content, numbered from 1."""
     places = segments_of(content)[at // SEGMENT_SIZE :][:segments]
-    # Only the end of the whole content is marked as last: a block that ends earlier has merely run out of numbers.
+    # Only the last segment of the content is marked as last, not that of each block.
     last = places[-1] + SEGMENT_SIZE >= len(content)
     return [
         plain(number | BLOCK_LAST * (last and number == len(places)), content[place : place + SEGMENT_SIZE])
@@ -225,14 +226,14 @@ def block(content: bytes, at: int, segments: int) -> list[bytes]:
 
 
 def block_end(specifier: int, content: bytes, crc: int) -> bytes:
-    """Return the end of a block transfer, which tells how many bytes of the last segment are unused."""
-    # An empty content has a segment, too, with all seven bytes unused.
+    """Return the end of a block transfer, with the number of unused bytes in the last segment."""
+    # Empty content has one segment with seven unused bytes.
     unused = len(segments_of(content)) * SEGMENT_SIZE - len(content)
     return plain(specifier << 5 | unused << 2 | Block.END, crc.to_bytes(2, "little"))
 
 
 def unused_in(data: bytes) -> int:
-    """Return how many bytes of the last segment are unused, from the end of a block transfer."""
+    """Return the number of unused bytes in the last segment, from the end of a block transfer."""
     return data[0] >> 2 & 7
 
 
@@ -242,15 +243,15 @@ def crc_in(data: bytes) -> int:
 
 
 TABLE_OF_CODES = "7.2.4.3.17"
-"""The clause of CiA 301 that lists the abort codes; most reasons have no other."""
+"""Clause of CiA 301 with the table of abort codes; most reasons have no other."""
 
 
 OF_RECORDS, OF_MAPPINGS = "7.5.2.35, 7.5.2.37", "7.5.2.36, 7.5.2.38"
-"""The clauses about the communication records of RPDOs and TPDOs, and about their mappings."""
+"""Clauses on the communication records of RPDOs and TPDOs, and on their mappings."""
 
 
 class Reason(Enum):
-    """Why a device aborts: the abort `code`, `when` it is sent, and the `clause` of CiA 301."""
+    """Reason of a device's abort: its `code`, `when` it is sent, and the `clause` of CiA 301."""
 
     def __init__(self, code: AbortCode, when: str, clause: str = TABLE_OF_CODES) -> None:
         self.code, self.when, self.clause = code, when, clause
@@ -334,16 +335,16 @@ class Reason(Enum):
 
 
 _OF_PDOS = re.compile(r"7\.5\.2\.3[5-8]")
-"""The clauses of CiA 301 about the records of PDOs."""
+"""Pattern of the clauses on the records of PDOs."""
 
 
 def when_sent(code: int, index: int) -> str:
-    """Say when devices abort an access to an object with a code, as our own do; empty for a code that they never send.
+    """Return the reasons of our devices for an abort code at an object; empty for a code that they never send.
 
-    Reasons that are about this very object, or about the records of PDOs, come in place of those for any object.
+    Reasons for this object, or for records of PDOs, replace those for any object.
     """
     of_any, of_this = [], []
-    # Only objects of communication have a COB-ID.
+    # Only communication objects have a COB-ID.
     excluded = {Reason.COB_ID_TAKEN} if index >= MANUFACTURER[0] else set[Reason]()
     for each in (reason for reason in Reason if reason.code == code and reason not in excluded):
         named = re.findall("0x([0-9A-F]{4})", each.when)
@@ -355,7 +356,7 @@ def when_sent(code: int, index: int) -> str:
 
 
 class Abort(LocalError):
-    """An access to an object that the device refuses; `reason` names the true cause, `detail` the values involved."""
+    """A refused access to an object; `reason` is the cause, `detail` describes the values involved."""
 
     def __init__(self, reason: Reason, detail: str = "") -> None:
         self.reason = reason

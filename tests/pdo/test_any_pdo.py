@@ -106,14 +106,14 @@ REFUSED: list[tuple[str, int, Any, str]] = [
 
 
 @pytest.mark.parametrize(("type_", "bits", "value", "allowed"), REFUSED)
-def test_what_the_type_does_not_hold_is_not_sent(type_: str, bits: int, value: Any, allowed: str) -> None:
+def test_values_outside_the_type_are_not_sent(type_: str, bits: int, value: Any, allowed: str) -> None:
     made = one_field(type_, bits, 0)
     with pytest.raises(FieldError) as error:
         made.encode(made.bindings[0].message(value=value))
     assert str(error.value).endswith(f"allowed: {allowed}")
 
 
-def test_limits_of_a_signed_object_hold() -> None:
+def test_limits_of_a_signed_object_are_checked() -> None:
     made = of(variable("2000", "Heat", "INTEGER16", more="LowLimit=-40\nHighLimit=0x55\n") + pdo(0x1800, "0x20000010"))
     assert made.decode(0x185, b"\xd8\xff") == made.bindings[0].message(heat=-40)
     (flagged,) = made.decode(0x185, b"\xd7\xff")
@@ -123,12 +123,12 @@ def test_limits_of_a_signed_object_hold() -> None:
         made.encode(made.bindings[0].message(heat=86))
 
 
-def test_a_boolean_of_several_bits_is_flagged_unless_it_is_0_or_1() -> None:
+def test_a_wide_boolean_is_out_of_range_unless_0_or_1() -> None:
     (value,) = one_field("BOOLEAN", 8, 0).decode(0x185, b"\2")
     assert isinstance(value, OutOfRange)
 
 
-def test_pack_and_unpack_speak_integers_with_their_sign() -> None:
+def test_pack_and_unpack_use_signed_integers() -> None:
     made = one_field("INTEGER16", 16, 0)
     assert made.pack("arm.TPDO1", value=-2) == b"\xfe\xff"
     assert made.unpack(0x185, b"\xfe\xff") == ("arm.TPDO1", {"value": -2})
@@ -139,7 +139,7 @@ def test_pack_and_unpack_speak_integers_with_their_sign() -> None:
 NOT_A_NUMBER = struct.pack("<f", math.nan)
 
 
-def test_what_is_no_number_is_told_in_words() -> None:
+def test_an_invalid_number_is_described() -> None:
     made = one_field("REAL32", 32, 0)
     kind = made.bindings[0].kinds["value"]
     (value,) = made.decode(0x185, NOT_A_NUMBER)
@@ -159,7 +159,7 @@ WORDS: list[tuple[str, int, str, Any, str]] = [
 
 
 @pytest.mark.parametrize(("type_", "bits", "text", "value", "written"), WORDS)
-def test_people_write_and_read_values(type_: str, bits: int, text: str, value: Any, written: str) -> None:
+def test_values_are_parsed_and_formatted(type_: str, bits: int, text: str, value: Any, written: str) -> None:
     kind = one_field(type_, bits, 0).bindings[0].kinds["value"]
     assert (kind.parse(text), kind.text(value)) == (value, written)
 
@@ -168,7 +168,7 @@ TYPES = [each for each in DATA_TYPES.values() if 0 < each.bits <= 64]
 
 
 @given(st.sampled_from(TYPES), st.integers(0, 63), st.data())
-def test_any_bits_decoded_and_encoded_are_the_same_bits(type_: Any, offset: int, draws: st.DataObject) -> None:
+def test_encoding_inverts_decoding_for_any_bits(type_: Any, offset: int, draws: st.DataObject) -> None:
     offset %= 65 - type_.bits
     made = one_field(type_.name, type_.bits, offset)
     data = draws.draw(st.integers(0, (1 << type_.bits) - 1)) << offset
@@ -188,7 +188,7 @@ DEFAULTS = [
 
 @pytest.mark.parametrize(("index", "base"), DEFAULTS)
 @pytest.mark.parametrize("said", [None, ""])
-def test_the_first_four_pdos_have_an_identifier_by_default(index: int, base: int, said: str | None) -> None:
+def test_the_first_four_pdos_have_default_identifiers(index: int, base: int, said: str | None) -> None:
     made = of(variable("2000", "Value", "UNSIGNED8") + pdo(index, "0x20000008", cob_id=said))
     assert [each.cob_id for each in made.bindings] == [base + NODE_ID]
 
@@ -261,7 +261,7 @@ def test_a_frame_is_one_message_with_its_sender_and_its_receivers() -> None:
     assert binding.layout.fields == ("speed",)  # in the sender's words
 
 
-def test_a_receiver_that_takes_other_bits_is_left_out_and_the_message_is_the_senders() -> None:
+def test_a_receiver_with_another_mapping_is_left_out() -> None:
     sender = dictionary(variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010", cob_id="0x190"), "motor", 3)
     receiver = dictionary(VALUE + pdo(0x1400, "0x20000008", cob_id="0x190"), "panel", 1)
     made, said = protocol(receiver, sender)
@@ -285,7 +285,7 @@ LEFT_OUT = [
 
 
 @pytest.mark.parametrize(("text", "told"), LEFT_OUT)
-def test_a_pdo_that_cannot_be_used_is_said_once_and_the_others_work(text: str, told: list[str]) -> None:
+def test_an_unusable_pdo_is_reported_once_and_others_work(text: str, told: list[str]) -> None:
     made, said = protocol(dictionary(VALUE + pdo(0x1800, "0x20000008") + text))
     assert said == [f"arm.eds: {each}" for each in told]
     assert [each.cob_id for each in made.bindings] == [0x185]

@@ -45,7 +45,7 @@ CIA_301 = [
 
 
 @pytest.mark.parametrize(("layout", "values", "data"), CIA_301)
-def test_bits_lie_as_in_cia_301(layout: Layout, values: dict[str, int], data: str) -> None:
+def test_bits_are_placed_as_in_cia_301(layout: Layout, values: dict[str, int], data: str) -> None:
     assert pack(layout, **values).hex().upper() == data
     assert unpacker(layout)(bytes.fromhex(data)) == tuple(values.values())
 
@@ -68,7 +68,7 @@ def test_slices_are_joined_to_values() -> None:
     assert unpacker(MOST_SIGNIFICANT_FIRST)(bytes([0xAB, 0xCD])) == (0xABC, 0xD)
 
 
-def test_the_word_is_read_in_the_order_that_leaves_values_whole() -> None:
+def test_the_byte_order_with_fewest_runs_is_chosen() -> None:
     assert MOST_SIGNIFICANT_FIRST.byte_order == "big"
     assert {field: len(runs) for field, runs in MOST_SIGNIFICANT_FIRST.runs.items()} == {"a": 1, "b": 1}
     assert whole(a=12, b=4).byte_order == "little"
@@ -89,7 +89,7 @@ SHORTEST = [
 
 
 @pytest.mark.parametrize(("needed", "length"), SHORTEST)
-def test_shortest_frame_holds_all_that_is_needed(needed: list[str], length: int) -> None:
+def test_the_shortest_frame_contains_all_needed_fields(needed: list[str], length: int) -> None:
     assert whole(x=12, y=12, angle=10, speed=8, barriers=16).shortest(needed) == length
 
 
@@ -104,7 +104,7 @@ NO_LAYOUTS = [
 
 
 @pytest.mark.parametrize(("slots", "what"), NO_LAYOUTS)
-def test_gaps_overlaps_and_too_many_bits_make_no_layout(slots: list[Slot], what: str) -> None:
+def test_gaps_overlaps_and_too_many_bits_raise_layout_error(slots: list[Slot], what: str) -> None:
     with pytest.raises(LayoutError) as error:
         Layout(slots)
     assert str(error.value) == what
@@ -121,12 +121,12 @@ SLOTS = [
 
 
 @pytest.mark.parametrize(("name", "bits", "expected"), SLOTS)
-def test_slot_of_a_parameter_name(name: str, bits: int, expected: Slot) -> None:
+def test_a_parameter_name_gives_the_slot(name: str, bits: int, expected: Slot) -> None:
     assert slot(name, bits, field_name) == expected
 
 
 @pytest.mark.parametrize(("name", "bits"), [("X position [11:4]", 7), ("X position [4:11]", 8)])
-def test_slice_whose_name_and_length_differ_makes_no_slot(name: str, bits: int) -> None:
+def test_a_slice_with_contradicting_name_and_length_raises(name: str, bits: int) -> None:
     with pytest.raises(LayoutError) as error:
         slot(name, bits, field_name)
     assert str(error.value) == f"{name} is mapped with {bits} bits"
@@ -150,7 +150,7 @@ def counting(function: Callable[[int], int], calls: list[int]) -> Callable[[int]
     return counted
 
 
-def test_the_meanings_of_a_narrow_field_are_asked_for_once() -> None:
+def test_the_meanings_of_a_narrow_field_are_computed_once() -> None:
     calls: list[int] = []
     read = reader(whole(a=4), [Column("a", counting(lambda raw: -raw, calls), refuse)], tuple, refuse, None)
     assert [read(bytes([raw])) for raw in range(16)] * 2 == [(-raw,) for raw in range(16)] * 2
@@ -158,7 +158,7 @@ def test_the_meanings_of_a_narrow_field_are_asked_for_once() -> None:
 
 
 @pytest.mark.parametrize(("value", "asked"), [(1, False), (2, False), (0, True), (3, True)])
-def test_numbers_are_not_asked_for(value: int, asked: bool) -> None:
+def test_plain_numbers_need_no_conversion(value: int, asked: bool) -> None:
     calls: list[int] = []
     counted = counting(lambda number: number, calls)
     column = Column("a", counted, counted, numbers=range(1, 3), sendable=range(1, 3))
@@ -170,7 +170,7 @@ def test_numbers_are_not_asked_for(value: int, asked: bool) -> None:
 
 
 @pytest.mark.parametrize("value", [-1, -3, -4, -6, 3, 1 << 64, -1 << 64, None, "1", [], 0.5])
-def test_what_is_in_no_table_goes_the_careful_way(value: Any) -> None:
+def test_values_without_table_entry_use_the_careful_function(value: Any) -> None:
     layout = whole(a=2)
     write = writer(layout, [Column("a", lambda raw: raw, {0: 0, 1: 1, 2: 2}.__getitem__)], COB_ID, refuse, None)
     with pytest.raises(LookupError):
@@ -178,7 +178,7 @@ def test_what_is_in_no_table_goes_the_careful_way(value: Any) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x01", b"\x01\x02\x03"])
-def test_data_of_another_length_is_irregular(data: bytes) -> None:
+def test_data_of_another_length_calls_irregular(data: bytes) -> None:
     read = reader(FIELD_16, [Column("a", lambda raw: raw, refuse)], tuple, lambda data: ("irregular", data), None)
     assert read(data) == ("irregular", data)
 
@@ -193,7 +193,7 @@ def test_a_field_that_is_not_mapped_has_its_default() -> None:
         write((3, (2,)))
 
 
-def test_codes_mean_unknown_together_only() -> None:
+def test_codes_mean_unknown_only_together() -> None:
     layout, both = whole(a=8, b=8), {0x10: 0x10, 0x11: 0x11}
     unknown = Unknown(0xFFFF, 0x1110, {"a": 0x10, "b": 0x11})
     columns = [Column(field, lambda raw: raw, both.__getitem__) for field in ("a", "b")]

@@ -83,31 +83,31 @@ NOT_SHOWN = {
 
 
 @pytest.mark.parametrize("lines", SHOWN.values(), ids=SHOWN)
-def test_what_was_shown_is_in_force(lines: str) -> None:
+def test_an_observed_mapping_is_used(lines: str) -> None:
     last = decoded(lines, SERVO)[-1]
     assert last.text == f"{VELOCITY}, statusword=567 (Operation enabled)"
     assert last.defects == ()
 
 
 @pytest.mark.parametrize("lines", NOT_SHOWN.values(), ids=NOT_SHOWN)
-def test_what_was_not_shown_or_is_over_is_as_the_file_says(lines: str) -> None:
+def test_the_file_applies_without_observation_and_after_reset(lines: str) -> None:
     assert decoded(lines, SERVO)[-1].text == decoded(FRAME, SERVO)[-1].text != ""
     assert VELOCITY not in decoded(lines, SERVO)[-1].text
 
 
-def test_what_was_written_and_not_confirmed_is_unknown() -> None:
+def test_an_unconfirmed_write_makes_the_entry_unknown() -> None:
     last = decoded("601#2F001A0001000000 601#23001A0120006C60 " + FRAME, SERVO)[-1]
     assert last.text == "mapped_object_1=unknown, mapped_object_2=unknown"
 
 
-def test_a_pdo_on_another_identifier_leaves_its_old_one() -> None:
+def test_a_moved_pdo_leaves_its_old_identifier() -> None:
     moved = "601#2300180190010000 581#6000180100000000"
     *_, new, old = decoded(f"{moved} 190#E80300003702 {FRAME}", SERVO)
     assert (new.name, old.message) == ("servo.TPDO1", None)
     assert old.defects
 
 
-def test_another_channel_has_another_device() -> None:
+def test_channels_have_separate_devices() -> None:
     here, there = decoded(f"{REMAP} {FRAME} {FRAME}", SERVO, channels="ab")[-2:]
     assert VELOCITY in here.text
     assert VELOCITY not in there.text
@@ -120,7 +120,7 @@ def test_emcy_and_sync_move_with_their_objects() -> None:
     assert (emcy.name, sync.name) == ("EMCY", "SYNC")
 
 
-def test_without_a_file_fields_have_the_profiles_names_or_their_index() -> None:
+def test_without_a_file_fields_are_named_by_profile_or_index() -> None:
     assert decoded(f"{REMAP} {FRAME}")[-1].text == f"{WITHOUT_A_FILE}, statusword=567"
     own = REMAP.replace("0120006C60", "0120012021")  # 0x2120:01
     last = decoded(f"{own} {FRAME}")[-1]
@@ -128,12 +128,12 @@ def test_without_a_file_fields_have_the_profiles_names_or_their_index() -> None:
     assert decoded(f"{own} {FRAME} 701#00 {FRAME}")[-1].name == "PDO 0x181, 6 bytes"
 
 
-def test_other_pdos_of_a_bus_without_files_stay_what_they_are() -> None:
+def test_other_pdos_without_files_keep_their_meaning() -> None:
     last = decoded(f"{REMAP} {FRAME} 182#01")[-1]
     assert (last.name, last.defects) == ("PDO 0x182, 1 byte", ())
 
 
-def test_news_are_only_what_changes_other_frames() -> None:
+def test_only_values_that_change_frames_are_reported_as_changes() -> None:
     shown = InForce([SERVO])
     cob_id = SERVO.number((0x1800, 1)) or 0
     assert not shown.show(1, (0x1800, 1), cob_id.to_bytes(4, "little"))
@@ -145,7 +145,7 @@ def test_news_are_only_what_changes_other_frames() -> None:
     assert not shown.start(0)
 
 
-def test_a_device_without_a_file_is_made_once_for_each_pdo(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_without_a_file_has_one_dictionary_for_each_pdo(monkeypatch: pytest.MonkeyPatch) -> None:
     """At each of the writes that map a PDO, 64 PDOs took half a minute."""
     made: list[Dictionary] = []
     read = Dictionary.read
@@ -182,7 +182,7 @@ LEARNED: dict[tuple[int, int], Value] = {
 """What a device without a file has answered: a TPDO, one that is multiplexed, and where its EMCY is."""
 
 
-def test_what_a_device_without_a_file_was_asked_for_stays_known() -> None:
+def test_answers_of_a_device_without_a_file_are_kept_after_reset() -> None:
     following = Following(Decoder((), learned=made(1, LEARNED)))
     frames = [Frame(0x191, b"\xe8\3\0\0"), *map(Frame.parse, REMAP.replace("601", "602").replace("581", "582").split())]
     frames += [frames[0], Frame(0x701, b"\0"), frames[0], Frame(0x091, bytes(8))]
@@ -215,11 +215,11 @@ PROFILES = {
 
 
 @pytest.mark.parametrize(("lines", "text"), PROFILES.values(), ids=PROFILES)
-def test_objects_of_a_device_without_a_file_have_the_names_of_the_profile_that_it_shows(lines: str, text: str) -> None:
+def test_objects_without_a_file_are_named_by_the_observed_profile(lines: str, text: str) -> None:
     assert decoded(lines)[-1].text.partition(", 2 bytes")[0] == text
 
 
-def test_the_profile_that_a_device_was_asked_for_stays_known() -> None:
+def test_the_observed_profile_is_kept() -> None:
     following = Following(Decoder((), learned=made(1, {}, 402)))
     assert "Statusword (axis 2)" in following(0.0, "", Frame(0x581, bytes.fromhex("4B41680037060000"))).text
 
@@ -284,7 +284,7 @@ def remapped_live(log: Path, count: int) -> list[tuple[Frame, tuple[object, ...]
     return drive.sent
 
 
-def test_what_a_stock_master_maps_at_boot_is_decoded_to_the_drives_own_values(tmp_path: Path) -> None:
+def test_pdos_mapped_by_a_master_at_boot_are_decoded(tmp_path: Path) -> None:
     sent = remapped_live(tmp_path / "bus.log", 100)
     following = Following(Decoder([SERVO]))
     with (tmp_path / "bus.log").open("rb") as file:
@@ -334,22 +334,22 @@ AS_MOTOR, AS_ANY = "motor_34, read 0x1018:02 Identity, 2", "node 34, read 0x1018
         f"{SELECTED.replace('4009', '4008')} {SET} {TAKEN} {BOOTED}": AS_ANY,
     }.items(),
 )
-def test_a_device_with_a_node_id_by_lss_is_read_by_the_file_for_its_identity(lines: str, expected: str) -> None:
+def test_a_device_with_node_id_by_lss_uses_the_file_for_its_identity(lines: str, expected: str) -> None:
     assert decoded(f"{lines} {READ}", MOTOR, OTHER)[-1].text == expected
 
 
-def test_the_file_for_a_device_with_a_node_id_by_lss_is_said_once() -> None:
+def test_the_file_for_a_device_with_node_id_by_lss_is_reported_once() -> None:
     found = decoded(f"{SELECTED} {SET} {TAKEN} {BOOTED} {READ} {BOOTED}", MOTOR, OTHER)
     words = "; by LSS it is motor_34, read by motor.eds"
     assert [each.text for each in found if words in each.text] == [f"node 34, boot-up{words}"]
 
 
-def test_a_file_given_for_a_node_id_counts_more_than_lss() -> None:
+def test_a_file_for_the_node_id_has_priority_over_lss() -> None:
     given = of_product("given", 34, product=1)
     last = decoded(f"{SELECTED} {SET} {TAKEN} {BOOTED} {READ}", MOTOR, given)[-1]
     assert last.text == "given, read 0x1018:02 Identity, 2"
 
 
-def test_two_files_for_one_product_say_nothing_of_a_device_with_a_node_id_by_lss() -> None:
+def test_two_files_for_one_product_are_not_used_after_lss() -> None:
     last = decoded(f"{SELECTED} {SET} {TAKEN} {BOOTED} {READ}", MOTOR, of_product("rival", 6, product=7))[-1]
     assert last.text == AS_ANY

@@ -35,10 +35,10 @@ ONE_DEVICE = {
 
 
 @pytest.mark.parametrize(("lines", "files", "expected"), ONE_DEVICE.values(), ids=ONE_DEVICE)
-def test_a_node_id_given_to_all_devices_is_that_of_the_only_one(lines: str, files: list, expected: str) -> None:  # type: ignore[type-arg]
+def test_a_node_id_set_globally_belongs_to_the_only_device(lines: str, files: list, expected: str) -> None:  # type: ignore[type-arg]
     assert decoded(f"{lines} {READ}", *files)[-1].text == expected
 
 
-def test_a_file_for_the_new_node_id_counts_more() -> None:
+def test_a_file_for_the_new_node_id_has_priority() -> None:
     given = of_product("given", 34, product=1)
     assert decoded(f"{IDENTITY} {READ}", MOTOR, given)[-1].text == "given, read 0x1018:02 Identity, 2"

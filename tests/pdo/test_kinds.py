@@ -153,53 +153,53 @@ ALLOWED = [
 
 
 @pytest.mark.parametrize(("kind", "limits", "raw", "meaning"), BOTH_WAYS)
-def test_reads_what_it_writes(kind: Kind, limits: Limits, raw: int, meaning: Any) -> None:
+def test_reading_inverts_writing(kind: Kind, limits: Limits, raw: int, meaning: Any) -> None:
     assert kind.read(raw, limits) == meaning
     assert type(kind.read(raw, limits)) is type(meaning)
     assert kind.write(meaning, limits) == raw
 
 
 @pytest.mark.parametrize(("kind", "limits", "raw"), OUT_OF_RANGE)
-def test_reads_a_value_outside_its_range_raw_and_flagged(kind: Kind, limits: Limits, raw: int) -> None:
+def test_a_raw_value_out_of_range_is_marked(kind: Kind, limits: Limits, raw: int) -> None:
     assert kind.read(raw, limits) == raw
     assert isinstance(kind.read(raw, limits), OutOfRange)
 
 
 @pytest.mark.parametrize(("kind", "limits", "raw", "value"), WRITTEN)
-def test_writes_what_means_the_same(kind: Kind, limits: Limits, raw: int, value: Any) -> None:
+def test_equivalent_values_have_the_same_raw_value(kind: Kind, limits: Limits, raw: int, value: Any) -> None:
     assert kind.write(value, limits) == raw
 
 
 @pytest.mark.parametrize(("kind", "limits", "value"), NOT_WRITTEN)
-def test_does_not_write(kind: Kind, limits: Limits, value: Any) -> None:
+def test_invalid_values_are_not_written(kind: Kind, limits: Limits, value: Any) -> None:
     with pytest.raises(ValueError, match=re.escape(str(value))):
         kind.write(value, limits)
 
 
 @pytest.mark.parametrize(("kind", "text", "value"), PARSED)
-def test_parses(kind: Kind, text: str, value: Any) -> None:
+def test_texts_are_parsed(kind: Kind, text: str, value: Any) -> None:
     assert kind.parse(text) == value
     assert type(kind.parse(text)) is type(value)
 
 
 @pytest.mark.parametrize(("kind", "text"), NOT_PARSED)
-def test_does_not_parse(kind: Kind, text: str) -> None:
+def test_invalid_texts_are_not_parsed(kind: Kind, text: str) -> None:
     with pytest.raises(ValueError, match=re.escape(text)):
         kind.parse(text)
 
 
 @pytest.mark.parametrize(("kind", "value", "text"), SHOWN)
-def test_writes_for_a_person(kind: Kind, value: Any, text: str) -> None:
+def test_values_are_formatted(kind: Kind, value: Any, text: str) -> None:
     assert kind.text(value) == text
 
 
 @pytest.mark.parametrize(("kind", "limits", "text"), ALLOWED)
-def test_says_what_is_allowed(kind: Kind, limits: Limits, text: str) -> None:
+def test_allowed_values_are_described(kind: Kind, limits: Limits, text: str) -> None:
     assert kind.allowed(limits) == text
 
 
 @pytest.mark.parametrize(("kind", "meaning"), [(kind, value) for kind, *_, value in BOTH_WAYS])
-def test_parses_what_it_writes_for_a_person(kind: Kind, meaning: Any) -> None:
+def test_parsing_inverts_formatting(kind: Kind, meaning: Any) -> None:
     assert kind.parse(kind.text(meaning).removesuffix(f" {kind.unit}")) == meaning
 
 
@@ -212,6 +212,6 @@ def test_parses_what_it_writes_for_a_person(kind: Kind, meaning: Any) -> None:
         ((0, 1500), 0, None),
     ],
 )
-def test_a_quantity_whose_values_would_mean_two_things_is_refused(within: Any, step: float, codes: Any) -> None:
+def test_an_ambiguous_quantity_is_refused(within: Any, step: float, codes: Any) -> None:
     with pytest.raises(ValueError, match=r"codes need a range|a step of"):
         Quantity("mm", step, within, codes)

@@ -29,7 +29,7 @@ class Tick(NamedTuple):
     """A message in no group."""
 
 
-def test_a_class_enters_itself() -> None:
+def test_the_decorator_adds_a_class_to_the_catalogue() -> None:
     entry = LAMP.find("lamp-state")
     assert entry == (LampState, "LIGHTS", True)
     assert LAMP.types == (LampState, Tick)
@@ -60,7 +60,7 @@ def test_a_pdo_of_the_catalogue_has_its_type() -> None:
     assert (lamp.binding("Lamp state").group, lamp.binding(LampState).always) == ("LIGHTS", True)
 
 
-def test_any_other_pdo_is_a_message_of_plain_numbers() -> None:
+def test_a_pdo_without_a_class_is_a_message_of_plain_numbers() -> None:
     made = protocol(pdo("Battery state", 0x182, "Charge", "Cell 1"))
     message = made.decode(0x182, b"\x2a\x07")
     assert message._asdict() == {"charge": 42, "cell_1": 7}
@@ -78,11 +78,11 @@ NAMES = [
 
 
 @pytest.mark.parametrize(("record", "name"), NAMES)
-def test_a_name_that_names_nothing_gives_way_to_device_direction_and_number(record: str, name: str) -> None:
+def test_a_generic_record_name_is_replaced_by_device_direction_and_number(record: str, name: str) -> None:
     assert protocol(pdo(record, 0x182, number=3)).names() == [name]
 
 
-def test_sender_and_receiver_of_a_cob_id_are_those_of_one_message() -> None:
+def test_a_common_cob_id_makes_sender_and_receiver_one_message() -> None:
     received = pdo("RPDO communication parameter", 0x182, "Remote charge", direction=PdoDirection.RPDO)
     both = protocol(pdo("TPDO communication parameter", 0x182, "Charge"), other=(received,))
     (binding,) = both.bindings
@@ -117,10 +117,10 @@ def test_every_parameter_name_makes_a_field_name(parameter: str, field: str) -> 
     assert made_type("x", {field: Kind()})._fields == (field,)
 
 
-def test_objects_of_one_name_are_told_apart() -> None:
+def test_objects_with_the_same_name_get_different_fields() -> None:
     made = protocol(pdo("Inputs", 0x182, "Input", "Input", "Input 2", "Input"))
     assert made.binding("Inputs").layout.fields == ("input", "input_2", "input_2_2", "input_3")
 
 
-def test_a_type_may_be_made_of_any_name() -> None:
+def test_a_message_type_can_have_any_name() -> None:
     assert made_type('cabin.TPDO1"\n', {"a": Kind()}).__name__ == 'cabin.TPDO1"\n'

@@ -117,11 +117,11 @@ def test_a_message_is_found_by_identifier_name_and_type(cob_id: int, name: str) 
     assert PROTOCOL.name(binding.type) == name
 
 
-def test_names_are_most_urgent_first() -> None:
+def test_names_are_in_order_of_priority() -> None:
     assert PROTOCOL.names() == sorted(PROTOCOL.names(), key=PROTOCOL.cob_id)
 
 
-def test_a_node_knows_its_own_messages_only() -> None:
+def test_a_nodes_protocol_has_only_its_messages() -> None:
     panel = LiftProtocol.of(lift.dictionary("panel"))
     assert "Move To" in panel.names()
     with pytest.raises(UnknownName, match="unknown message 'FloorResponse'"):
@@ -133,14 +133,14 @@ def test_a_node_knows_its_own_messages_only() -> None:
 
 
 @pytest.mark.parametrize("name", ["Move", "Move to it!", ""])
-def test_an_unknown_message_is_told(name: str) -> None:
+def test_an_unknown_message_raises(name: str) -> None:
     for ask in (PROTOCOL.binding, PROTOCOL.cob_id, PROTOCOL.pack):
         with pytest.raises(UnknownName, match=f"unknown message '{name}'"):
             ask(name)
 
 
 @pytest.mark.parametrize("cob_id", [0x000, 0x003, 0x7FF, 0x800, -1])
-def test_an_unknown_identifier_is_told(cob_id: int) -> None:
+def test_an_unknown_identifier_raises(cob_id: int) -> None:
     for ask in (PROTOCOL.decode, PROTOCOL.unpack):
         with pytest.raises(UnknownIdentifier):
             ask(cob_id, b"")
@@ -150,12 +150,12 @@ def test_an_unknown_identifier_is_told(cob_id: int) -> None:
 
 
 @pytest.mark.parametrize(("message", "text"), FRAMES)
-def test_encodes(message: Message, text: str) -> None:
+def test_messages_are_encoded(message: Message, text: str) -> None:
     assert str(PROTOCOL.encode(message)) == text
 
 
 @pytest.mark.parametrize(("message", "text"), FRAMES)
-def test_decodes(message: Message, text: str) -> None:
+def test_messages_are_decoded(message: Message, text: str) -> None:
     cob_id, data = frame(text)
     for kind in (bytes, bytearray, memoryview, list):
         decoded = PROTOCOL.decode(cob_id, kind(data))  # type: ignore[arg-type]  # callers without types
@@ -163,7 +163,7 @@ def test_decodes(message: Message, text: str) -> None:
         assert [type(value) for value in decoded] == [type(value) for value in message]
 
 
-def test_messages_are_encoded_and_decoded_alike_the_first_and_any_other_time() -> None:
+def test_the_first_and_later_calls_encode_and_decode_the_same() -> None:
     protocol = LiftProtocol.of_devices(lift.dictionaries(), lift.CATALOGUE)  # that has seen none of them
     for message, text in FRAMES:
         assert [protocol.encode(message) for _ in range(3)] == [frame(text)] * 3
@@ -171,7 +171,7 @@ def test_messages_are_encoded_and_decoded_alike_the_first_and_any_other_time() -
 
 
 @pytest.mark.parametrize(("message", "field", "allowed"), FORBIDDEN)
-def test_refuses_to_send_a_value_out_of_range(message: Message, field: str, allowed: str) -> None:
+def test_a_value_out_of_range_is_not_encoded(message: Message, field: str, allowed: str) -> None:
     with pytest.raises(FieldError) as error:
         PROTOCOL.encode(message)
     name = PROTOCOL.name(type(message))
@@ -183,20 +183,20 @@ def test_refuses_to_send_a_value_out_of_range(message: Message, field: str, allo
 
 @pytest.mark.parametrize("protocol", [PROTOCOL, REVERSED])
 @pytest.mark.parametrize("message", [MOVE, Brake(Trouble.OBSTACLE), OFFICE])
-def test_refuses_to_send_what_is_no_value(message: Message, protocol: Protocol) -> None:
+def test_a_value_of_a_wrong_type_is_not_encoded(message: Message, protocol: Protocol) -> None:
     for field, value in product(message._fields, NO_VALUES):
         with pytest.raises(FieldError, match=f": {field} = "):
             protocol.encode(message._replace(**{field: value}))
 
 
-def test_refuses_to_send_what_is_no_message() -> None:
+def test_an_object_that_is_no_message_is_not_encoded() -> None:
     nothing: Any = ("Move To", 1)
     with pytest.raises(UnknownName, match="unknown message 'tuple'"):
         PROTOCOL.encode(nothing)
 
 
 @pytest.mark.parametrize(("text", "fields"), OUT_OF_RANGE)
-def test_flags_received_values_out_of_range_and_keeps_them(text: str, fields: dict[str, int]) -> None:
+def test_received_values_out_of_range_are_kept_and_marked(text: str, fields: dict[str, int]) -> None:
     message = PROTOCOL.decode(*frame(text))
     assert flagged_fields(message) == list(fields)
     assert {field: int(getattr(message, field)) for field in fields} == fields
@@ -204,7 +204,7 @@ def test_flags_received_values_out_of_range_and_keeps_them(text: str, fields: di
         PROTOCOL.encode(message)  # what was flagged does not go on
 
 
-def test_bits_that_are_not_mapped_do_not_reach_the_application() -> None:
+def test_bits_after_the_mapping_are_ignored() -> None:
     troubles = [PROTOCOL.decode(0x102, bytes([byte])) for byte in (0x00, 0x01, 0xFE, 0xFF)]
     assert troubles == [Brake(Trouble.OVERLOAD), Brake(Trouble.OBSTACLE)] * 2
     # Where the whole byte is mapped, what is no trouble is flagged, not taken for one.
@@ -240,14 +240,14 @@ def test_a_frame_is_as_long_as_its_mapping_or_ends_before_its_optional_fields(pr
 
 
 @pytest.mark.parametrize("protocol", [PROTOCOL, REVERSED])
-def test_a_frame_may_leave_out_its_optional_fields(protocol: Protocol) -> None:
+def test_a_frame_may_omit_its_optional_fields(protocol: Protocol) -> None:
     full = protocol.encode(MOVE._replace(pause=600))
     assert protocol.decode(full.cob_id, full.data[:3]) == MOVE
     assert protocol.unpack(full.cob_id, full.data[:3])[1]["pause"] == 0
 
 
 @pytest.mark.parametrize("reserved", range(1, 1 << 3))
-def test_reserved_bits_are_not_looked_at_and_sent_as_0(reserved: int) -> None:
+def test_reserved_bits_are_ignored_and_sent_as_0(reserved: int) -> None:
     move = MOVE._replace(pause=600)
     sent = PROTOCOL.encode(move)
     received = (int.from_bytes(sent.data, "little") | reserved << 21).to_bytes(5, "little")
@@ -260,19 +260,19 @@ def test_reserved_bits_are_not_looked_at_and_sent_as_0(reserved: int) -> None:
 # Raw integers
 
 
-def test_pack_and_unpack_speak_raw_integers() -> None:
+def test_pack_and_unpack_use_raw_integers() -> None:
     values = {"height": 1234, "ride": 1, "speed": 75, "pause": 600}
     data = PROTOCOL.pack("Move To", **values)
     assert data.hex().upper() == "D2D4125802"
     assert PROTOCOL.unpack(0x108, data) == ("Move To", values)
 
 
-def test_pack_looks_at_widths_only() -> None:
+def test_pack_checks_only_widths() -> None:
     assert PROTOCOL.pack("Move To", height=4095, ride=3, speed=127, pause=0xFFFF).hex() == "ffff1fffff"
     assert PROTOCOL.pack("State Response", time=0xABCDEF) == bytes.fromhex("EFCDAB")
 
 
-def test_pack_may_leave_out_optional_fields() -> None:
+def test_pack_may_omit_optional_fields() -> None:
     short = {"height": 1, "ride": 2, "speed": 4}
     assert PROTOCOL.pack("Move To", **short) == PROTOCOL.pack("Move To", **short, pause=0)
     assert REVERSED.pack("Move To", **short) == REVERSED.pack("Move To", **short, pause=0, doors=0)
@@ -288,7 +288,7 @@ NOT_PACKED: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("name", "values", "told"), NOT_PACKED)
-def test_pack_refuses_what_has_no_bits(name: str, values: dict[str, Any], told: str) -> None:
+def test_pack_refuses_values_that_do_not_fit(name: str, values: dict[str, Any], told: str) -> None:
     with pytest.raises(FieldError) as error:
         PROTOCOL.pack(name, **values)
     assert str(error.value).startswith(told)
@@ -408,7 +408,7 @@ def changed(changes: Iterable[Change], dialect: str = lift.DIALECT) -> LiftProto
 
 
 @pytest.mark.parametrize(("changes", "node", "index", "what"), MISFITS)
-def test_what_does_not_fit_stops_the_load_with_file_and_index(
+def test_a_mapping_that_does_not_fit_is_an_error_with_file_and_index(
     changes: list[Change], node: str, index: int, what: str
 ) -> None:
     with pytest.raises(MappingError) as error:
@@ -418,7 +418,7 @@ def test_what_does_not_fit_stops_the_load_with_file_and_index(
 
 
 @pytest.mark.parametrize(("section", "key", "value", "what"), BAD_SLICES)
-def test_slices_that_make_no_whole_stop_the_load(section: str, key: str, value: str, what: str) -> None:
+def test_incomplete_slices_are_an_error(section: str, key: str, value: str, what: str) -> None:
     with pytest.raises(MappingError) as error:
         changed([("panel", section, key, value)], lift.REVERSED)
     assert error.value.index == 0x1A03
@@ -447,7 +447,7 @@ NARROW = [
 
 
 @pytest.mark.parametrize(("field", "entries", "message", "value"), NARROW)
-def test_a_value_that_its_bits_cannot_hold_is_not_sent(
+def test_a_value_wider_than_its_bits_is_not_encoded(
     field: str, entries: list[tuple[str, str, str]], message: Message, value: int
 ) -> None:
     protocol = changed((node, section, "DefaultValue", entry) for node, section, entry in entries)
@@ -457,7 +457,7 @@ def test_a_value_that_its_bits_cannot_hold_is_not_sent(
 
 
 @pytest.mark.parametrize("time", [0, 1, 60000, *NoTime, None, True, 60001, 0x0FFFFF, -1, 1.0])
-def test_a_wide_field_is_written_as_its_kind_says_it(time: Any) -> None:
+def test_a_wide_field_is_written_by_its_kind(time: Any) -> None:
     """Numbers go past the kind, so there must be no difference."""
     binding, message = PROTOCOL.binding(StateResponse), StateResponse(time)
     try:
@@ -472,7 +472,7 @@ def test_a_wide_field_is_written_as_its_kind_says_it(time: Any) -> None:
 
 
 @pytest.mark.parametrize("type_", ["int64", "int32", "uint16", "float64", "float32"])
-def test_numbers_of_numpy_are_numbers(type_: str) -> None:
+def test_numpy_numbers_are_accepted(type_: str) -> None:
     make = getattr(pytest.importorskip("numpy"), type_)
     message = MoveTo(make(1234), Ride.SERVICE, make(75), make(600))
     assert PROTOCOL.encode(message).data.hex() == "d2d4125802"
@@ -487,7 +487,7 @@ def test_numbers_of_numpy_are_numbers(type_: str) -> None:
         assert PROTOCOL.pack("Move To", **raws, pause=600).hex() == "d2d4125802"
 
 
-def test_errors_of_the_wire_are_the_peers() -> None:
+def test_errors_of_received_frames_are_remote_errors() -> None:
     for cob_id, data in ((0x003, b""), (0x108, b"\x01")):
         with pytest.raises(RemoteError):
             PROTOCOL.decode(cob_id, data)
@@ -503,7 +503,7 @@ def test_errors_of_the_wire_are_the_peers() -> None:
         (9, "device specific"),  # of which there is no file
     ],
 )
-def test_a_catalogues_words_are_for_its_own_devices(node_id: int, text: str) -> None:
+def test_a_catalogues_error_texts_apply_to_its_own_devices(node_id: int, text: str) -> None:
     move = pdo(0x1800, "0x20000010", cob_id="0x185", name="Move To")
     devices = [
         Dictionary.read(text.encode(), Path("any.eds"), node_id)

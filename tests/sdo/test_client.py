@@ -46,7 +46,7 @@ def talk(transfer: Transfer, answers: Sequence[str]) -> list[list[str]]:
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("read", READERS)
-def test_reads_what_is_there(read: Callable[..., Transfer], size: int) -> None:
+def test_every_kind_of_upload_returns_the_content(read: Callable[..., Transfer], size: int) -> None:
     shelf = Shelf()
     shelf.objects[TEXT] = content_of(size)
     assert Line(SdoServer(shelf)).run(read(TEXT, WAIT)) == content_of(size)
@@ -54,7 +54,7 @@ def test_reads_what_is_there(read: Callable[..., Transfer], size: int) -> None:
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("write", WRITERS)
-def test_writes_what_it_is_given(write: Callable[..., Transfer], size: int) -> None:
+def test_every_kind_of_download_writes_the_content(write: Callable[..., Transfer], size: int) -> None:
     shelf = Shelf()
     assert Line(SdoServer(shelf)).run(write(TEXT, content_of(size), WAIT)) == b""
     assert shelf.objects[TEXT] == content_of(size)
@@ -80,7 +80,7 @@ def test_reads_in_blocks_of_any_size(segments: int) -> None:
         {2, 1 + BLOCK_SEGMENTS},  # the first and the last: the time-out comes with nothing in sequence
     ],
 )
-def test_segments_of_a_block_upload_that_are_lost_come_again(lost: set[int]) -> None:
+def test_lost_segments_of_a_block_upload_are_repeated(lost: set[int]) -> None:
     shelf = Shelf()
     shelf.objects[TEXT] = content_of(150 * SEGMENT_SIZE)
     line = Line(SdoServer(shelf), lost_answers=lost)
@@ -89,7 +89,7 @@ def test_segments_of_a_block_upload_that_are_lost_come_again(lost: set[int]) -> 
 
 
 @pytest.mark.parametrize("lost", [{2}, {3}, {126}, {2, 3, 4}, {130}])
-def test_segments_of_a_block_download_that_are_lost_are_sent_again(lost: set[int]) -> None:
+def test_lost_segments_of_a_block_download_are_repeated(lost: set[int]) -> None:
     shelf = Shelf()
     line = Line(SdoServer(shelf), lost_requests=lost)
     line.run(block_download(TEXT, content_of(150 * SEGMENT_SIZE), WAIT))
@@ -98,7 +98,7 @@ def test_segments_of_a_block_download_that_are_lost_are_sent_again(lost: set[int
 
 
 @pytest.mark.parametrize("transfer", [*(read((0x5000, 0), WAIT) for read in READERS), download((0x5000, 0), b"", WAIT)])
-def test_a_server_that_refuses_says_why(transfer: Transfer) -> None:
+def test_a_servers_abort_is_raised_with_its_reason(transfer: Transfer) -> None:
     shelf = Shelf()
     shelf.admit = lambda address, _: len(shelf.read(address))  # type: ignore[method-assign, assignment]
     with pytest.raises(Aborted, match=r"^the node aborts: Object does not exist \(0x06020000\)$") as refused:
@@ -107,7 +107,7 @@ def test_a_server_that_refuses_says_why(transfer: Transfer) -> None:
 
 
 @pytest.mark.parametrize("write", WRITERS)
-def test_a_server_refuses_in_the_middle_too(write: Callable[..., Transfer]) -> None:
+def test_a_server_may_abort_during_a_transfer(write: Callable[..., Transfer]) -> None:
     shelf = Shelf()
     shelf.room[TEXT] = 5
     shelf.admit = lambda *_: 1000  # type: ignore[method-assign]
@@ -126,9 +126,7 @@ def test_a_server_refuses_in_the_middle_too(write: Callable[..., Transfer]) -> N
     ],
 )
 @pytest.mark.parametrize("heard", [0, 1, 2])
-def test_a_server_that_falls_silent_is_told_so_and_forgets_the_transfer(
-    make: Callable[[], Transfer], heard: int
-) -> None:
+def test_a_time_out_aborts_the_transfer_at_the_server(make: Callable[[], Transfer], heard: int) -> None:
     server = SdoServer(Shelf())
     line = Line(server, lost_answers=range(heard + 1, 1000))
     with pytest.raises(Silence):
@@ -148,7 +146,7 @@ LONG = content_of(150 * SEGMENT_SIZE + 3)
         (lambda told: block_download(TEXT, LONG, WAIT, told), [889, 1053]),
     ],
 )
-def test_progress_is_told_in_bytes(
+def test_progress_is_reported_in_bytes(
     make: Callable[[Callable[[int, int | None], None]], Transfer], told: list[int]
 ) -> None:
     shelf, heard = Shelf(), list[tuple[int, int | None]]()
@@ -201,7 +199,7 @@ EXCHANGES: dict[str, tuple[Transfer, list[str], list[list[str]]]] = {
 
 
 @pytest.mark.parametrize("name", EXCHANGES)
-def test_transfers_to_the_byte(name: str) -> None:
+def test_every_frame_of_a_transfer_is_as_in_cia_301(name: str) -> None:
     transfer, answers, requests = EXCHANGES[name]
     assert talk(transfer, answers) == requests
     transfer.result()
@@ -251,7 +249,7 @@ OTHERS: dict[str, tuple[Callable[[], Transfer], list[str], str, list[str]]] = {
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_an_answer_to_another_client_is_skipped_and_the_time_out_stays(name: str) -> None:
+def test_an_answer_to_another_client_does_not_extend_the_time_out(name: str) -> None:
     make, before, foreign, rest = OTHERS[name]
     transfer = make()
     talk(transfer, before)
@@ -265,7 +263,7 @@ def test_an_answer_to_another_client_is_skipped_and_the_time_out_stays(name: str
     transfer.result()
 
 
-def test_a_time_out_says_which_answers_were_skipped() -> None:
+def test_a_time_out_names_the_skipped_answers() -> None:
     transfer = number()
     talk(transfer, ["4b012001 3412"])
     transfer.tick(transfer.deadline)
@@ -274,7 +272,7 @@ def test_a_time_out_says_which_answers_were_skipped() -> None:
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_an_odd_answer_ends_the_transfer_and_the_server_is_told(name: str) -> None:
+def test_an_invalid_answer_aborts_the_transfer(name: str) -> None:
     make, answers, code, what = ODD[name]
     transfer = make()
     *_, last = talk(transfer, answers)
@@ -284,14 +282,14 @@ def test_an_odd_answer_ends_the_transfer_and_the_server_is_told(name: str) -> No
     assert odd.value.code == code
 
 
-def test_blocks_without_anything_new_are_not_asked_for_for_ever() -> None:
+def test_repeated_empty_blocks_end_the_transfer() -> None:
     transfer = block_upload(TEXT, WAIT, 2)
     assert talk(transfer, ["c0081000", "02", "02"])[-1] == ["80081000 03000405"]
     with pytest.raises(OddAnswer, match="of a block that begins with segment 1"):
         transfer.result()
 
 
-def test_an_acknowledgement_that_is_lost_ends_a_block_upload() -> None:
+def test_a_lost_acknowledgement_ends_a_block_upload() -> None:
     """The server would send the same block again, and the client could take it for the next one."""
     shelf = Shelf()
     shelf.objects[TEXT] = bytes(2 * BLOCK_SEGMENTS * SEGMENT_SIZE)
@@ -300,7 +298,7 @@ def test_an_acknowledgement_that_is_lost_ends_a_block_upload() -> None:
 
 
 @pytest.mark.parametrize("length", [0, 1, 7, 9, 64])
-def test_a_frame_of_another_length_is_not_heard(length: int) -> None:
+def test_a_frame_of_another_length_is_ignored(length: int) -> None:
     transfer = upload(NUMBER, WAIT)
     transfer.start(0.0)
     assert transfer.receive(bytes(length), 0.5) == []
@@ -309,7 +307,7 @@ def test_a_frame_of_another_length_is_not_heard(length: int) -> None:
     assert transfer.result() == b"\x34\x12"
 
 
-def test_what_comes_after_the_end_is_not_heard() -> None:
+def test_frames_after_the_end_are_ignored() -> None:
     transfer = upload(NUMBER, WAIT)
     talk(transfer, ["4b002001 3412", "4b002001 5678", "80002001"])
     assert transfer.result() == b"\x34\x12"
@@ -353,7 +351,7 @@ def test_an_abort_ends_a_transfer(about: str) -> None:
 @pytest.mark.parametrize(
     ("read", "answer"), [(upload, "41081000 e9030000"), (block_upload, "c6081000 e9030000")], ids=["upload", "block"]
 )
-def test_an_announced_size_is_bounded_by_the_object(read: Callable[..., Transfer], answer: str) -> None:
+def test_an_announced_size_above_the_limit_is_refused(read: Callable[..., Transfer], answer: str) -> None:
     transfer = read(TEXT, WAIT, room=Room(announced=1000))
     assert talk(transfer, [answer])[1] == ["80081000 12000706"]
     with pytest.raises(OddAnswer, match="is not about an object of at most 1000 bytes"):
@@ -363,7 +361,7 @@ def test_an_announced_size_is_bounded_by_the_object(read: Callable[..., Transfer
 @pytest.mark.parametrize(
     ("read", "answer"), [(upload, "41081000 e8030000"), (block_upload, "c6081000 e8030000")], ids=["upload", "block"]
 )
-def test_an_object_may_be_as_long_as_its_bound(read: Callable[..., Transfer], answer: str) -> None:
+def test_an_object_at_the_limit_is_read(read: Callable[..., Transfer], answer: str) -> None:
     transfer = read(TEXT, WAIT, room=Room(announced=1000))
     talk(transfer, [answer])
     assert not transfer.done
@@ -372,7 +370,7 @@ def test_an_object_may_be_as_long_as_its_bound(read: Callable[..., Transfer], an
 # Time
 
 
-def test_each_answer_gives_the_server_more_time() -> None:
+def test_each_answer_renews_the_time_out() -> None:
     transfer = upload(TEXT, 0.5)
     assert transfer.deadline == inf
     transfer.start(10.0)
@@ -418,7 +416,7 @@ class Endless:
     [(upload, 7), (upload, 1), (upload, 0), (block_upload, 7)],
     ids=["full", "short", "empty", "block"],
 )
-def test_an_endless_upload_ends_the_client(read: Callable[..., Transfer], filled: int) -> None:
+def test_an_endless_upload_is_aborted(read: Callable[..., Transfer], filled: int) -> None:
     server = Endless(filled)
     with pytest.raises(OddAnswer, match="is not the end of an object of at most 1000 bytes"):
         Line(server).run(read(NUMBER, WAIT, room=Room(unannounced=1000)))

@@ -84,7 +84,7 @@ EXCHANGES: list[tuple[list[str], list[str], str]] = [
 
 
 @pytest.mark.parametrize(("requests", "answers", "why"), EXCHANGES)
-def test_transfers_to_the_byte(requests: list[str], answers: list[str], why: str) -> None:
+def test_every_frame_of_a_transfer_is_as_in_cia_301(requests: list[str], answers: list[str], why: str) -> None:
     assert talk(SdoServer(Shelf()), *requests) == answers, why
 
 
@@ -118,7 +118,7 @@ WRONG: list[tuple[list[str], Address, AbortCode, str]] = [
 
 
 @pytest.mark.parametrize(("requests", "address", "code", "why"), WRONG)
-def test_wrong_requests_abort_with_the_cause(requests: list[str], address: Address, code: AbortCode, why: str) -> None:
+def test_wrong_requests_abort_with_the_reason(requests: list[str], address: Address, code: AbortCode, why: str) -> None:
     shelf = Shelf()
     before = dict(shelf.objects)
     assert talk(SdoServer(shelf), *requests)[-1] == abort(address, code), why
@@ -131,11 +131,11 @@ def test_after_an_abort_the_next_transfer_works(requests: list[str]) -> None:
 
 
 @pytest.mark.parametrize("length", [0, 1, 7, 9, 64])
-def test_a_frame_of_another_length_is_no_request(length: int) -> None:
+def test_a_request_of_another_length_is_ignored(length: int) -> None:
     assert SdoServer(Shelf()).receive(bytes(length), 0.0) == []
 
 
-def test_a_silent_client_is_told_that_it_waited_too_long() -> None:
+def test_a_silent_client_gets_a_time_out_abort() -> None:
     server = SdoServer(Shelf())
     talk(server, "40081000")
     assert server.deadline == TIMEOUT
@@ -145,7 +145,7 @@ def test_a_silent_client_is_told_that_it_waited_too_long() -> None:
     assert server.tick(2 * TIMEOUT) == []
 
 
-def test_each_request_gives_the_client_more_time() -> None:
+def test_each_request_renews_the_time_out() -> None:
     server = SdoServer(Shelf())
     talk(server, "40081000")
     server.receive(bytes.fromhex("60").ljust(8, b"\0"), 0.5)

@@ -45,11 +45,11 @@ from tests.kit.lift import CATALOGUE, CheckDoorResponse, MoveTo, PlaceResponse, 
 
 
 @pytest.mark.parametrize("code", SdoAbortedError.CODES)
-def test_every_abort_code_has_canopens_words(code: int) -> None:
+def test_every_abort_code_has_the_text_of_canopen(code: int) -> None:
     assert reason(code) == SdoAbortedError.CODES[code].replace("can not", "cannot")
 
 
-def test_a_code_of_a_devices_own_has_none() -> None:
+def test_a_devices_own_abort_code_has_no_text() -> None:
     assert reason(0xDEADBEEF) == "unknown code"
 
 
@@ -70,25 +70,25 @@ def test_command_specifiers_are_canopens(ours: type[IntEnum], prefix: str) -> No
         ("40002001 00000000", None),
     ],
 )
-def test_the_size_that_an_initiate_tells(data: str, size: int | None) -> None:
+def test_the_size_in_an_initiate_is_read(data: str, size: int | None) -> None:
     assert Initiate.of(bytes.fromhex(data)).size == size
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
-def test_what_fits_is_in_the_initiate_itself(size: int) -> None:
+def test_short_content_is_expedited(size: int) -> None:
     initiate = Initiate.of(carrying(2, (0x2000, 1), bytes(range(size))))
     assert (initiate.address, initiate.size, initiate.rest[:size]) == ((0x2000, 1), size, bytes(range(size)))
 
 
 @pytest.mark.parametrize("size", [0, 5, 300])
-def test_what_does_not_fit_is_announced(size: int) -> None:
+def test_long_content_is_announced_by_size(size: int) -> None:
     assert carrying(1, (0x2000, 1), bytes(size)).hex() == f"21002001{size.to_bytes(4, 'little').hex()}"
 
 
 @pytest.mark.parametrize(
     ("content", "carried"), [(b"", [b""]), (b"1234567", [b"1234567"]), (b"12345678", [b"1234567", b"8"])]
 )
-def test_a_content_in_segments(content: bytes, carried: list[bytes]) -> None:
+def test_content_is_split_into_segments(content: bytes, carried: list[bytes]) -> None:
     assert [content[at : at + 7] for at in segments_of(content)] == carried
     assert [part_in(segment(3, 0x10, part, last=True)) for part in carried] == carried
 
@@ -275,12 +275,12 @@ WRITERS = {
 }
 
 
-def test_nobody_else_writes_aborts() -> None:
+def test_only_the_wire_module_writes_aborts() -> None:
     package = Path(__file__).parents[2] / "eurobot_od"
     found = (file for file in package.rglob("*.py") if re.search(r"(?<!def )\baborted\(", file.read_text("utf-8")))
     assert {file.relative_to(package).as_posix() for file in found} <= WRITERS
 
 
-def test_an_abort_says_the_code_in_words_and_why() -> None:
+def test_an_abort_has_code_text_and_reason() -> None:
     assert str(Abort(Reason.NO_OBJECT)) == "0x06020000 Object does not exist: the EDS has no object with this index"
     assert str(Abort(Reason.TOO_FEW_BITS, "too few bits for x")).endswith(" reason: too few bits for x")
