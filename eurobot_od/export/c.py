@@ -1,7 +1,7 @@
 """The messages as a C99 header without dependencies: identifiers, lengths, structs, and functions that pack and unpack.
 
-Each message with data gets a struct of its fields, `NAME_MESSAGE_pack` and `NAME_MESSAGE_unpack`; values with names,
-limits, identifier and length are macros. Goto XY in a network called `robot` becomes, cut down to one field:
+Each message with data has a struct of its fields, `NAME_MESSAGE_pack` and `NAME_MESSAGE_unpack`; named values, limits,
+identifier and length are macros. Goto XY in a network called `robot` becomes, shortened to one field:
 
     #define ROBOT_GOTO_XY_COB_ID 0x008u
     #define ROBOT_GOTO_XY_LENGTH 8u
@@ -13,9 +13,8 @@ limits, identifier and length are macros. Goto XY in a network called `robot` be
     static inline size_t robot_goto_xy_pack(uint8_t *data, size_t size, const robot_goto_xy_t *message)
     static inline bool robot_goto_xy_unpack(robot_goto_xy_t *message, const uint8_t *data, size_t length)
 
-Rule of this file: the C depends neither on the machine's byte order nor on its width of int, and compiles without a
-warning; bits go byte by byte, in unsigned types as wide as the field, so that an 8-bit controller needs no 64-bit
-shifts.
+The C code depends neither on byte order nor on the size of int, and compiles without warnings. Bits are moved byte by
+byte, in unsigned types as wide as the field, so that an 8-bit controller needs no 64-bit shifts.
 """
 
 from __future__ import annotations
@@ -33,13 +32,13 @@ WORDS = """auto break case char const continue default do double else enum exter
  compl concept const_cast constexpr decltype delete dynamic_cast explicit export friend mutable namespace new noexcept
  not not_eq nullptr operator or or_eq private protected public reinterpret_cast requires static_assert static_cast
  template this thread_local throw try typeid typename using virtual wchar_t xor xor_eq"""
-"""Keywords of C and C++, and macros of compilers and of the headers used here: none of them can name a member."""
+"""Keywords of C and C++, and macros of compilers and headers, which cannot be names of members."""
 
 PARTS = 4
-"""Names that make up a macro: network, message, field, value."""
+"""Number of names in a macro: network, message, field, value."""
 
 LONGEST_TEXT = 32
-"""Most characters of a unit."""
+"""Longest unit in characters."""
 
 STRUCT_REALS = {32: "float", 64: "double"}
 
@@ -56,22 +55,22 @@ class Member(NamedTuple):
 
     @property
     def bits(self) -> int:
-        """Bits of its C type: 8, 16, 32 or 64."""
+        """Bits of the C type: 8, 16, 32 or 64."""
         return next(bits for bits in (8, 16, 32, 64) if bits >= self.field.width)
 
     @property
     def raw_type(self) -> str:
-        """The unsigned C type of its bits."""
+        """Unsigned C type of the raw value."""
         return f"uint{self.bits}_t"
 
     @property
     def is_real(self) -> bool:
-        """Whether its value is a floating-point number."""
+        """Whether the value is a floating-point number."""
         return self.field.numeral is description.Numeral.REAL
 
     @property
     def type(self) -> str:
-        """The C type of its value."""
+        """C type of the value."""
         if self.is_real:
             return STRUCT_REALS[self.field.width]
         if self.field.numeral is description.Numeral.SIGNED:
@@ -79,7 +78,7 @@ class Member(NamedTuple):
         return "bool" if self.field.width == 1 else self.raw_type
 
     def number(self, value: int) -> str:
-        """Write a number of its type."""
+        """Return a number of its type as C."""
         if self.field.numeral is description.Numeral.SIGNED:
             return signed(value, self.bits)
         # An int has at least 16 bits; a wider constant needs the macro of its type (C99, 7.18.4).
@@ -87,9 +86,10 @@ class Member(NamedTuple):
 
     @property
     def too_wide(self) -> str:
-        """Write the condition that a value does not fit into its field; empty if all values of its type fit."""
-        width, value = self.field.width, f"message->{self.name}"
-        # A comparison that is always false is a warning, and the header has to compile without any.
+        """Condition in C that a value does not fit its field; empty if every value of the type fits."""
+        width = self.field.width
+        value = f"message->{self.name}"
+        # A comparison that is always false would cause a warning.
         if width == self.bits or self.type == "bool":
             return ""
         if self.field.numeral is description.Numeral.SIGNED:
@@ -99,7 +99,7 @@ class Member(NamedTuple):
 
     @property
     def meaning(self) -> str:
-        """Write the value that its raw bits stand for."""
+        """Expression in C for the value of the raw bits."""
         raw = f"raw_{self.name}"
         if self.type == "bool":
             return f"{raw} != 0u"
@@ -113,7 +113,7 @@ class Member(NamedTuple):
 
 
 class MessageBlock(NamedTuple):
-    """A message, its name in lower-case identifiers, after the network's, and its struct's members."""
+    """A message, its identifier in lower case with the network's prefix, and the members of its struct."""
 
     name: str
     message: description.DescribedMessage
@@ -126,30 +126,32 @@ class MessageBlock(NamedTuple):
 
 
 def c_header(protocol: Protocol, name: str) -> str:
-    """Return the header of a protocol; `name` begins its identifiers. Raises LocalError without messages."""
+    """Return the header of a protocol; its identifiers begin with `name`. Raises LocalError without messages."""
     return header_of(description.described(protocol), name)
 
 
 def header_of(messages: Iterable[description.DescribedMessage], name: str) -> str:
     """Return the header of messages."""
-    prefix, blocks = prefix_of(name), blocks_of(messages, name)
-    # One name space for the macros of all messages: `GOTO` + `XY_MIN` and `GOTO_XY` + `MIN` would be the same macro.
+    prefix = prefix_of(name)
+    blocks = blocks_of(messages, name)
+    # One namespace for all macros, because `GOTO` + `XY_MIN` and `GOTO_XY` + `MIN` are equal.
     macros = description.Identifiers(longest=PARTS * (description.LONGEST_IDENTIFIER + 1))
     lines = [*_head(prefix, blocks), *(line for each in blocks for line in _block(each, macros)), "", "#endif"]
     return "\n".join(lines) + "\n"
 
 
 def prefix_of(name: str) -> str:
-    """Return the prefix of the identifiers of a network with that name."""
+    """Return the prefix of the identifiers of a network."""
     return description.Identifiers(WORDS).new(name).lower()
 
 
 def blocks_of(messages: Iterable[description.DescribedMessage], name: str) -> list[MessageBlock]:
-    """Return the messages with the names that they and their fields have in the header."""
-    of_messages, prefix = description.Identifiers(), prefix_of(name)
+    """Return the messages with the identifiers of messages and fields."""
+    of_messages = description.Identifiers()
+    prefix = prefix_of(name)
     blocks = []
     for each in messages:
-        names = description.Identifiers(WORDS)  # each struct has a name space of its own
+        names = description.Identifiers(WORDS)  # each struct has its own namespace
         members = [Member(names.new(field.name).lower(), field) for field in each.fields]
         blocks.append(MessageBlock(f"{prefix}_{of_messages.new(each.name).lower()}", each, members))
     return blocks
@@ -178,7 +180,7 @@ def _head(prefix: str, blocks: Iterable[MessageBlock]) -> Iterator[str]:
 
 
 def comment(text: str) -> str:
-    """Make a text fit for a comment; `??` could begin a trigraph."""
+    """Return a text for a comment in C; `??` could begin a trigraph."""
     return description.printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 
@@ -213,13 +215,14 @@ def _macro(macros: description.Identifiers, *parts: str) -> str:
 
 
 def _macros(block: MessageBlock, member: Member, macros: description.Identifiers) -> Iterator[str]:
-    """Write a field's limits and named values as macros: an enum's constants have to fit into an int."""
-    field, of_values = member.field, description.Identifiers()
+    """Yield macros for a field's limits and named values; an enum's constants would have to fit an int."""
+    field = member.field
+    of_values = description.Identifiers()
     if not member.is_real:
         for word, value in zip(("min", "max"), field.limits):
             yield f"#define {_macro(macros, block.name, member.name, word)} {member.number(value)}"
     if field.unit:
-        # Without backslash and quote it cannot end the literal, nor have a pair of them cut in half.
+        # Without backslash and quote, the literal cannot end early.
         unit = comment(field.unit).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
         yield f'#define {_macro(macros, block.name, member.name, "unit")} "{unit}"'
     if field.unknown is not None and field.unknown not in field.named:
@@ -232,13 +235,13 @@ def _macros(block: MessageBlock, member: Member, macros: description.Identifiers
 
 
 def unsigned(value: int, bits: int) -> str:
-    """Write a number of an unsigned type as wide as `bits`, in hexadecimal."""
-    # int has at least 16 bits (C99, 5.2.4.2.1), so up to there a plain constant will do.
+    """Return a hexadecimal constant of an unsigned type with `bits` bits."""
+    # int has at least 16 bits (C99, 5.2.4.2.1).
     return f"0x{value:X}u" if bits <= 16 else f"UINT{bits}_C(0x{value:X})"
 
 
 def signed(value: int, bits: int) -> str:
-    """Write a number of a signed type; the lowest has no literal, as minus is an operator in C."""
+    """Return a constant of a signed type; the lowest number has no literal, because minus is an operator."""
     if value == -1 << (bits - 1):
         return f"({signed(value + 1, bits)} - 1)"
     text = str(value) if bits <= 16 else f"INT{bits}_C({abs(value)})"
@@ -253,17 +256,17 @@ def signed(value: int, bits: int) -> str:
 def _pack(block: MessageBlock) -> Iterator[str]:
     length = block.message.length
     yield ""
-    # static inline: any number of source files may include the header, and none has to be compiled for it.
+    # static inline, so that any number of source files may include the header.
     yield f"static inline size_t {block.name}_pack(uint8_t *data, size_t size, const {block.name}_t *message)"
     yield "{"
     for each in block.members:
         if each.is_real:
-            # By memcpy, as a union or a cast of pointers is undefined behaviour in C++ (strict aliasing).
+            # memcpy, because a union or a cast of pointers is undefined behaviour in C++ (strict aliasing).
             yield f"    {each.raw_type} raw_{each.name};"
             yield f"    memcpy(&raw_{each.name}, &message->{each.name}, sizeof raw_{each.name});"
         else:
             yield f"    const {each.raw_type} raw_{each.name} = ({each.raw_type})message->{each.name};"
-    # All of them before the first byte is written: a message that does not fit leaves `data` as it was.
+    # All conditions are checked first, so that a message that does not fit leaves `data` unchanged.
     for condition in (f"size < {length}u", *filter(None, (each.too_wide for each in block.members))):
         yield f"    if ({condition}) return 0;"
     for byte in range(length):
@@ -273,33 +276,36 @@ def _pack(block: MessageBlock) -> Iterator[str]:
             for chunk in each.field.chunks
             if chunk.offset // 8 == byte
         ]
-        # C computes in int or wider: without the cast, -Wconversion warns of each byte. Bits of no field are 0.
+        # Without the cast, -Wconversion warns, because C computes in int. Unused bits are 0.
         yield f"    data[{byte}] = (uint8_t)({' | '.join(parts) or '0u'});"
     yield f"    return {length}u;"
     yield "}"
 
 
 def _moved(source: str, start: int, mask: int, to: int, cast: str = "") -> str:
-    """Write what takes the bits under a mask, from bit `start` of a number on, to bit `to`."""
+    """Return the C expression that moves the masked bits of a number from bit `start` to bit `to`."""
     taken = f"({source} >> {start})" if start else source
     part = f"{cast}({taken} & 0x{mask:X}u)"
     return f"({part} << {to})" if to else part
 
 
 def _unpack(block: MessageBlock) -> Iterator[str]:
-    length, source = block.message.length, "all" if block.is_cut else "data"
+    length = block.message.length
+    source = "all" if block.is_cut else "data"
     yield ""
     yield f"static inline bool {block.name}_unpack({block.name}_t *message, const uint8_t *data, size_t length)"
     yield "{"
-    if block.is_cut:  # filled up with zeros, so that no field is read from behind the frame's end
+    if block.is_cut:  # padded with zeros, so that no field is read after the frame's end
         yield f"    uint8_t all[{length}] = {{0}};"
         yield f"    if (length < {length}u && length != {block.message.shortest}u) return false;"
         yield f"    memcpy(all, data, length < {length}u ? length : {length}u);"
     else:
         yield f"    if (length < {length}u) return false;"
     for member in block.members:
-        raw, kind, default = f"raw_{member.name}", member.raw_type, member.field.default
-        # Cast before it is shifted: a byte becomes an int, which a high bit may not fit into.
+        raw = f"raw_{member.name}"
+        kind = member.raw_type
+        default = member.field.default
+        # Cast before shifting, because a byte becomes an int, which may be too small.
         bits = (
             _moved(f"{source}[{c.offset // 8}]", c.offset % 8, c.mask, c.shift, f"({kind})")
             for c in member.field.chunks
@@ -318,7 +324,7 @@ def _unpack(block: MessageBlock) -> Iterator[str]:
 
 def _is_unknown(block: MessageBlock) -> Iterator[str]:
     together = [each for each in block.members if each.field.unknown is not None]
-    if len(together) > 1:  # one alone is compared with its macro UNKNOWN
+    if len(together) > 1:  # a single field is compared with its macro UNKNOWN
         tests = (f"message->{each.name} == {each.number(each.field.unknown or 0)}" for each in together)
         yield ""
         yield f"static inline bool {block.name}_is_unknown(const {block.name}_t *message)"

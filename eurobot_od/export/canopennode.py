@@ -1,10 +1,10 @@
 """A device's object dictionary as C for CANopenNode 4: `OD.h` and `OD.c`, as its `CO_ODinterface.h` declares them.
 
-Objects and variables have the names that CANopenNode's own editor makes, so that an application that uses them by name
-compiles with these files, too. What a file of CANopenNode says by its own properties counts (`CO_storageGroup`,
-`CO_countLabel`, `CO_accessSRDO`, `CO_stringLengthMin`); of any other file the tables of this one say it.
+Objects and variables have the names of CANopenNode's own editor, so that applications for its files compile with these,
+too. CANopenNode's own properties in a file are used (`CO_storageGroup`, `CO_countLabel`, `CO_accessSRDO`,
+`CO_stringLengthMin`); for other files, the tables of this module replace them.
 
-Rule of this file: the same device gives the same bytes, and they compile without a warning.
+The same device always gives the same bytes, which compile without warnings.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ C_TYPES = {
 BYTES = "uint8_t"
 
 ROOM_FOR_TEXT = 32
-"""Bytes for a text that can be written, in a file that says no length."""
+"""Length of a writable text without a given length, in bytes."""
 
 SDO_ACCESS = {"ro": "ODA_SDO_R", "const": "ODA_SDO_R", "wo": "ODA_SDO_W", values.NO_ACCESS: ""}
 PDO_ACCESS = {"ro": "ODA_TPDO", "const": "ODA_TPDO", "rwr": "ODA_TPDO", "wo": "ODA_RPDO", "rww": "ODA_RPDO"}
@@ -62,14 +62,14 @@ LABELS: Mapping[range, str] = {
     standard.SRDOS: "SRDO",
     **{values.COMMUNICATION_RECORDS[each]: each.name for each in values.PdoDirection},
 }
-"""Count labels by index: the stack counts its services by them (CANopenNode, objectDictionary.md, requirements)."""
+"""Count labels by index, by which the stack counts its services (CANopenNode, objectDictionary.md, requirements)."""
 
 STACKS_NAMES = {
     0x1010: ("storeParameters",),
     0x1011: ("restoreDefaultParameters",),
     0x1018: ("identity", "highestSub_indexSupported", "vendor_ID", "productCode", "revisionNumber", "serialNumber"),
 }
-"""Objects, and their sub-indices, that CANopenLinux and other ports of the stack use by name."""
+"""Names of objects and sub-indices that CANopenLinux and other ports of the stack use."""
 
 COUNTED = ("NMT", "HB_CONS", "EM", "SDO_SRV", "SDO_CLI", "TIME", "SYNC", "RPDO", "TPDO", "GFC", "SRDO")
 SIZED = (0x1016, 0x1003)
@@ -78,14 +78,14 @@ ENTERED = (
     *(0x1400, 0x1600, 0x1800, 0x1A00, 0x1300, 0x1301, 0x1381, 0x13FE, 0x13FF),
 )
 NOT_OF_THE_DICTIONARY = ("LEDS", "LSS_SLV", "LSS_MST", "GTWA", "TRACE")
-"""What a configuration of several dictionaries (CO_config_t) holds: counts, sizes, entries, and what is always 0."""
+"""Parts of a configuration for several dictionaries (CO_config_t): counts, sizes, entries, and counts that are 0."""
 
 
 class CMember(NamedTuple):
-    """A variable at a sub-index: its name in the struct, and what the stack knows of it.
+    """A variable at a sub-index: its name in the struct, and its description for the stack.
 
-    `room` is the number of elements of its C type, 0 for a single value; `length` its bytes in an SDO; `value` what it
-    has at first, empty for one without memory: the stack or the application serves it.
+    `room` is the number of elements of its C type, 0 for a single value; `length` its length in an SDO in bytes;
+    `value` its initial value, empty for a variable without memory, which the stack or the application serves.
     """
 
     sub: int
@@ -98,27 +98,27 @@ class CMember(NamedTuple):
 
     @property
     def shape(self) -> tuple[object, ...]:
-        """What all elements of a C array have in common."""
+        """Properties that all elements of a C array have in common."""
         return self.type, self.room, self.length, self.attributes, bool(self.value)
 
     @property
     def whole_type(self) -> str:
-        """The C type with its room: `char[5]`."""
+        """C type with its number of elements, such as `char[5]`."""
         return f"{self.type}{self.size}"
 
     @property
     def size(self) -> str:
-        """The room behind a declared name."""
+        """Number of elements in a declaration."""
         return f"[{self.room}]" if self.room else ""
 
     @property
     def first(self) -> str:
-        """What makes the address of its first element."""
+        """Suffix for the address of its first element."""
         return "[0]" if self.room else ""
 
 
 class CObject(NamedTuple):
-    """An object: its index, its name, its kind in C (VAR, ARR, REC), storage group, count label, and variables."""
+    """An object: index, name, kind in C (VAR, ARR, REC), storage group, count label, and variables."""
 
     object_index: int
     name: str
@@ -129,21 +129,21 @@ class CObject(NamedTuple):
 
     @property
     def member(self) -> str:
-        """Its name in the struct of its storage group."""
+        """Name in the struct of its storage group."""
         return f"x{self.number}_{self.name}"
 
     @property
     def number(self) -> str:
-        """Its index in four hexadecimal digits."""
+        """Index in four hexadecimal digits."""
         return f"{self.object_index:04X}"
 
 
 def object_dictionary(
     dictionary: Dictionary, name: str = "OD", groups: Mapping[int, str] | None = None
 ) -> dict[str, str]:
-    """Return `OD.h` and `OD.c` by their names; `groups` are storage groups by index, before those of the file.
+    """Return `OD.h` and `OD.c` by name; `groups` are storage groups by index, which override those of the file.
 
-    Raises DictionaryError for a value that its data type cannot have.
+    Raises DictionaryError for a value that does not fit its data type.
     """
     objects = _ObjectReader(dictionary, groups or {}).objects()
     return {f"{name}.h": "\n".join(_header(objects, dictionary, name)), f"{name}.c": "\n".join(_source(objects, name))}
@@ -153,7 +153,7 @@ IDENTIFIER = re.compile("[A-Za-z][A-Za-z0-9_]{0,30}")
 
 
 def storage_groups(pairs: Iterable[tuple[str, str]], name: str) -> dict[int, str]:
-    """Read storage groups by index, and check the prefix of all identifiers; raises LocalError."""
+    """Parse storage groups by index, and check the prefix of all identifiers; raises LocalError."""
     groups = {}
     for index, group in pairs:
         number = values.parse_number(f"0x{index.lower().removeprefix('0x')}")
@@ -166,7 +166,7 @@ def storage_groups(pairs: Iterable[tuple[str, str]], name: str) -> dict[int, str
     return groups
 
 
-# What the file says
+# Reading the file
 
 
 class _ObjectReader:
@@ -177,7 +177,7 @@ class _ObjectReader:
         self._groups = {**_commented_groups(dictionary.document), **groups}
         sections = dictionary.device.document.sections.values()
         has_properties = any(key.startswith("co_") for each in sections for key in each.entries)
-        # In a file of CANopenNode an empty value means that there is no memory; others only leave it out.
+        # In a file of CANopenNode, a variable without a value has no memory.
         self._is_stacks_own = has_properties or len(self._groups) > len(groups)
         stores = dictionary.members.get(standard.STORE, {})
         self._application = "PERSIST_APP" if {1, 3} & stores.keys() else "RAM"  # all parameters, or the application's
@@ -204,7 +204,7 @@ class _ObjectReader:
         return CObject(each.index, name, _kind(each, variables), group, label, variables)
 
     def _group(self, index: int) -> str:
-        """Return the storage group of an object of which the file says none."""
+        """Return the storage group of an object without one in the file."""
         is_setting = any((index, sub) in self._dictionary.parameters for sub in self._dictionary.members[index])
         if index in range(values.FIRST, 0x2000):
             return "PERSIST_COMM" if is_setting or index == standard.IDENTITY else "RAM"
@@ -225,7 +225,7 @@ class _ObjectReader:
             "ODA_MB" if type_.size > 1 and type_.code in C_TYPES else "",
             "ODA_STR" if is_text else "",
         )
-        # A text has one element more, so that it always ends with 0.
+        # One more element for the final 0 of a text.
         elements = room + (is_text and bool(value))
         return CMember(
             described.sub, name, c_type, elements, length, " | ".join(filter(None, attributes)) or "0", value
@@ -253,8 +253,8 @@ class _ObjectReader:
         return room, _text(data) if type_ == values.VISIBLE_STRING else _bytes_text(data, width)
 
     def _data(self, described: DescribedVariable, type_: DataType, text: str) -> bytes:
-        """Return the bytes of a value that is no integer, as an SDO carries them."""
-        if type_ == values.VISIBLE_STRING:  # in the file's encoding: canopen writes ASCII only
+        """Return the bytes in an SDO of a value that is not an integer."""
+        if type_ == values.VISIBLE_STRING:  # in the file's encoding, because canopen supports only ASCII
             return text.encode(self._dictionary.document.text_encoding)
         variable = self._dictionary.variable((described.index, described.sub))
         return (od.default_bytes(variable) if variable is not None and text else None) or b""
@@ -269,7 +269,7 @@ class _ObjectReader:
 
 
 def _commented_groups(document: Document) -> dict[int, str]:
-    """Return the storage groups that CANopenNode's editor writes into the comments of an EDS, by index."""
+    """Return the storage groups from comments that CANopenNode's editor writes into an EDS, by index."""
     found: dict[int, str] = {}
     index = None
     for line in document.lines:
@@ -281,11 +281,11 @@ def _commented_groups(document: Document) -> dict[int, str]:
 
 
 def _kind(each: DescribedObject, variables: Sequence[CMember]) -> str:
-    """Return how an object is laid out: a C array needs elements that are all alike, from sub-index 1 on."""
+    """Return an object's kind in C; a C array needs equal elements from sub-index 1 on."""
     if each.code in SIMPLE:
         return "VAR"
     is_whole = len(variables) > 1 and [v.sub for v in variables] == list(range(len(variables)))
-    is_whole = is_whole and len(STACKS_NAMES.get(each.index, ())) < 2  # whose variables have names
+    is_whole = is_whole and len(STACKS_NAMES.get(each.index, ())) < 2  # their variables have names
     is_even = is_whole and variables[0].type == BYTES and all(a.shape == b.shape for a, b in pairwise(variables[1:]))
     return "ARR" if each.code is ObjectCode.ARRAY and is_even and not variables[0].room else "REC"
 
@@ -294,7 +294,7 @@ def _kind(each: DescribedObject, variables: Sequence[CMember]) -> str:
 
 
 def c_name(text: str) -> str:
-    """Return the C name of a ParameterName as CANopenNode's editor makes it: `COB-ID EMCY` is `COB_ID_EMCY`."""
+    """Return the C name of a ParameterName as in CANopenNode's editor: `COB_ID_EMCY` for `COB-ID EMCY`."""
     words = [each for each in re.split(r"\W+", text.replace("-", "_"), flags=re.ASCII) if each]
     name = ""
     for word in words:
@@ -310,7 +310,7 @@ RESERVED = frozenset(c.WORDS.split())
 
 
 def _member_name(text: str, sub: int, taken: set[str]) -> str:
-    """Return the name of a variable in the struct of its record, which no other has."""
+    """Return a unique name of a variable in the struct of its record."""
     name = c_name(text) or f"sub{sub:X}"
     if name.lower() in RESERVED:
         name += "_"
@@ -341,7 +341,7 @@ def _bytes_text(data: bytes, width: int = 1) -> str:
 
 
 def _text(data: bytes) -> str:
-    """Write the literal of a text: what is not plain ASCII in octal, which always ends after three digits."""
+    """Return the literal of a text, with octal escapes, which always have three digits."""
     plain = (chr(each) if each in range(0x20, 0x7F) and each not in b'"\\?' else f"\\{each:03o}" for each in data)
     return f'"{"".join(plain)}"'
 
@@ -391,7 +391,7 @@ def _header(objects: Sequence[CObject], dictionary: Dictionary, name: str) -> It
 
 
 def _groups(objects: Iterable[CObject]) -> list[str]:
-    """Return the storage groups that have memory, in the order of their first objects."""
+    """Return the storage groups with memory, in the order of their first objects."""
     return list(dict.fromkeys(each.group for each in objects if any(v.value for v in each.variables)))
 
 
@@ -408,7 +408,7 @@ def _size_macro(each: CObject, name: str) -> str:
 
 
 def _declaration(each: CObject, name: str) -> Iterator[str]:
-    """Write the members of an object in the struct of its storage group."""
+    """Yield the members of an object in the struct of its storage group."""
     stored = [variable for variable in each.variables if variable.value]
     if each.kind == "VAR":
         yield from (f"    {v.type} {each.member}{v.size};" for v in stored)
@@ -425,7 +425,7 @@ def _declaration(each: CObject, name: str) -> Iterator[str]:
 
 
 def _configuration(objects: Sequence[CObject], name: str) -> Iterator[str]:
-    """Write what a program with several object dictionaries (CO_MULTIPLE_OD) is told of this one."""
+    """Yield the macro for a program with several object dictionaries (CO_MULTIPLE_OD)."""
     labels, indices = {each.label for each in objects}, {each.object_index for each in objects}
     counts = [(f"CNT_{each}", f"{name}_CNT_{each}" if each in labels else "0") for each in COUNTED]
     sizes = [(f"CNT_ARR_{i:04X}", f"{name}_CNT_ARR_{i:04X}" if i in indices else "0") for i in SIZED]
@@ -468,7 +468,8 @@ def _source(objects: Sequence[CObject], name: str) -> Iterator[str]:
     yield from _banner("The object dictionary")
     yield f"static {name}_ATTR_OD OD_entry_t {name}List[] = {{"
     for each in objects:
-        number, pointer = f"0x{each.number}, 0x{len(each.variables):02X}", f"&{name}Objs.o_{each.number}_{each.name}"
+        number = f"0x{each.number}, 0x{len(each.variables):02X}"
+        pointer = f"&{name}Objs.o_{each.number}_{each.name}"
         yield f"    {{{number}, ODT_{each.kind}, {pointer}, NULL}},"
     yield "    {0x0000, 0x00, 0, NULL, NULL}"
     yield "};"
@@ -480,7 +481,7 @@ def _source(objects: Sequence[CObject], name: str) -> Iterator[str]:
 
 
 def _initial(each: CObject) -> Iterator[str]:
-    """Write what an object's members have at first."""
+    """Yield the initial values of an object's members."""
     stored = [variable for variable in each.variables if variable.value]
     if each.kind == "VAR":
         yield from (f"    .{each.member} = {v.value}," for v in stored)
@@ -496,7 +497,7 @@ def _initial(each: CObject) -> Iterator[str]:
 
 
 def _known(each: CObject, name: str) -> Iterator[str]:
-    """Write what the stack knows of an object: where its variables are, their attributes and lengths."""
+    """Yield the stack's description of an object: addresses, attributes and lengths of its variables."""
     place = f"&{name}_{each.group}.{each.member}"
     head = f"    .o_{each.number}_{each.name} = {{"
     if each.kind == "VAR":

@@ -1,7 +1,6 @@
 """The messages as a DBC file (Vector's CAN database): identifiers, bits, units, limits, value tables, nodes.
 
-No multiplexing is invented: a field that DBC cannot express, because its bits are not contiguous in either byte order,
-is an error.
+No multiplexing is invented: a field whose bits are not contiguous in either byte order is an error.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ BS_:
 """
 
 NOBODY = "Vector__XXX"
-"""The node where DBC requires one and there is none."""
+"""DBC's node for none."""
 
 INTEL, MOTOROLA = 1, 0
 """DBC's numbers for the byte orders: least and most significant byte first."""
@@ -44,11 +43,11 @@ RESERVED = """version ns_ bs_ bu_ bo_ sg_ ev_ cm_ val_ val_table_ ba_ ba_def_ ba
 """The keywords of the format."""
 
 ATTRIBUTES = ('BA_DEF_ "BusType" STRING ;', 'BA_DEF_DEF_ "BusType" "CAN";')
-"""The definition of the attribute, then its default: DBC requires this order."""
+"""Definition of the attribute, then its default, in DBC's order."""
 
 
 class DbcMessage(NamedTuple):
-    """A message with the names that message, nodes and fields have in the file; `signals` are the fields by theirs."""
+    """A message with the identifiers of message, nodes and fields; `signals` are the fields by identifier."""
 
     name: str
     message: DescribedMessage
@@ -58,14 +57,14 @@ class DbcMessage(NamedTuple):
 
     def lines(self) -> Iterator[str]:
         """Yield the message and its signals."""
-        # The identifier as it is: DBC sets bit 31 for 29-bit ones only.
+        # DBC sets bit 31 only for 29-bit identifiers.
         yield f"BO_ {self.message.cob_id} {self.name}: {self.message.length} {next(iter(self.senders), NOBODY)}"
         receivers = ",".join(self.receivers) or NOBODY
         for name, field in self.signals.items():
             order, start = _place(self.message, field)
             scale = field.scale
             ends = (0, 0) if field.numeral is Numeral.REAL else map(scale.physical, field.limits)
-            low, high = map(digits, sorted(ends))  # equal ones mean that there are none
+            low, high = map(digits, sorted(ends))  # equal ends mean no limits
             bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
             factor = f"({digits(scale.factor)},{digits(scale.offset)})"
             yield f" SG_ {name} : {bits} {factor} [{low}|{high}] {_quoted(scale.unit)} {receivers}"
@@ -84,7 +83,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     parts = [  # in the order of DBC's grammar
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
         *([*each.lines(), ""] for each in entries),
-        # A message with several senders lists all of them here once more.
+        # All senders of a message with several.
         [f"BO_TX_BU_ {each.message.cob_id} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
         [*_comments(entries), ""],
@@ -94,7 +93,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
             for id_, name, field in signals
             if field.named
         ],
-        # Without this a reader takes the bits of a REAL for an integer.
+        # Otherwise the bits of a REAL are read as an integer.
         [
             f"SIG_VALTYPE_ {id_} {name} : {VALUE_TYPES[field.width]};"
             for id_, name, field in signals
@@ -105,7 +104,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
 
 
 def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Iterator[DbcMessage]:
-    """Yield the messages as the file names them; `nodes` is filled in the order in which they are met."""
+    """Yield the messages with their identifiers; `nodes` is filled with those of the nodes, by name."""
     of_nodes, of_messages = Identifiers(RESERVED), Identifiers(RESERVED)
     for each in messages:
         for node in (*each.senders, *each.receivers):
@@ -122,7 +121,7 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
 
 
 def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
-    """Yield comments for what the names cannot say: real names of messages and objects, allowed values."""
+    """Yield comments with the real names of messages and objects, and the allowed values."""
     for each in entries:
         id_ = each.message.cob_id
         said = {f"BO_ {id_}": ": ".join(filter(None, (each.message.name, each.message.text)))}
@@ -132,7 +131,7 @@ def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
 
 
 def _quoted(text: str) -> str:
-    """Return a quoted text; a double quote becomes a single one, as not every reader knows backslashes."""
+    """Return a quoted text; double quotes become single ones, because not every reader knows backslashes."""
     return '"' + printable(text).replace("\\", "/").replace('"', "'") + '"'
 
 
@@ -141,7 +140,7 @@ def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
     places = list(field.places)
     if places == list(range(places[0], places[0] + field.width)):
         return INTEL, places[0]
-    # Numbered so that a byte continues in the byte before it, the bits of a big-endian value are also consecutive.
+    # With bytes in reverse order, the bits of a big-endian value are consecutive.
     turned = [place % 8 - place // 8 * 8 for place in places]
     if turned == list(range(turned[0], turned[0] + field.width)):
         return MOTOROLA, places[-1]

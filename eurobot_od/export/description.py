@@ -1,7 +1,7 @@
-"""A protocol's messages as other tools need them: plain values, the position of each field's bits, valid names.
+"""A protocol's messages for other tools: plain values, positions of bits, valid identifiers.
 
-Only this file reads the protocol; the writers of the formats use what it returns. Whatever a file contains, its names
-and texts become printable ASCII in one line here, and never an empty name.
+Only this module reads the protocol; the writers of the formats use its results. All names and texts become printable
+ASCII in one line here, and names are never empty.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from eurobot_od.pdo.protocol import Protocol
 
 
 class Numeral(Enum):
-    """The kind of number in a field's bits: two's complement if SIGNED, IEEE 754 if REAL."""
+    """Kind of number of a field's bits: two's complement if SIGNED, IEEE 754 if REAL."""
 
     UNSIGNED = "unsigned"
     SIGNED = "signed"
@@ -32,13 +32,12 @@ class Numeral(Enum):
 
 
 class DescribedField(NamedTuple):
-    """A field: `width` in bits, `limits` as its numeral counts, what is `allowed`, and its `named` raw values.
+    """A field: `width` in bits, `limits` of raw values, `allowed` values as text, and `named` raw values.
 
-    `unit` is what one raw step is, `scale` how the raw value becomes a physical one.
-    `objects` are the mapped objects that make it up, by address and their own names. `places` are the frame bits (8
-    times the byte plus the bit in it) of its bits 0, 1, 2, ... `default` is the raw value that a shorter frame means,
-    None if every frame has the field. `unknown` is the raw value that means "unknown", together with those of the
-    message's other fields that have one; None if there is none.
+    `unit` is one raw step, `scale` converts raw to physical values. `objects` are the mapped objects, as address and
+    name. `places` are the frame bits (8 times the byte, plus the bit in it) of its bits 0, 1, 2, ... `default` is the
+    raw value for a shorter frame, None if every frame has the field. `unknown` is the raw value for "unknown", valid
+    together with those of the message's other fields; None if there is none.
     """
 
     name: str
@@ -61,9 +60,9 @@ class DescribedField(NamedTuple):
 
 
 class DescribedMessage(NamedTuple):
-    """A message: who sends it to whom, what it is for (`text`), and its fields in wire order.
+    """A message: senders and receivers, purpose (`text`), and fields in wire order.
 
-    A frame has `shortest` or `length` bytes, and no number in between.
+    A frame has either `shortest` or `length` bytes.
     """
 
     name: str
@@ -79,12 +78,12 @@ class DescribedMessage(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Sender and receiver in words."""
+        """Senders and receivers as text."""
         return f"{', '.join(self.senders) or 'nobody'} to {', '.join(self.receivers) or 'nobody'}"
 
 
 def described(protocol: Protocol) -> list[DescribedMessage]:
-    """Return all messages, most urgent first; raises LocalError if there is none."""
+    """Return all messages, highest priority first; raises LocalError if there is none."""
     if not protocol.bindings:
         raise LocalError("no messages: none of the loaded files has a valid PDO")
     return [_described(each) for each in protocol.bindings]
@@ -99,7 +98,7 @@ def _described(binding: Binding) -> DescribedMessage:
         shortest=binding.lengths[0],
         senders=binding.senders,
         receivers=binding.receivers,
-        # Python gives a named tuple without a docstring of its own `Name(x, y)`.
+        # `Name(x, y)` is Python's default docstring of a named tuple.
         text="" if text.startswith(f"{binding.type.__name__}(") else text,
         fields=list(_fields(binding)),
         file=binding.file,
@@ -132,14 +131,14 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
         )
 
 
-# Names and texts of files, made fit for other languages
+# Identifiers and texts for other languages
 
 
 LONGEST_IDENTIFIER = 31
-"""Significant characters of an identifier in every C compiler (C99, 5.2.4.1)."""
+"""Longest identifier in characters, significant in every C compiler (C99, 5.2.4.1)."""
 
 LONGEST_TEXT = 400
-"""Characters of a text that goes into a comment or a label."""
+"""Longest text of a comment or a label, in characters."""
 
 UNNAMED = "unnamed"
 
@@ -149,24 +148,25 @@ NOT_AN_IDENTIFIER = re.compile(r"[^A-Za-z0-9]+")
 
 def printable(text: str, longest: int = LONGEST_TEXT) -> str:
     """Return a text as printable ASCII in one line, cut at `longest` characters; anything else becomes a dot."""
-    # Cut before it is split: a text in a file may be of any length.
+    # Cut before splitting, because a text in a file may have any length.
     shown = NOT_PRINTABLE.sub(".", " ".join(text[: 2 * longest].split()))
     return shown if len(shown) <= longest else f"{shown[: longest - 3]}..."
 
 
 def printable_name(name: str) -> str:
-    """Return a name as printable ASCII that is not empty."""
+    """Return a name as printable ASCII, never empty."""
     return printable(name) or UNNAMED
 
 
 class Identifiers:
-    """Hands out identifiers, each only once in any case of letters; never one of the `reserved` words (lower case)."""
+    """Makes identifiers that are unique in any letter case and not `reserved` words (in lower case)."""
 
     def __init__(self, reserved: str = "", longest: int = LONGEST_IDENTIFIER) -> None:
-        self._taken, self._longest = set(reserved.split()), longest
+        self._taken = set(reserved.split())
+        self._longest = longest
 
     def new(self, name: str) -> str:
-        """Return the identifier for a name: `Status (raw)` is `Status_raw`, a second one `Status_raw_2`."""
+        """Return the identifier for a name: `Status_raw` for `Status (raw)`, `Status_raw_2` for a second one."""
         base = NOT_AN_IDENTIFIER.sub("_", name).strip("_")[: self._longest] or UNNAMED
         base = f"n{base}"[: self._longest] if base[0].isdigit() else base
         ends = (f"_{number}" if number > 1 else "" for number in count(1))
@@ -176,13 +176,13 @@ class Identifiers:
         return found
 
 
-# What messages draw in a log for Foxglove
+# Drawings of messages in a log for Foxglove
 
 
 class Drawing(NamedTuple):
-    """How a message is drawn: the name of a well-known schema, its properties, and the function that draws it.
+    """The drawing of a message: name of a well-known schema, its properties, and the function that makes it.
 
-    `of` gets the message and the time in the form of MCAP's schemas.
+    `of` is called with the message and the time in the form of MCAP's schemas.
     """
 
     schema: str
@@ -191,4 +191,4 @@ class Drawing(NamedTuple):
 
 
 Drawings = Mapping[str, Drawing]
-"""What messages draw, by their names."""
+"""Drawings by message name."""

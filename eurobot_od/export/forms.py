@@ -1,7 +1,4 @@
-"""A document as a list of blocks, and its forms: Markdown or HTML.
-
-Each form writes every kind of block, and escapes all texts.
-"""
+"""Documents as lists of blocks, written as Markdown or HTML with all texts escaped."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ from eurobot_od.support import texts
 
 
 class DocHeading(NamedTuple):
-    """A heading: its level from 1, and the anchor that links lead to."""
+    """A heading: its level from 1, and its anchor for links."""
 
     level: int
     text: str
@@ -40,15 +37,15 @@ Cell: TypeAlias = "str | DocLink"
 
 
 class Paragraph(NamedTuple):
-    """Some words."""
+    """A paragraph."""
 
     text: str
 
 
 class DocTable(NamedTuple):
-    """A table: its column heads and rows; the columns `numbers` are right-aligned, `words` are never broken.
+    """A table with heads and rows; columns in `numbers` are right-aligned, those in `words` are never wrapped.
 
-    One without heads is of facts: its first column says what the others are.
+    In a table without heads, the first column names the others.
     """
 
     head: Sequence[str]
@@ -58,7 +55,7 @@ class DocTable(NamedTuple):
 
 
 class Preformatted(NamedTuple):
-    """Lines that are shown as they are."""
+    """Preformatted lines."""
 
     lines: Sequence[str]
 
@@ -67,7 +64,7 @@ DocBlock: TypeAlias = "DocHeading | Paragraph | DocTable | Preformatted"
 
 
 def form_of(file: Path) -> str:
-    """Return the form for a file's suffix; raises UnknownName for an unknown suffix."""
+    """Return the format for a file's suffix; raises UnknownName."""
     return look_up("document format", file.suffix.lower() or file.name, SUFFIXES)
 
 
@@ -76,12 +73,12 @@ MARKED = re.compile(r"([\\`*_\[\]<>|&#~$])")
 
 
 def one_line(text: str) -> str:
-    """Return a text in one line; a character that cannot be printed becomes U+FFFD."""
+    """Return a text in one line, with U+FFFD for unprintable characters."""
     return "".join(each if each.isprintable() else "\ufffd" for each in " ".join(text.split()))
 
 
 def markdown_of(contents: Sequence[DocBlock]) -> str:
-    """Write a document as Markdown."""
+    """Return a document as Markdown."""
     return "\n\n".join("\n".join(_markdown_block(each)) for each in contents) + "\n"
 
 
@@ -136,7 +133,7 @@ pre { font-size: 13px; overflow-x: auto; background: #f0f3f6; padding: 0.6rem 0.
 
 
 def html_of(contents: Sequence[DocBlock]) -> str:
-    """Write a document as one HTML page; its first heading is the title."""
+    """Return a document as an HTML page; its first heading is the title."""
     title = next(each.text for each in contents if isinstance(each, DocHeading))
     body = "\n".join(line for each in contents for line in _html_block(each))
     return f"""<!DOCTYPE html>
@@ -190,15 +187,15 @@ SUFFIXES = {".md": "markdown", ".markdown": "markdown", ".html": "html", ".htm":
 
 
 def docs_text(protocol: Protocol, dictionaries: Iterable[Dictionary], form: str) -> str:
-    """Return the document of a network in a form of FORMS; raises UnknownName."""
+    """Return the document of a network in a format of FORMS; raises UnknownName."""
     return look_up("format", form, FORMS)(list(blocks(protocol, list(dictionaries))))
 
 
-# What it says
+# The document of a network
 
 
 def blocks(protocol: Protocol, dictionaries: Sequence[Dictionary]) -> Iterator[DocBlock]:
-    """Yield the document: all messages as a table, each message with data, each device."""
+    """Yield the document: a table of all messages, each message with data, each device."""
     yield DocHeading(1, f"CANopen network: {', '.join(each.name for each in dictionaries)}")
     messages = described(protocol) if protocol.bindings else []
     yield DocHeading(2, "Messages")
@@ -206,7 +203,9 @@ def blocks(protocol: Protocol, dictionaries: Sequence[Dictionary]) -> Iterator[D
         rows = [
             (
                 f"0x{each.cob_id:03X}",
-                DocLink(each.name, _anchor(each)) if each.fields else each.name,  # one without data has no section
+                DocLink(each.name, _anchor(each))
+                if each.fields
+                else each.name,  # a message without data has no section
                 ", ".join(each.senders),
                 ", ".join(each.receivers),
                 str(each.length),
@@ -240,7 +239,7 @@ def _message(message: DescribedMessage) -> Iterator[DocBlock]:
     head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
     rows = []
     for field in message.fields:
-        # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one run
+        # A field in slices has several runs: `1.4..1.7, 0.0..0.7`.
         ends = (dict.fromkeys((each.offset, each.offset + each.bits - 1)) for each in merged(field.places))
         bits = ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in run) for run in ends)
         limits = "" if field.numeral is Numeral.REAL else f"{field.limits.low}..{field.limits.high}"
@@ -271,7 +270,8 @@ def _device(dictionary: Dictionary) -> Iterator[DocBlock]:
         for sub, variable in each.subs.items():
             value = variable.value_entry.value if variable.value_entry else ""
             limits = (variable.section.text(key) for key in ("lowlimit", "highlimit"))
-            type_, is_mappable = variable.type.name if variable.type else "", "yes" if variable.is_mappable else ""
+            type_ = variable.type.name if variable.type else ""
+            is_mappable = "yes" if variable.is_mappable else ""
             known = dictionary.variable((variable.index, sub))
             scale = scale_of(known) if known is not None else RAW
             step = f"{scale.step}, from {digits(scale.offset)}" if scale.offset else scale.step

@@ -1,7 +1,7 @@
-"""The messages as a dissector for Wireshark and tshark from 3.4 on, in Lua: names, fields, units, values with names.
+"""The messages as a dissector for Wireshark and tshark from 3.4 on, in Lua: names, fields, units, named values.
 
-The file is a table of the messages, and `wireshark.lua`, which reads the table. It takes the frames of the network's
-identifiers and leaves all others to other dissectors.
+The file is a table of the messages, followed by `wireshark.lua`, which reads it. It handles only the network's
+identifiers, and leaves other frames to other dissectors.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from eurobot_od.pdo.protocol import Protocol
 READER = Path(__file__).with_name("wireshark.lua")
 
 WORDS = "can canopen length"
-"""Names of other protocols, which a network or message must not have in a display filter."""
+"""Names in display filters that are reserved for other protocols."""
 
 SHORTEST = 2
-"""Least number of letters in a protocol's filter name (tshark 4.0 ends with "Dissector bug")."""
+"""Shortest filter name of a protocol (tshark 4.0 fails with "Dissector bug" for one letter)."""
 
 FIELD_TYPES = {Numeral.UNSIGNED: {bits: f"uint{bits}" for bits in (8, 16, 24, 32, 64)}}
 FIELD_TYPES[Numeral.SIGNED] = {bits: f"int{bits}" for bits in (8, 16, 24, 32, 64)}
 FIELD_TYPES[Numeral.REAL] = {32: "float", 64: "double"}
-"""Wireshark's types of fields, by their bits."""
+"""Wireshark's field types by numeral and bits."""
 
 MOST_EXACT = 1 << 53
-"""Lua rounds numbers from here on: such limits are left out."""
+"""Lua rounds larger numbers, so that such limits are omitted."""
 
 
 def lua_text(protocol: Protocol, name: str) -> str:
@@ -84,7 +84,7 @@ def _message(message: DescribedMessage, filters: str) -> Iterator[str]:
 
 def _field(field: DescribedField, filters: str) -> Iterator[str]:
     types = FIELD_TYPES[field.numeral]
-    kind = types[next(bits for bits in types if bits >= field.width)]  # Wireshark has no type of 12 bits, for example
+    kind = types[next(bits for bits in types if bits >= field.width)]  # there is no type of, for example, 12 bits
     first, last = min(field.places) // 8, max(field.places) // 8
     names = "{" + ", ".join(f"[{raw}] = {_quoted(printable_name(name))}" for raw, name in field.named.items()) + "}"
     given = f", base.DEC, {names}" if field.named else ""
@@ -97,7 +97,7 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
         yield f"            low = {field.limits.low}, high = {field.limits.high},"
     if field.default is not None:
-        # In two halves: Lua 5.2 in Wireshark has only doubles, which are exact up to 53 bits.
+        # In two halves, because numbers in Wireshark's Lua 5.2 are doubles, exact up to 53 bits.
         yield f"            default = {{{field.default % (1 << 32)}, {field.default >> 32}}},"
     listed = ", ".join(f"{{{at // 8}, {at % 8}, {shift}, {bits}}}" for shift, at, bits in field.chunks)
     yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"
@@ -105,7 +105,7 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
 
 
 def _unit(unit: str) -> str:
-    """Return a unit as it follows a raw value: `1250 x 0.01 kg` where one step is not one unit."""
+    """Return a unit for use after a raw value, such as `x 0.01 kg` in `1250 x 0.01 kg`."""
     return f"x {unit}" if unit[:1].isdigit() else unit
 
 

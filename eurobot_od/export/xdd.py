@@ -1,8 +1,8 @@
 """A device's EDS or DCF as CANopen device description in XML (CiA 311, schema 1.1; ISO 15745-1 profiles).
 
-The device profile names the device and its maker, the communication profile lists the objects with everything they have
-in the file. Values keep `$NODEID`. Only elements that the schema declares globally are in its namespace, `co:`. A
-character that XML does not allow becomes U+FFFD.
+The device profile has the device and its manufacturer, the communication profile the objects with all their entries.
+Values keep `$NODEID`. Only elements that the schema declares globally have its namespace, `co:`. Characters that XML
+does not allow become U+FFFD.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 SAME_ACCESS = ("const", "ro", "wo", "rw")
 MAPPED_ACCESS = {access: split for split, access in xdd.MAPPED_ACCESS.items()}
-"""Access types of an EDS that XDD splits into access and mapping."""
+"""Access and mapping in an XDD, by access type of an EDS."""
 
 COMMISSIONED = {
     "nodeID": ("nodeid", "0"),
@@ -38,20 +38,20 @@ COMMISSIONED = {
     "networkNumber": ("netnumber", "0"),
     "networkName": ("networkname", ""),
 }
-"""Attributes of a commissioned device, their keys in a DCF, and the value without such a key."""
+"""Attributes of a commissioned device: key in a DCF, and default value."""
 
 PARAMETER_ACCESS = {access: name for name, access in xdd.PARAMETER_ACCESS.items()} | {NO_ACCESS: "noAccess"}
-"""Access of a parameter by that of an EDS."""
+"""Access of a parameter, by access type of an EDS."""
 
 PARAMETER_TYPES = {code: name for name, code in reversed(xdd.SIMPLE_TYPES.items())}
-"""Data types of the application process by CANopen's code: of several, the first."""
+"""Data types of the application process, by CANopen's code."""
 
 NO_DAY = "1970-01-01"
-"""The date of a file that has none, as the schema requires one."""
+"""Date of a file without one, which the schema requires."""
 
 
 def xdd_text(dictionary: Dictionary) -> str:
-    """Return the device description of a device; raises DictionaryError for a value that cannot be read."""
+    """Return the XDD of a device; raises DictionaryError for an unreadable value."""
     return _XddWriter(dictionary).text()
 
 
@@ -72,7 +72,7 @@ def _parameter_id(index: int, sub: int | None = None) -> str:
 
 
 def _properties(section: Section) -> list[Element]:
-    """Return what an object says by CANopenNode's own properties."""
+    """Return CANopenNode's own properties of an object."""
     entries = (each for key, each in section.entries.items() if key.startswith(xdd.PROPERTY.lower()))
     return [_element("co:property", {"name": each.key, "value": each.value}) for each in entries]
 
@@ -82,11 +82,12 @@ def _boolean(flag: bool) -> str:
 
 
 class _XddWriter:
-    """Makes the elements of one file."""
+    """Writer of one file."""
 
     def __init__(self, dictionary: Dictionary) -> None:
-        self._dictionary, self._device = dictionary, dictionary.device
-        # The normal form does not have types and values that only a maker knows; an XDD can.
+        self._dictionary = dictionary
+        self._device = dictionary.device
+        # Unlike the normal form, an XDD may have manufacturer-specific types and values.
         self._said = DescribedDevice(formats.read(dictionary.content))
 
     def text(self) -> str:
@@ -137,14 +138,14 @@ class _XddWriter:
         return _element("co:ISO15745Profile", {}, *parts)
 
     def _moments(self, what: str) -> Iterator[tuple[str, str]]:
-        """Yield day and time of a file's creation or modification, which CiA 306 writes `11-23-2013` and `09:45PM`."""
+        """Yield date and time of creation or modification, which CiA 306 writes `11-23-2013` and `09:45PM`."""
         for key, form, part in (("Date", "%m-%d-%Y", datetime.date), ("Time", "%I:%M%p", datetime.time)):
             with suppress(ValueError):
                 read = datetime.strptime(self._file("fileinfo", f"{what}{key}".lower()), form)
                 yield f"file{what}{key}", part(read).isoformat()
 
     def _device_parts(self) -> list[Element]:
-        # Numbers are decimal: CANopenEditor reads no others here.
+        # In decimal, as CANopenEditor requires.
         texts = {
             "co:vendorName": self._file("deviceinfo", "vendorname"),
             "co:vendorID": str(self._info("vendornumber")),

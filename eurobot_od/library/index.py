@@ -1,9 +1,8 @@
-"""The index of a folder of device files: what each one describes.
+"""The index of a folder of device files, with the identity of each.
 
-Theory of operation. To read 500 files takes seconds, to look at their times and sizes a few milliseconds. So what a
-file says of itself is kept in an index, one for each folder, among the user's cache files. A file whose time or size
-has changed is read again, and the index is written anew. An index that is lost, damaged or cannot be written costs
-time, and nothing else.
+Reading 500 files takes seconds, checking their times and sizes a few milliseconds. So the identities are stored in an
+index, one for each folder, among the user's cache files. A file with another time or size is read again. An index that
+is lost, damaged or not writable only costs time.
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ from eurobot_od.od.identity import Identity
 from eurobot_od.support.files import UNREADABLE
 
 VERSION = 1
-"""Version of the index's form; bump it when a file would be described otherwise."""
+"""Version of the index's format; bump it if files would be described differently."""
 
 APPLICATION = "eurobot-od"
-"""The folder's name among the user's data and cache files."""
+"""Name of the folder among the user's data and cache files."""
 
 DEEPEST = 8
-"""Folders below a library's own that are searched."""
+"""Number of levels of subfolders that are searched."""
 
 
 class FolderKind(NamedTuple):
-    """Where the user's files of one kind are: the variable and the default on Linux, macOS and Windows."""
+    """Location of one kind of user's files: the variable, and the defaults on Linux, macOS and Windows."""
 
     variable: str
     linux: str
@@ -48,7 +47,7 @@ CACHE = FolderKind("XDG_CACHE_HOME", ".cache", "Library/Caches", "Cache")
 
 
 def user_folder(kind: FolderKind) -> Path:
-    """Return the folder of a user's data or cache files, as platformdirs does, which takes 25 ms to import."""
+    """Return the folder of a user's data or cache files, as platformdirs does, whose import takes 25 ms."""
     if sys.platform == "win32":
         local = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData/Local"
         return Path(local, APPLICATION, kind.windows)
@@ -58,9 +57,9 @@ def user_folder(kind: FolderKind) -> Path:
 
 
 class LibraryEntry(NamedTuple):
-    """A device file: its `path`, which device it describes, and whose product that is.
+    """A device file: its `path`, and the identity and names of its device.
 
-    `device_type` is 0x1000, None if the file does not say it. `problem` says why the file cannot be used.
+    `device_type` is 0x1000, None if the file does not have it. `problem` is why the file cannot be used.
     """
 
     path: Path
@@ -74,23 +73,24 @@ class LibraryEntry(NamedTuple):
 
     @property
     def is_identified(self) -> bool:
-        """Whether the file says which device it is for: without vendor-ID and product code no device fits it."""
+        """Whether the file has a vendor-ID or product code; otherwise no device fits it."""
         return bool(self.vendor or self.product)
 
     @property
     def identity(self) -> Identity:
-        """The identity that the file describes, without a serial number; 0 for what it does not say."""
+        """The identity in the file, without a serial number; 0 for missing numbers."""
         return Identity(self.vendor, self.product, self.revision)
 
 
 def described(path: Path) -> LibraryEntry:
-    """Read what a file describes; what is wrong with it is its `problem`."""
+    """Read a file's description; an unusable file has a `problem`."""
     try:
         document = read(read_bytes(path))
         device = DescribedDevice(completed(document))
         if document.hiding or not device.objects:
             return LibraryEntry(path, problem="not a readable EDS (`lint` says more)")
-        identity, type_ = Identity.described(device), device.value(standard.DEVICE_TYPE[0])
+        identity = Identity.described(device)
+        type_ = device.value(standard.DEVICE_TYPE[0])
     except DictionaryError as error:
         return LibraryEntry(path, problem=error.what)
     names = (document.text("deviceinfo", key) for key in ("vendorname", "productname"))
@@ -98,13 +98,14 @@ def described(path: Path) -> LibraryEntry:
 
 
 Rows = dict[str, list[Any]]
-"""The rows of an index by the files' paths in the folder: time of the change in ns, size, and the entry's fields."""
+"""Rows of an index by path in the folder: modification time in ns, size, and the entry's fields."""
 
 
 def entries(folder: Path) -> list[LibraryEntry]:
-    """Return the entries of all device files in a folder and those below it, by path; reads those that have changed."""
+    """Return the entries of all device files in a folder and its subfolders, by path; reads files that have changed."""
     states = sorted(_states(folder))
-    kept, rows = _read(folder) if states else Rows(), Rows()
+    kept = _read(folder) if states else Rows()
+    rows = Rows()
     for name, state in states:
         row = kept.get(name)
         rows[name] = row if row and row[:2] == state else [*state, *described(folder / name)[1:]]
@@ -114,20 +115,20 @@ def entries(folder: Path) -> list[LibraryEntry]:
 
 
 def _states(folder: Path, below: str = "", depth: int = 0) -> Iterator[tuple[str, list[int]]]:
-    """Yield the device files in a folder and below: path in the folder, and time of the last change in ns and size."""
-    with suppress(OSError), os.scandir(folder / below) as found:  # a folder that is gone, or not ours
+    """Yield the device files in a folder and its subfolders: path in the folder, modification time in ns, and size."""
+    with suppress(OSError), os.scandir(folder / below) as found:  # a missing or inaccessible folder
         for each in found:
             if each.is_dir(follow_symlinks=False):
                 if depth < DEEPEST and not each.name.startswith("."):
                     yield from _states(folder, f"{below}{each.name}/", depth + 1)
             elif each.name.lower().endswith(SUFFIXES):
-                with suppress(OSError):  # a link to nothing
+                with suppress(OSError):  # a broken link
                     status = each.stat()
                     yield f"{below}{each.name}", [status.st_mtime_ns, status.st_size]
 
 
 def file_of(folder: Path) -> Path:
-    """Return where the index of a folder is kept."""
+    """Return the path of a folder's index."""
     name = blake2b(os.fsencode(folder.resolve()), digest_size=8).hexdigest()
     return user_folder(CACHE) / "library" / f"{name}.json"
 
@@ -150,7 +151,7 @@ def _write(folder: Path, rows: Rows) -> None:
 
     from eurobot_od.support.files import write_whole
 
-    with suppress(OSError):  # a folder that cannot be written: the files are read each time
+    with suppress(OSError):  # without an index, the files are read each time
         file = file_of(folder)
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps({"version": VERSION, "folder": str(folder), "files": rows}).encode())

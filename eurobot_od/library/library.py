@@ -1,4 +1,4 @@
-"""A library of devices: which of its files fits a device that shows its identity (0x1018) and its type (0x1000)."""
+"""A library of device files, and the search for the one that fits a device's identity (0x1018) and type (0x1000)."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from eurobot_od.od.network import NodeFile
 from eurobot_od.od.values import Address
 
 VARIABLE = "EUROBOT_OD_LIBRARY"
-"""Environment variable that names the folders where a command line does not, as PATH does."""
+"""Environment variable with folders, separated as in PATH, for commands without any."""
 
 
 def users_folder() -> Path:
-    """Return the folder of the user's own library, whether it is there or not."""
+    """Return the folder of the user's own library, which may not exist."""
     return user_folder(DATA) / "devices"
 
 
 def folders(typed: Sequence[str] = (), written: Sequence[str] = ()) -> list[Path]:
     """Return a library's folders: those that are `typed`, else the environment's, else `written`, else the user's.
 
-    Raises LocalError for one that is named and is not there.
+    Raises LocalError for a named folder that does not exist.
     """
     environment = [each for each in os.environ.get(VARIABLE, "").split(os.pathsep) if each]
     named = [Path(each) for each in typed or environment or written]
@@ -40,7 +40,7 @@ def folders(typed: Sequence[str] = (), written: Sequence[str] = ()) -> list[Path
 
 
 def contradiction(said: Identity, device: Identity) -> str | None:
-    """Return in what a device is of another kind than a file says; what either does not say (0) is no difference."""
+    """Return how a device's type differs from a file's; a number that is 0 in either is ignored."""
     pairs = [(mine or theirs, theirs or mine) for mine, theirs in zip(said, device)]
     return Identity(*(mine for mine, _ in pairs)).difference(Identity(*(theirs for _, theirs in pairs)))
 
@@ -48,8 +48,8 @@ def contradiction(said: Identity, device: Identity) -> str | None:
 class Fit(NamedTuple):
     """The file that fits a device best, and `others` of the same product, better ones first.
 
-    `difference` says in what the best one is for another version; empty if it is for this one. `alike` counts the files
-    that fit as well as the best one: which of them counts is chance.
+    `difference` is how the best one differs from the device's version; empty if it does not. `alike` is the number of
+    files that fit equally well, of which one is chosen arbitrarily.
     """
 
     entry: LibraryEntry
@@ -68,25 +68,25 @@ class Fit(NamedTuple):
 
     @property
     def further(self) -> str:
-        """What is to be said besides the file's name: the doubt, or which other files of the product there are."""
+        """Remark beside the file's name: the doubt, or other files of the product."""
         others = ", ".join(each.path.name for each in self.others)
         return self.doubt or (f"also of this product: {others}" if others else "")
 
 
 class Library:
-    """Device files in folders; they are looked at when the first one is asked for."""
+    """Device files in folders, which are read on first use."""
 
     def __init__(self, folders: Iterable[Path]) -> None:
         self.folders = tuple(folders)
 
     def look_again(self) -> None:
-        """Forget which files there are: some were added."""
+        """Forget the files, because some were added."""
         for name in ("entries", "_products"):
             self.__dict__.pop(name, None)
 
     @cached_property
     def entries(self) -> tuple[LibraryEntry, ...]:
-        """All files, folder by folder, by path."""
+        """All files, by folder and path."""
         return tuple(each for folder in self.folders for each in entries(folder))
 
     @cached_property
@@ -100,8 +100,8 @@ class Library:
     def find(self, identity: Identity, device_type: int | None = None) -> Fit | None:
         """Return the file that fits a device best, None if there is none of its vendor and product.
 
-        The same major revision comes first, then the same device type, then the same revision, the nearest older one,
-        and the nearest newer one. Without a product code the device type has to agree.
+        The order of preference is: same major revision, same device type, same revision, nearest older revision,
+        nearest newer one. Without a product code, the device type must be equal.
         """
         fitting = self._products.get(identity[:2], [])
         if not identity.product:
@@ -118,7 +118,7 @@ class Library:
 
 
 def _distance(entry: LibraryEntry, identity: Identity, device_type: int | None) -> tuple[int, ...]:
-    """Return how far a file is from a device of its product, for sorting."""
+    """Return the sort key of a file by its distance from a device of its product."""
     revision = entry.revision or identity.revision
     is_typed = entry.device_type is not None and device_type is not None
     return (
@@ -127,24 +127,24 @@ def _distance(entry: LibraryEntry, identity: Identity, device_type: int | None) 
         entry.revision != identity.revision,
         revision > identity.revision,
         abs(revision - identity.revision),
-        entry.path.suffix.lower() in (".dcf", ".xdc"),  # of one device, where an EDS is of all
+        entry.path.suffix.lower() in (".dcf", ".xdc"),  # of a single device
     )
 
 
 Numbers = Mapping[Address, int]
-"""What a device has shown of 0x1000 and 0x1018, by address."""
+"""Observed values of 0x1000 and 0x1018, by address."""
 
 
 def identity_of(numbers: Numbers) -> Identity:
-    """Return the identity that a device has shown; 0 for what it has not."""
+    """Return the observed identity of a device; 0 for unknown numbers."""
     return Identity(*(numbers.get((standard.IDENTITY, sub), 0) for sub in range(1, len(Identity._fields) + 1)))
 
 
 class LibraryDevices:
-    """Describes nodes that show what they are, by the files of a library; what is odd is told once for each node.
+    """Finds dictionaries in a library by the observed identity of nodes; `tell` is called once for a doubtful node.
 
-    `implied` are nodes whose files nobody has named: a file of the library that fits wins over theirs. `nodes` say all
-    but the file of a node; `worded` gives a device what its package says.
+    `implied` are nodes whose files the user has not named: a fitting file of the library has priority. `nodes` has the
+    other settings of nodes; `worded` adds the texts of a device package.
     """
 
     def __init__(
@@ -160,7 +160,7 @@ class LibraryDevices:
         self._made: dict[tuple[int, Path], Dictionary | None] = {}
 
     def __call__(self, node_id: int, numbers: Numbers, known: Dictionary | None = None) -> Dictionary | None:
-        """Return the description of a node by what it has shown; None if there is none, or `known` is right."""
+        """Return the dictionary of a node by its observed identity; None if there is none, or `known` is right."""
         identity = identity_of(numbers)
         different = known and contradiction(Identity.of(known), identity)
         if known and not different:
@@ -173,7 +173,7 @@ class LibraryDevices:
         return found
 
     def check(self, node_id: int, identity: Identity, known: Dictionary | None) -> None:
-        """Tell if the file of a node is for another device than it has shown."""
+        """Call `tell` if a node's file is for another device than observed."""
         different = known and contradiction(Identity.of(known), identity)
         if known and different:
             self._tell_once(node_id, f"{known.file} is for another device: node {node_id} has {different}")
@@ -182,7 +182,7 @@ class LibraryDevices:
         fit = self._library.find(identity, numbers.get(standard.DEVICE_TYPE))
         if fit is None:
             return None
-        if fit.doubt and (standard.IDENTITY, 3) in numbers:  # the revision, which may come later, decides
+        if fit.doubt and (standard.IDENTITY, 3) in numbers:  # not before the revision is known
             self._tell_once(node_id, f"node {node_id}: {fit.doubt}")
         key = node_id, fit.entry.path
         if key not in self._made:
@@ -190,7 +190,8 @@ class LibraryDevices:
         return self._made[key]
 
     def _loaded(self, node_id: int, fit: Fit) -> Dictionary | None:
-        file, said = fit.entry.path, self._nodes.get(node_id, NodeFile())
+        file = fit.entry.path
+        said = self._nodes.get(node_id, NodeFile())
         try:
             return self._worded(said._replace(file=str(file), name=said.name or f"{file.stem}_{node_id}").load(node_id))
         except DictionaryError as error:

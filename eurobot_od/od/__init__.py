@@ -1,6 +1,6 @@
-"""What an EDS or DCF says: the object dictionary of a device, of any vendor.
+"""The object dictionary of a device of any vendor, from its EDS or DCF.
 
-In here is what is asked for before any file is read: where a network's files are.
+This module finds the files of a network before any is read.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
 
 DEFAULT = "eurobot-od.yaml"
-"""The network file of a working folder."""
+"""Name of the network file in a working folder."""
 
 DIALECT_VARIABLE = "EUROBOT_OD_DIALECT"
-"""Environment variable that names the dialect where a command line does not."""
+"""Environment variable with the dialect for commands without one."""
 
 
 class Dialects(NamedTuple):
-    """The dialects in the folder `root`; `default` is the one that counts where none is named, `` for the first.
+    """The dialects in the folder `root`; `default` is used if none is named (empty: the first).
 
     Without a `root` there are none, and a dialect is the path of any folder of EDS files.
     """
@@ -31,7 +31,7 @@ class Dialects(NamedTuple):
     default: str = ""
 
     def network_file(self) -> Path | None:
-        """Return the network file: what the nodes share, and how often what is sent; None if there is none."""
+        """Return the dialects' network file with messages and their periods, or None."""
         file = None if self.root is None else self.root / "network.yaml"
         return file if file is not None and file.is_file() else None
 
@@ -41,9 +41,9 @@ class Dialects(NamedTuple):
         return sorted(each.name for each in folders if any(each.glob("*.eds")))
 
     def folder(self, dialect: str | Path | None = None) -> Path:
-        """Return the folder of a dialect given by name or by path; None is the environment's or the default one.
+        """Return the folder of a dialect given by name or path; None is the environment's or the default one.
 
-        Raises UnknownName; LocalError if none is named and there is none.
+        Raises UnknownName, or LocalError if there is no dialect to use.
         """
         if not (dialect or self.root):
             raise LocalError("which devices? Name them by --eds or --network, or a robot by --robot")
@@ -51,7 +51,7 @@ class Dialects(NamedTuple):
         wanted = dialect or os.environ.get(DIALECT_VARIABLE) or self.default or next(iter(names), None)
         if wanted is None:
             raise LocalError(f"which devices? no EDS files in {self.root}/*")
-        # A dialect's name comes before a folder of the same name in the working directory.
+        # A dialect's name has priority over a folder with that name in the working directory.
         path = self.root / wanted if self.root is not None and str(wanted) in names else Path(wanted)
         if not any(path.glob("*.eds")):
             raise UnknownName("dialect", str(wanted), names)
@@ -60,7 +60,7 @@ class Dialects(NamedTuple):
     def load(self, node: str, dialect: str | Path | None = None, node_id: int | None = None) -> Dictionary:
         """Load the EDS file of one node of a dialect.
 
-        Raises UnknownName for a node or dialect that is not there, DictionaryError for a file that cannot be used.
+        Raises UnknownName for an unknown node or dialect, DictionaryError for an unusable file.
         """
         from eurobot_od.od.dictionary import Dictionary
 
@@ -72,7 +72,7 @@ class Dialects(NamedTuple):
     def load_all(self, dialect: str | Path | None = None) -> tuple[Dictionary, ...]:
         """Load the EDS files of all nodes of a dialect, ordered by node-ID.
 
-        Raises DictionaryError if two of them have one node-ID.
+        Raises DictionaryError if two of them have the same node-ID.
         """
         from eurobot_od.od import network
 

@@ -1,12 +1,11 @@
-"""The YAML of dcfgen (dcf-tools) and ros2_canopen, `bus.yml`: which nodes there are, and how they are configured.
+"""Bus files, `bus.yml` of dcfgen (dcf-tools) and ros2_canopen: the nodes of a network and their configuration.
 
     master: {node_id: 1, sync_period: 10000}
     drive: {node_id: 2, dcf: drive.eds, heartbeat_producer: 500, sdo: [{index: 0x6081, sub_index: 0, value: 1000}]}
 
-What a node's entries configure becomes a patch of its file: the values that dcfgen has the master write, in its order,
-so that a later one counts. `defaults` replace what a node below `nodes` says itself, as ros2_canopen has it. Keys that
-say how a program treats a node, such as its driver, say nothing about the device; `unread` names those that neither
-program's documentation has.
+A node's entries become a patch of its file: the values that dcfgen's master would write, in its order, so that the last
+one of an object applies. As in ros2_canopen, `defaults` override the entries of nodes below `nodes`. Keys about a
+program, such as a node's driver, are ignored; `unread` lists keys that neither program documents.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from eurobot_od.support.yaml_shapes import SCALAR
 Tree: TypeAlias = "PlacedText | list[Any] | dict[PlacedText, Any]"
 
 FOLDER = "@BUS_CONFIG_PATH@"
-"""Stands for the file's own folder in ros2_canopen."""
+"""ros2_canopen's placeholder for the file's folder."""
 
 OPTIONS, MASTER, DEFAULTS, NODES = "options", "master", "defaults", "nodes"
 
@@ -42,7 +41,7 @@ OBJECTS = {
     "guard_time": standard.GUARD_TIME,
     "life_time_factor": standard.LIFE_TIME_FACTOR,
 }
-"""Keys of a node that are the value of one object."""
+"""Keys of a node for the value of one object."""
 
 PDO_KEYS: Mapping[str, int] = {
     "transmission": values.TRANSMISSION_TYPE,
@@ -51,10 +50,10 @@ PDO_KEYS: Mapping[str, int] = {
     "event_deadline": values.EVENT_TIMER,
     "sync_start": 6,
 }
-"""Keys of a PDO, and their sub-indices in its communication record."""
+"""Sub-indices of the communication record by the keys of a PDO."""
 
 FREE_COB_IDS = 0x680
-"""The first identifier that `auto` gives to a PDO beyond the fourth."""
+"""First identifier that `auto` assigns to PDOs from the fifth on."""
 
 HEARTBEAT_MULTIPLIER = 3.0
 
@@ -69,13 +68,13 @@ ELSEWHERE = frozenset((
     "scale_vel_from_dev", "offset_pos_to_dev", "offset_pos_from_dev", "switching_state", "homing_timeout_seconds",
     "options",
 ))  # fmt: skip
-"""Keys that say how the master, or a driver, treats a node."""
+"""Keys for the master or a driver, which do not affect the device."""
 
 READ = frozenset({"node_id", "dcf", "sdo", "tpdo", "rpdo", *OBJECTS})
 
 
 class BusWrite(NamedTuple):
-    """A value that the master writes, and the line that says so."""
+    """A value that the master writes, and its line in the file."""
 
     address: Address
     value: int
@@ -83,7 +82,7 @@ class BusWrite(NamedTuple):
 
 
 class BusNode(NamedTuple):
-    """A node: its `name`, what is said about it, and its `file`."""
+    """A node: its `name`, its entries, and its `file`."""
 
     name: PlacedText
     said: Mapping[str, Any]
@@ -91,12 +90,12 @@ class BusNode(NamedTuple):
 
     @property
     def node_id(self) -> int:
-        """Its node-ID."""
+        """The node-ID."""
         return number(self.said["node_id"])
 
 
 class BusFile(NamedTuple):
-    """What a bus file says: of its master, its options and its nodes; `unread` are lines about what nobody knows."""
+    """A bus file: entries of the master, options, nodes, and lines about unknown keys in `unread`."""
 
     file: str
     master: Mapping[str, Any]
@@ -106,12 +105,12 @@ class BusFile(NamedTuple):
 
     @property
     def bit_rate(self) -> int | None:
-        """The bit rate in kbit/s, None if it is not said."""
+        """Bit rate in kbit/s, None if it is not given."""
         said = self.master.get("baudrate", self.master.get("baud_rate"))
         return None if said is None else number(said)
 
     def writes(self, name: str) -> tuple[BusNode, list[BusWrite]]:
-        """Return what the master writes to a node; raises LocalError, DictionaryError."""
+        """Return a node and the values that the master writes to it; raises LocalError, DictionaryError."""
         free = count(FREE_COB_IDS)
         for node in self.nodes:
             found = list(_Configuration(self, node, free).writes())
@@ -121,7 +120,7 @@ class BusFile(NamedTuple):
 
 
 def number(said: Tree) -> int:
-    """Read a whole number; raises LocalError."""
+    """Parse a whole number; raises LocalError."""
     found = parse_number(said) if isinstance(said, str) else None
     if found is None or found.relative:
         raise LocalError(f"{said if isinstance(said, str) else 'a list or mapping'!r} is not a whole number")
@@ -129,7 +128,7 @@ def number(said: Tree) -> int:
 
 
 def is_bus(text: str) -> bool:
-    """Return whether YAML is a bus file: its master is a mapping, which in our own network file it never is."""
+    """Return whether YAML is a bus file; unlike in our network file, its master is a mapping."""
     with suppress(YamlError), telling("") as problems:
         root = compose(text, problems)
         pairs = root.value if isinstance(root, yaml.MappingNode) else ()
@@ -138,7 +137,7 @@ def is_bus(text: str) -> bool:
 
 
 def read_bus(text: str, file: str) -> BusFile:
-    """Read the text of a bus file; raises YamlError."""
+    """Parse a bus file; raises YamlError."""
     with telling(file) as problems:
         tree = _tree(compose(text, problems), problems)
         return _bus(tree if isinstance(tree, dict) else {}, file, problems)
@@ -150,7 +149,7 @@ def load_bus(file: str | Path) -> BusFile:
 
 
 def _tree(node: yaml.Node, problems: Problems) -> Tree:
-    """Return mappings, lists and texts; `<<` brings the entries of another mapping, as in YAML 1.1."""
+    """Return a node as mappings, lists and texts; `<<` merges another mapping, as in YAML 1.1."""
     if isinstance(node, yaml.SequenceNode):
         return [_tree(each, problems) for each in node.value]
     if not isinstance(node, yaml.MappingNode):
@@ -172,12 +171,14 @@ def _tree(node: yaml.Node, problems: Problems) -> Tree:
 
 
 def _bus(tree: Mapping[Any, Any], file: str, problems: Problems) -> BusFile:
-    folder, nodes, unread = Path(file).parent, list[BusNode](), list[str]()
+    folder = Path(file).parent
+    nodes: list[BusNode] = []
+    unread: list[str] = []
     options, master, defaults = (_mapping(tree.get(each, {})) for each in (OPTIONS, MASTER, DEFAULTS))
     below = _mapping(tree.get(NODES, {}))
     beside = {name: said for name, said in tree.items() if name not in (OPTIONS, MASTER, DEFAULTS, NODES)}
     for name, own in [*beside.items(), *below.items()]:
-        if name.startswith("."):  # dcfgen's place for anchors
+        if name.startswith("."):  # dcfgen's keys for anchors
             continue
         said = {**_mapping(own), **(defaults if name in below else {})}
         for key in ("node_id", "dcf"):
@@ -197,9 +198,9 @@ def _mapping(said: Tree) -> dict[Any, Any]:
 
 
 def bus_text(nodes: Mapping[str, tuple[int, str, Sequence[tuple[Address, int]]]], bit_rate: int | None) -> str:
-    """Return a bus file, as dcfgen reads it: each node by its name, with its node-ID, its file and what is written.
+    """Return a bus file for dcfgen: each node by name, with node-ID, file and values to write.
 
-    The master gets the highest node-ID that is free.
+    The master gets the highest free node-ID.
     """
     taken = {node_id for node_id, _, _ in nodes.values()}
     free = next(each for each in reversed(values.NODE_IDS) if each not in taken)
@@ -216,14 +217,14 @@ def bus_text(nodes: Mapping[str, tuple[int, str, Sequence[tuple[Address, int]]]]
 
 
 class _Configuration:
-    """What one node's entries configure."""
+    """The configuration of one node."""
 
     def __init__(self, bus: BusFile, node: BusNode, free: Iterator[int]) -> None:
         self._bus, self._node, self._free = bus, node, free
         self._device = DescribedDevice(completed(read(read_bytes(node.file))))
 
     def writes(self) -> Iterator[BusWrite]:
-        """Yield the writes in dcfgen's order."""
+        """Yield the values to write in dcfgen's order."""
         said = self._node.said
         yield from self._heartbeat_of_the_master()
         for key, address in OBJECTS.items():
@@ -239,7 +240,7 @@ class _Configuration:
             yield BusWrite(self._address(entry), number(value), value.place.line)
 
     def _heartbeat_of_the_master(self) -> Iterator[BusWrite]:
-        """Have the node watch the master, if both say so: in the master's entry of 0x1016, or in one that is free."""
+        """Yield the entry of 0x1016 for the master's heartbeat, if both sides ask for it: an old one, or a free one."""
         said, master = self._node.said, self._bus.master
         multiplier = master.get("heartbeat_multiplier", self._bus.options.get("heartbeat_multiplier"))
         factor = HEARTBEAT_MULTIPLIER if multiplier is None else float(multiplier)
@@ -248,7 +249,8 @@ class _Configuration:
             return
         own = number(master["node_id"]) if "node_id" in master else 0xFF
         entries = self._device.objects.get(0x1016)
-        subs = [(each.sub, each.value.value if each.value else 0) for each in entries.variables()] if entries else []
+        variables = entries.variables() if entries else ()
+        subs = [(each.sub, each.value.value if each.value else 0) for each in variables]
         mine = [sub for sub, value in subs if sub and value >> 16 & 0xFF == own]
         free = [sub for sub, value in subs if sub and (not value & 0xFFFF or not 0 < value >> 16 & 0xFF < 0x80)]
         for sub in (mine or free)[:1]:

@@ -1,7 +1,7 @@
-"""canopen's objects, made from the normal form of an EDS or DCF.
+"""canopen's objects, made from a normalized EDS or DCF.
 
-canopen's own reader refuses or misreads much that is common practice; of the normal form (`normal`) its functions read
-all but a few attributes, which are set here.
+canopen's own reader refuses or misreads common practice. Its functions read the normal form (`normal`) except for a few
+attributes, which are set here.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, ObjectCode
 from eurobot_od.od.document import Section
-from eurobot_od.od.normal import Normal
+from eurobot_od.od.normal import NormalizedEds
 from eurobot_od.od.values import Number
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class _Read:
-    """A `configparser` as far as canopen asks one about a variable, over a section that is read already."""
+    """The two methods of `configparser` that canopen calls for a variable, for a section that is already read."""
 
     @staticmethod
     def get(section: Section, key: str, fallback: str | None = None) -> str | None:
@@ -38,7 +38,7 @@ class _Read:
 
 
 def _add(objects: ObjectDictionary, each: DescribedObject, node_id: int, left_out: Container[object]) -> None:
-    """Add an object of a normal form, as canopen reads it, with its sub-indices."""
+    """Add an object of a normal form, with its sub-indices, as canopen reads it."""
     from canopen.objectdictionary import ODArray, ODRecord, eds
 
     read = partial(eds.build_variable, _Read, node_id=node_id, index=each.index)
@@ -56,7 +56,7 @@ def _add(objects: ObjectDictionary, each: DescribedObject, node_id: int, left_ou
 
 
 def completed(objects: ObjectDictionary, more: Mapping[int, Mapping[int, ODVariable]]) -> ObjectDictionary:
-    """Return objects with further variables, by index and sub-index, besides their own or in their place."""
+    """Return objects with added or replaced variables, given by index and sub-index."""
     made = copy(objects)
     made.indices = dict(objects.indices)
     for index, subs in more.items():
@@ -67,7 +67,7 @@ def completed(objects: ObjectDictionary, more: Mapping[int, Mapping[int, ODVaria
 def _joined(
     entry: ODVariable | ODArray | ODRecord | None, index: int, more: Mapping[int, ODVariable]
 ) -> ODVariable | ODArray | ODRecord:
-    """Return an object with more variables, which keep their names if the object has them already."""
+    """Return an object with more variables; a replaced one keeps its name."""
     from canopen.objectdictionary import ODRecord
 
     subs = {} if entry is None else od.members_of(entry)
@@ -81,17 +81,17 @@ def _joined(
     return record
 
 
-def imported(file: Path, normal: Normal, device: DescribedDevice, node_id: int) -> ObjectDictionary:
-    """Have canopen read a normal form, and set what it does not read.
+def imported(file: Path, normal: NormalizedEds, device: DescribedDevice, node_id: int) -> ObjectDictionary:
+    """Import the normalized EDS with canopen, then set the attributes that it ignores.
 
-    Only what is said of the device goes through its `configparser`, which takes half of the time.
+    Only the sections about the device go through canopen's `configparser`, which is slow.
     """
     import configparser
     import logging
 
     from canopen.objectdictionary import ObjectDictionaryError, eds
 
-    logging.getLogger("canopen").addHandler(logging.NullHandler())  # an error is reported once: by what is raised
+    logging.getLogger("canopen").addHandler(logging.NullHandler())  # errors are reported by exceptions only
     try:
         objects: ObjectDictionary = eds.import_eds(StringIO(normal.about), node_id)  # type: ignore[no-untyped-call]
         left_out = {(each.index, each.sub) for each in normal.refusals}
@@ -101,9 +101,9 @@ def imported(file: Path, normal: Normal, device: DescribedDevice, node_id: int) 
     except (ValueError, KeyError, configparser.Error, ObjectDictionaryError) as error:
         raise DictionaryError(file, None, f"canopen cannot read it: {error}") from error
     objects.node_id = node_id
-    for index, sub, attribute, value in normal.dropped:
+    for index, sub, attribute, value in normal.canopen_attributes:
         entry = objects.indices.get(index)
         target = od.members_of(entry).get(sub) if entry is not None and sub is not None else entry
-        if target is not None:  # it is one of the refusals
+        if target is not None:  # None for a refused object
             setattr(target, attribute, value.at(node_id) if isinstance(value, Number) else value)
     return objects

@@ -1,4 +1,4 @@
-"""CiA 401 as tables: where the inputs and outputs of an I/O module are, and what its settings mean (CiA 401-1)."""
+"""CiA 401 as tables: objects of inputs and outputs of an I/O module, and of their settings (CiA 401-1)."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ PROFILE = 401
 
 
 class DigitalInputs(NamedTuple):
-    """Where digital inputs of one width are, with their settings: sub-index n is the n-th block everywhere.
+    """Indices of the digital inputs of one width, and of their settings; sub-index n is block n.
 
-    `interrupt` are the objects that say whether a change, a rising and a falling edge cause a TPDO.
+    `change`, `rising` and `falling` are the objects that enable TPDOs for any change, rising and falling edges.
     """
 
     value: int
@@ -25,7 +25,7 @@ class DigitalInputs(NamedTuple):
 
 
 class DigitalOutputs(NamedTuple):
-    """Where digital outputs of one width are, with their settings: sub-index n is the n-th block everywhere."""
+    """Indices of the digital outputs of one width, and of their settings; sub-index n is block n."""
 
     value: int
     polarity: int
@@ -36,7 +36,7 @@ class DigitalOutputs(NamedTuple):
 
 
 class AnalogueOutputs(NamedTuple):
-    """Where analogue outputs of one width are, with their settings: sub-index n is the n-th channel everywhere."""
+    """Indices of the analogue outputs of one width, and of their settings; sub-index n is channel n."""
 
     value: int
     error_mode: int
@@ -46,7 +46,7 @@ class AnalogueOutputs(NamedTuple):
 
 
 class AnalogueInputs(NamedTuple):
-    """Where analogue inputs of one width are, with their settings."""
+    """Indices of the analogue inputs of one width, and of their settings."""
 
     value: int
     bits: int
@@ -55,7 +55,7 @@ class AnalogueInputs(NamedTuple):
 
 
 INTERRUPT_ENABLE = 0x6005
-"""Whether digital inputs cause TPDOs at all."""
+"""Global enable of TPDOs for digital inputs."""
 
 DIGITAL_INPUTS = (
     DigitalInputs(0x6000, 0x6002, 0x6003, 0x6006, 0x6007, 0x6008, 8),
@@ -82,7 +82,7 @@ ANALOGUE_OUTPUTS = (
 )
 
 FIRST, MODULE_STEP = 0x6000, 0x800
-"""Where the objects of the first module are, and how far those of the next one are from them."""
+"""First index of the first module, and the distance to the next module."""
 
 OUTPUTS = frozenset(
     (
@@ -91,7 +91,7 @@ OUTPUTS = frozenset(
         *range(0x6410, 0x6415),
     )
 )
-"""Objects of which a new value changes an output."""
+"""Objects that change an output."""
 
 PROCESS_DATA: Mapping[int, range] = {
     each.value: range(1, 255) for each in (*DIGITAL_INPUTS, *DIGITAL_OUTPUTS, *ANALOGUE_INPUTS, *ANALOGUE_OUTPUTS)
@@ -99,14 +99,14 @@ PROCESS_DATA: Mapping[int, range] = {
 """Sub-indices of inputs and outputs, by index."""
 
 ANALOGUE_INTERRUPT_ENABLE = 0x6423
-"""Whether analogue inputs cause TPDOs at all; they do not without it being written (CiA 401-1)."""
+"""Global enable of TPDOs for analogue inputs; off by default (CiA 401-1)."""
 
 ANALOGUE_TRIGGER, ANALOGUE_UPPER, ANALOGUE_LOWER, ANALOGUE_DELTA = 0x6421, 0x6424, 0x6425, 0x6426
 ANALOGUE_FALL, ANALOGUE_RISE = 0x6427, 0x6428
-"""What of an analogue input causes a TPDO, and its limits."""
+"""Conditions of an analogue input for a TPDO, and their limits."""
 
 ERROR_MODE_WORDS: Mapping[int, str] = {0: "keeps its value", 1: "takes its error value"}
-"""What an analogue output does on an error."""
+"""Behaviour of an analogue output on an error."""
 
 TRIGGER_BITS: Mapping[int, str] = {
     0: "upper limit exceeded",
@@ -117,10 +117,10 @@ TRIGGER_BITS: Mapping[int, str] = {
 }
 
 SWITCHED_ON = "on"
-"""What a digital input or output is whose bit is set."""
+"""Word for a digital input or output whose bit is set."""
 
 BIT_BLOCKS: Mapping[int, int] = {each.value: each.bits for each in (*DIGITAL_INPUTS, *DIGITAL_OUTPUTS)}
-"""Objects whose bits are inputs or outputs: how many are in a block."""
+"""Bits of a block by object, for objects whose bits are inputs or outputs."""
 
 FUNCTION_BITS = {16: "digital inputs", 17: "digital outputs", 18: "analogue inputs", 19: "analogue outputs"}
-"""What bits of 0x1000 say about the module."""
+"""Bits of 0x1000 for the functions of the module."""

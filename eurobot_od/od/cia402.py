@@ -1,6 +1,6 @@
 """CiA 402 as tables: states, commands, transitions, modes of operation, bits of the words, option codes (CiA 402-2).
 
-Indices are those of the first axis of a device; each further axis has its objects `AXIS_STEP` higher (CiA 402-2, clause
+Indices are those of a device's first axis; each further axis has its objects `AXIS_STEP` higher (CiA 402-2, clause
 6.2).
 """
 
@@ -15,14 +15,14 @@ PROFILE = 402
 """Low word of 0x1000 of a drive."""
 
 FIRST_AXIS = range(0x6000, 0x6800)
-"""Where the objects of the first axis are."""
+"""Indices of the first axis."""
 
 AXIS_STEP, MOST_AXES = 0x800, 8
-"""From one axis to the next, and how many there may be."""
+"""Distance from one axis to the next, and the largest number of axes."""
 
 
 def on_first_axis(index: int) -> int:
-    """Return the index that an object of an axis has on the first one; any other object's index stays."""
+    """Return the index on the first axis for an object of any axis; other indices are returned unchanged."""
     is_of_axis = FIRST_AXIS.start <= index < FIRST_AXIS.start + MOST_AXES * AXIS_STEP
     return FIRST_AXIS.start + (index - FIRST_AXIS.start) % AXIS_STEP if is_of_axis else index
 
@@ -69,13 +69,13 @@ PROCESS_DATA: Mapping[int, Container[int]] = {
          POSITION_DEMAND_INTERNAL, DIGITAL_INPUTS), (0,),
     ),
 }  # fmt: skip
-"""Commands and targets, then actual values, whether a PDO carries them or not: their sub-indices by index."""
+"""Sub-indices of commands, targets and actual values by index, whether a PDO carries them or not."""
 
 # The state machine (CiA 402-2, clause 8)
 
 
 class BitPattern(Enum):
-    """What a word of a drive says by some of its bits: in words, with the mask of the bits, and their values."""
+    """A meaning of some bits of a drive's word: its name, the mask, and the values of the bits."""
 
     def __init__(self, words: str, mask: int, bits: int) -> None:
         self.words, self.mask, self.bits = words, mask, bits
@@ -83,12 +83,12 @@ class BitPattern(Enum):
     @classmethod
     @lru_cache
     def of(cls, word: int) -> Self | None:
-        """Return what a word says; None for bits that say nothing."""
+        """Return the meaning of a word, or None."""
         return next((each for each in cls if word & each.mask == each.bits), None)
 
 
 class State(BitPattern):
-    """A state of the drive, as the statusword says it."""
+    """State of the drive in the statusword."""
 
     NOT_READY = "Not ready to switch on", 0x4F, 0x00
     DISABLED = "Switch on disabled", 0x4F, 0x40
@@ -101,10 +101,9 @@ class State(BitPattern):
 
 
 class DriveCommand(BitPattern):
-    """A command, as the controlword says it.
+    """Command in the controlword.
 
-    `FAULT_RESET` is a rising edge of its bit. `ENABLE` and `SWITCH_ON` are also what a drive that is enabled, or
-    not, is commanded by: `SWITCH_ON` disables operation then.
+    `FAULT_RESET` is a rising edge of its bit. `SWITCH_ON` disables operation if it is enabled.
     """
 
     SHUTDOWN = "Shutdown", 0x87, 0x06
@@ -116,7 +115,10 @@ class DriveCommand(BitPattern):
 
 
 class Transition(NamedTuple):
-    """One arrow of the state machine: its number in CiA 402, and `command` None for what the drive does by itself."""
+    """A transition of the state machine, with its number in CiA 402.
+
+    `command` is None if the drive makes it by itself.
+    """
 
     number: int
     before: State
@@ -143,20 +145,20 @@ TRANSITIONS = (
     Transition(15, State.FAULT, DriveCommand.FAULT_RESET, State.DISABLED),
     Transition(16, State.QUICK_STOP, DriveCommand.ENABLE, State.ENABLED),
 )
-"""All arrows but 0, which is power-on, and 13, which a fault takes from any state to `FAULT_REACTION`.
+"""All transitions but 0, power-on, and 13, from any state to `FAULT_REACTION`.
 
-Transition 16 is there only if the quick stop option code lets the drive stay in `QUICK_STOP`; with the others the drive
-takes 12 by itself when it stands.
+Transition 16 exists only if the quick stop option code makes the drive stay in `QUICK_STOP`; otherwise the drive makes
+transition 12 by itself once it stands.
 """
 
 ARROWS = {(each.before, each.command): each for each in TRANSITIONS}
-"""The arrows by the state and what makes the drive take them."""
+"""Transitions by state and command."""
 
 POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
-"""The states in which the motor has torque (CiA 402-2, clause 8.2)."""
+"""States in which the motor has torque (CiA 402-2, clause 8.2)."""
 
 state_of, command_of = State.of, DriveCommand.of
-"""What a statusword, and a controlword, says."""
+"""Functions from a statusword to its state, and from a controlword to its command."""
 
 # Modes of operation (CiA 402-2, clause 9)
 
@@ -183,11 +185,11 @@ MODE_WORDS: Mapping[int, str] = {
 
 
 def supported(modes: int) -> tuple[Mode, ...]:
-    """Return the modes of operation that 0x6502 has a bit for."""
+    """Return the modes of operation whose bits are set in a value of 0x6502."""
     return tuple(each for each in Mode if each and modes >> each - 1 & 1)
 
 
-# Bits of the two words. What is in MODE_... holds for a mode of operation alone.
+# Bits of the two words. Those in MODE_... apply to one mode of operation.
 
 READY, SWITCHED_ON, ENABLED, FAULT, VOLTAGE, NO_QUICK_STOP, DISABLED, WARNING = (1 << bit for bit in range(8))
 REMOTE, TARGET_REACHED, INTERNAL_LIMIT = 1 << 9, 1 << 10, 1 << 11
@@ -200,7 +202,7 @@ FAULT_RESET = 1 << 7
 """Bits of the controlword."""
 
 STATUS_BITS: Mapping[int, str] = {7: "warning", 10: "target reached", 11: "internal limit active"}
-"""What the bits of a statusword say besides the state; the state's own and 4, 5 and 9 are not worth a word."""
+"""Names of the bits of a statusword that are shown beside the state."""
 
 MODE_STATUS_BITS: Mapping[Mode, Mapping[int, str]] = {
     Mode.PROFILE_POSITION: {12: "set-point acknowledged", 13: "following error"},
@@ -231,7 +233,7 @@ POLARITY_BITS: Mapping[int, str] = {6: "velocity inverted", 7: "position inverte
 
 
 class Ramp(Enum):
-    """How a drive comes to a stand, as an option code says."""
+    """The way in which an option code stops the drive."""
 
     FREE = "drive function disabled"
     SLOW_DOWN = "slow down ramp"
@@ -249,10 +251,10 @@ OPTIONS: Mapping[int, Mapping[int, Ramp]] = {
     HALT_OPTION: {code: _RAMPS[code] for code in range(1, 5)},
     FAULT_OPTION: _RAMPS,
 }
-"""The ramp of each option code that CiA 402 defines, by its object (CiA 402-2, clauses 8.4.5 to 8.4.9)."""
+"""Ramps by object and option code (CiA 402-2, clauses 8.4.5 to 8.4.9)."""
 
 DEFAULT_OPTION = {QUICK_STOP_OPTION: 2, SHUTDOWN_OPTION: 0, DISABLE_OPTION: 1, HALT_OPTION: 1, FAULT_OPTION: 2}
-"""The code of a device that does not have the object."""
+"""Option codes of a device without the object."""
 
 STAYING = range(5, 9)
 """Quick stop option codes with which the drive stays in `QUICK_STOP`."""
@@ -276,7 +278,7 @@ SIDES = {POSITIVE: "positive", NEGATIVE: "negative"}
 
 
 class Switch(IntEnum):
-    """The switches, by their bits in 0x60FD."""
+    """Switches by their bits in 0x60FD."""
 
     NEGATIVE_LIMIT = 1 << 0
     POSITIVE_LIMIT = 1 << 1
@@ -288,16 +290,16 @@ LIMITS: Mapping[int, Switch] = {NEGATIVE: Switch.NEGATIVE_LIMIT, POSITIVE: Switc
 
 
 class Speed(Enum):
-    """Which of the two homing speeds: the sub-index of 0x6099."""
+    """The two homing speeds; the value is the sub-index of 0x6099."""
 
     SWITCH = 1
     ZERO = 2
 
 
 class Seek(NamedTuple):
-    """Move in a `direction` until a switch is `active` or not; without a switch, until the index pulse.
+    """Motion in `direction` until `switch` is `active` or inactive; without a switch, until the index pulse.
 
-    `turns` tells that the axis turns round at a limit switch, as the home switch may be behind it.
+    With `turns`, the axis reverses at a limit switch, because the home switch may be behind it.
     """
 
     direction: int
@@ -308,20 +310,20 @@ class Seek(NamedTuple):
 
 
 class Method(NamedTuple):
-    """A homing method in words, and its steps; none of them: the axis is at home where it is."""
+    """Name of a homing method and its steps; without steps, the present position is home."""
 
     words: str
     steps: tuple[Seek, ...] = ()
 
 
 def _edge(initial: int, edge: int, inside: bool) -> Method:
-    """Return the method whose home is an edge of the home switch.
+    """Return the homing method whose home is an edge of the home switch.
 
-    The axis looks for the switch in the direction `initial`, leaves it to the side `edge`, and is at home there, or
-    `inside`, when it has come back.
+    The axis searches the switch in the direction `initial` and leaves it at the side `edge`. With `inside`, home is
+    where it re-enters the switch.
     """
     found = Seek(initial, Switch.HOME, True, Speed.SWITCH, turns=True)
-    # A fast axis has gone through the switch before it stands; any other one is still inside.
+    # A fast axis may have passed the switch before it stops.
     back = Seek(-initial, Switch.HOME, True, turns=True)
     left = Seek(edge, Switch.HOME, False)
     steps = (found, back, left, Seek(-edge, Switch.HOME)) if inside else (found, back, left)
@@ -329,7 +331,7 @@ def _edge(initial: int, edge: int, inside: bool) -> Method:
 
 
 def _limit(direction: int) -> Method:
-    """Return the method whose home is where the axis leaves a limit switch."""
+    """Return the homing method whose home is where the axis leaves a limit switch."""
     switch = LIMITS[direction]
     steps = Seek(direction, switch, True, Speed.SWITCH), Seek(-direction, switch, False)
     return Method(f"{SIDES[direction]} limit switch", steps)
@@ -338,8 +340,8 @@ def _limit(direction: int) -> Method:
 _WITHOUT_INDEX: Mapping[int, Method] = {
     17: _limit(NEGATIVE),
     18: _limit(POSITIVE),
-    # 19 to 22 know on which side of the switch they start; 23 to 26 begin in positive and 27 to 30 in negative
-    # direction, and turn round at a limit switch.
+    # 19 to 22 start on a known side of the switch; 23 to 26 start in positive and 27 to 30 in negative direction, and
+    # reverse at a limit switch.
     19: _edge(POSITIVE, NEGATIVE, False),
     20: _edge(POSITIVE, NEGATIVE, True),
     21: _edge(NEGATIVE, POSITIVE, False),
@@ -356,10 +358,10 @@ _WITHOUT_INDEX: Mapping[int, Method] = {
 
 
 INDEX_OFFSET = 16
-"""Methods 1 to 14 are 17 to 30 with the index pulse after them."""
+"""Methods 1 to 14 are 17 to 30 followed by the index pulse."""
 
 METHODS: Mapping[int, Method] = {
-    # The axis goes on to the next index pulse in the direction in which it came to the switch's edge.
+    # The axis continues to the next index pulse in the direction of its last step.
     **{
         number - INDEX_OFFSET: Method(f"{words}, and index pulse", (*steps, Seek(steps[-1].direction, None)))
         for number, (words, steps) in _WITHOUT_INDEX.items()

@@ -1,7 +1,7 @@
-"""A device's DCF: its EDS with the values it is configured for, and which device it is (CiA 306-1, 4.6 and 5).
+"""A device's DCF: its EDS with configured values and commissioning (CiA 306-1, 4.6 and 5); and concise DCFs.
 
-Rule of this file: what is written is read back to the byte. Bytes that no line of the file can hold, and every DOMAIN,
-go into a file beside the DCF, which DownloadFile names (and UploadFile, because they came from there).
+Every value is read back to the byte. Bytes that a line of the file cannot hold, and every DOMAIN, are written into a
+file beside the DCF, named by DownloadFile and UploadFile.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
 
 NOT_SAID = {"NetNumber": 0, "NetworkName": "", "CANopenManager": 0, "LSS_SerialNumber": ""}
-"""The other keys of the commissioning, with their values where nothing better is known."""
+"""Other keys of the commissioning, with their values if unknown."""
 
 COB_ID_DIGITS = 8
-"""Hexadecimal digits of a value whose default is `$NODEID+...`: COB-IDs are UNSIGNED32."""
+"""Hexadecimal digits of a COB-ID, which is an UNSIGNED32."""
 
 UNICODE_BYTES = "utf-16-le"
-"""A UNICODE_STRING in an SDO (CiA 301, 7.1.6.5)."""
+"""Encoding of a UNICODE_STRING in an SDO (CiA 301, 7.1.6.5)."""
 
 
 OF_ONE_DEVICE = ("ParameterValue", "UploadFile", "DownloadFile")
-"""Keys of a DCF's values; an EDS has none of them."""
+"""Keys of values that only a DCF has."""
 
 
 class FileBeside(NamedTuple):
-    """In the place of a value: the `name` of the file beside the DCF that holds it."""
+    """Stands for a value that is in the file `name` beside the DCF."""
 
     name: str
 
@@ -48,19 +48,19 @@ DcfValue: TypeAlias = "Value | FileBeside"
 
 
 class Dcf(NamedTuple):
-    """A DCF: its `content`, and the `files` that stand beside it, by name."""
+    """A DCF: its `content`, and the `files` beside it by name."""
 
     content: bytes
     files: dict[str, bytes]
 
     def write(self, file: Path) -> None:
-        """Write it, after the files beside it: a DCF that is there is whole, as it names them. Raises OSError."""
+        """Write the DCF after the files beside it, so that an existing DCF is complete; raises OSError."""
         for name, content in self.files.items():
             write_whole(file.with_name(name), content)
         write_whole(file, self.content)
 
 
-# Objects' bytes there and back
+# Bytes of objects
 
 
 def with_contents(
@@ -68,13 +68,14 @@ def with_contents(
 ) -> Dcf:
     """Return the DCF of a device whose objects have these bytes, in the encoding of its EDS.
 
-    `stem` begins the names of the files beside it. Raises UnknownName for an object that the EDS does not describe,
-    FieldError for bytes that its type cannot have.
+    The names of the files beside it begin with `stem`. Raises UnknownName for an object that the EDS does not describe,
+    FieldError for bytes that do not fit its type.
     """
-    values, files = dict[Address, DcfValue](), dict[str, bytes]()
+    values: dict[Address, DcfValue] = {}
+    files: dict[str, bytes] = {}
     for (index, sub), data in contents.items():
         values[index, sub] = _value(eds, (index, sub), data)
-        # An empty ParameterValue would mean "no value", a text with line ends a broken file: those go beside it.
+        # An empty ParameterValue would mean "no value", and a line end would break the file.
         if values[index, sub] is None:
             values[index, sub] = beside = FileBeside(f"{stem}-{index:04X}-{sub}.bin")
             files[beside.name] = data
@@ -84,7 +85,7 @@ def with_contents(
 
 
 def content(dcf: Dictionary, address: Address) -> bytes | None:
-    """Return the bytes that a DCF gives an object without a fixed length; None if it does not give any.
+    """Return the bytes that a DCF has for an object without a fixed length; None if it has none.
 
     Raises DictionaryError for a file beside it that cannot be read, and for a value that does not fit the object.
     """
@@ -97,7 +98,7 @@ def content(dcf: Dictionary, address: Address) -> bytes | None:
             return read_bytes(dcf.file.parent / file)
         except DictionaryError as error:
             raise DictionaryError(dcf.file, address[0], f"{where}: DownloadFile {error}") from error
-    if variable.value is None and value_text(variable):  # canopen drops a value that does not fit the type
+    if variable.value is None and value_text(variable):  # canopen drops a value that does not fit
         raise DictionaryError(dcf.file, address[0], f"{where}: {value_text(variable)!r} is not {type_.name}")
     value = variable.value or None
     if not isinstance(value, str):
@@ -106,11 +107,12 @@ def content(dcf: Dictionary, address: Address) -> bytes | None:
 
 
 def _value(eds: Dictionary, address: Address, data: bytes) -> Value:
-    """Return the value that a DCF has for an object's bytes, None if only a file can hold them."""
+    """Return the DCF's value for an object's bytes, or None if only a file can hold them."""
     variable = eds.variable(address)
     if variable is None:
         raise UnknownName("object", label(address))
-    type_, encoding = data_type(variable), eds.normal.encoding
+    type_ = data_type(variable)
+    encoding = eds.normal.encoding
     if type_.size:
         try:
             return type_.read(data)
@@ -122,9 +124,9 @@ def _value(eds: Dictionary, address: Address, data: bytes) -> Value:
             text = data.decode(encoding if type_ == VISIBLE_STRING else UNICODE_BYTES)
         except UnicodeDecodeError:
             return None
-    # A code page is found out by what is not UTF-8, so a text in it could turn a whole file into UTF-8.
+    # The encoding of a file is detected from bytes that are not UTF-8, which such a text might change.
     is_safe = type_ != UNICODE_STRING or text.isascii() or encoding == "utf-8"
-    # An empty text is none in a file: `ParameterValue=` says that there is no value.
+    # In a file, `ParameterValue=` means that there is no value.
     return text if type_ != DOMAIN and text and is_safe and is_text(text, encoding) else None
 
 
@@ -134,12 +136,12 @@ def _value(eds: Dictionary, address: Address, data: bytes) -> Value:
 def with_values(
     device: DescribedDevice, values: Mapping[Address, DcfValue], node_id: int, node_name: str, baudrate_kbit: int
 ) -> str:
-    """Return the DCF of a device: its EDS (or DCF), the ParameterValue of each address in `values`, and who it is.
+    """Return the DCF of a device: its EDS (or DCF) with ParameterValues and a commissioning.
 
-    `device` is what the normal form of its file describes. Numbers are written in the form of the object's
-    DefaultValue, bytes in hexadecimal digits, what follows the node-ID as `$NODEID+...`; None changes nothing. The
-    commissioning stands last, so that a file that was cut off has none. Lines end in LF.
-    Raises UnknownName for an address that the EDS does not describe, FieldError for what no line can hold.
+    `device` is read from the normal form of its file. Numbers are written in the form of the object's DefaultValue,
+    bytes in hexadecimal digits, values that follow the node-ID as `$NODEID+...`; None leaves a value unchanged. The
+    commissioning is last, so that a truncated file has none. Lines end in LF.
+    Raises UnknownName for an address that the EDS does not describe, FieldError for a value that no line can hold.
     """
     rewriting = Rewriting(device.document)
     for (index, subindex), value in values.items():
@@ -157,11 +159,11 @@ def with_values(
 
 
 def _become_dcf(rewriting: Rewriting, device: DescribedDevice) -> None:
-    """Give the file a DCF's name, beside that of the EDS, and leave out who the device was before."""
+    """Set FileName and LastEDS, and drop the previous commissioning."""
     info = device.section("fileinfo")
     if info and not info.text("lasteds"):
         eds = info.text("filename")
-        # CiA 306: LastEDS is the EDS that a DCF was made from; a DCF made from a DCF keeps the first one.
+        # LastEDS is the EDS that a DCF was made from (CiA 306); a DCF made from a DCF keeps it.
         rewriting.set(info, "LastEDS", eds)
         rewriting.set(info, "FileName", f"{eds.rpartition('.')[0]}.dcf")
     if device.commissioning:
@@ -169,9 +171,9 @@ def _become_dcf(rewriting: Rewriting, device: DescribedDevice) -> None:
 
 
 def eds_text(dictionary: Dictionary, file_name: str) -> str:
-    """Return the EDS of a device: its file in normal form without what a DCF says of one device of the type.
+    """Return the EDS of a device: its file in normal form, without values of a single device.
 
-    Connected modules are its own objects then. Lines end in LF.
+    Objects of connected modules become its own. Lines end in LF.
     """
     device = dictionary.device
     rewriting = Rewriting(device.document)
@@ -190,7 +192,7 @@ def eds_text(dictionary: Dictionary, file_name: str) -> str:
 
 
 def missing(document: Document) -> list[str]:
-    """Return the sections that an EDS or DCF announces and does not have: listed objects and counted sub-indices."""
+    """Return the sections that a file announces and lacks: listed objects, and counted sub-indices."""
     members = Counter(name.partition("sub")[0] for name in document.sections if "sub" in name)
     wanted = [name for each in OBJECT_LISTS for name in _listed(document, each)]
     counts = [(name, parse_number(document.text(name.lower(), "subnumber"))) for name in wanted]
@@ -199,7 +201,7 @@ def missing(document: Document) -> list[str]:
 
 
 def _listed(document: Document, name: str) -> Iterator[str]:
-    """Yield the names of the sections that a list of objects announces; the list itself where a file must have it."""
+    """Yield the section names in a list of objects; the list's own name if a required list is missing."""
     section = document.sections.get(name.lower())
     if section is None:
         if name == OBJECT_LISTS[0]:  # a device need not have any other objects (CiA 306-1, 4.6.1)
@@ -209,13 +211,13 @@ def _listed(document: Document, name: str) -> Iterator[str]:
 
 
 def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileBeside, relative: str | None) -> None:
-    """Give a variable its value, or `relative` in its place, and none of another kind that a former DCF gave it."""
+    """Set a variable's value, or `relative` in its place, and remove other keys of values."""
     if isinstance(value, FileBeside):
         entries = {"UploadFile": value.name, "DownloadFile": value.name}
     else:
         entries = {"ParameterValue": relative or _written(variable, value)}
     for key in OF_ONE_DEVICE:
-        # a value and a file at once would leave it to each tool which of them counts
+        # With both a value and a file, tools would disagree.
         if key in entries:
             rewriting.set(variable.section, key, entries[key])
         else:
@@ -223,7 +225,7 @@ def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileB
 
 
 def _written(variable: DescribedVariable, value: DcfValue) -> str:
-    if variable.type and variable.type.code in TIMES:  # a file has all the bits as one number
+    if variable.type and variable.type.code in TIMES:  # a file has a time as one number
         value = int.from_bytes(variable.type.write(value if isinstance(value, (str, int, bytes)) else ""), "little")
     if isinstance(value, bytes) and variable.type not in (VISIBLE_STRING, UNICODE_STRING):
         return value.hex().upper()
@@ -240,22 +242,22 @@ def _written(variable: DescribedVariable, value: DcfValue) -> str:
 
 COUNT = struct.Struct("<I")
 HEAD = struct.Struct("<HBI")
-"""Number of entries; index, sub-index and length of one."""
+"""Formats of the number of entries, and of index, sub-index and length of an entry."""
 
 
 class Truncated(ValueError):
-    """Bytes that end before what they announce, or go on after it; the text says where."""
+    """A concise DCF that ends too early, or has bytes after its end."""
 
 
 class Write(NamedTuple):
-    """One write: an object's address, and the bytes it is to have."""
+    """One write: an object's address and its new bytes."""
 
     address: Address
     data: bytes
 
 
 def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
-    """Return the concise DCF of writes in their order."""
+    """Return the concise DCF of writes, in order."""
     packed = [HEAD.pack(*address, len(data)) + data for address, data in entries]
     return COUNT.pack(len(packed)) + b"".join(packed)
 
@@ -263,12 +265,13 @@ def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
 def unpack(data: bytes) -> list[Write]:
     """Return the writes of a concise DCF; raises Truncated."""
     (count,) = COUNT.unpack(_part(data, 0, COUNT.size))
-    place, entries = COUNT.size, list[Write]()
+    place = COUNT.size
+    entries = list[Write]()
     for _ in range(count):
         index, subindex, length = HEAD.unpack(_part(data, place, HEAD.size))
         entries.append(Write((index, subindex), _part(data, place + HEAD.size, length)))
         place += HEAD.size + length
-    if place != len(data):  # a length before this was wrong: nothing can be trusted
+    if place != len(data):  # an earlier length was wrong
         raise Truncated(f"{len(data) - place} bytes after the last of {count} entries")
     return entries
 

@@ -1,11 +1,10 @@
 """A device's object dictionary: canopen's, read from the normal form of an EDS or DCF.
 
-Beside canopen's `objects` (`canopen_objects`) there is the `device` that the normal form describes, for whatever writes
-files. What is a setting among the objects is in `parameters`, what PDOs carry in `pdos`, where the SDO server is in
-`sdo_channels`, and who made the device in `identity`.
+Beside canopen's `objects` there is the `device` in the normal form, for writing files. `parameters` tells settings from
+process data, `pdos` reads PDOs, `sdo_channels` finds the SDO server, `identity` reads the identity.
 
-Nothing is guessed. What cannot be read with certainty is left out, and the `refusals` of its `normal` form say so; a
-file of which nothing can be used is refused.
+Nothing is guessed. Objects that cannot be read with certainty are left out and listed in the `refusals` of the `normal`
+form; a file without any usable object is refused.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from eurobot_od.od.document import Document, parse, read_bytes
 from eurobot_od.od.maker import MakersWords, device_yaml_of, read_maker
 from eurobot_od.od.meanings import ObjectMeaning, read_meanings
 from eurobot_od.od.modules import Module, Modules
-from eurobot_od.od.normal import Normal, normal
+from eurobot_od.od.normal import NormalizedEds, normal
 from eurobot_od.od.parameters import Parameters
 from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import OnRefused, Pdo, PdoReader, fatal
@@ -36,25 +35,27 @@ if TYPE_CHECKING:
 
 
 class Dictionary:
-    """A loaded EDS or DCF: its `file` with the `content`, its `name` (the file's stem or another) and `node_id`.
+    """A loaded EDS or DCF: `file` with its `content`, `name` (the file's stem or another) and `node_id`.
 
-    `normal` is its normal form, with what was changed for it and what cannot be used; `device` is what that describes,
-    `objects` are canopen's. `makers` are the words of makers about the device.
+    `normal` is the normal form, with changes and refusals; `device` is the device in it, `objects` are canopen's.
+    `makers` are the manufacturers' texts about the device.
     """
 
     def __init__(
         self,
         file: Path,
         content: bytes,
-        normal: Normal,
+        normal: NormalizedEds,
         node_id: int | None = None,
         name: str = "",
         makers: Sequence[MakersWords] = (),
     ) -> None:
-        # The EDS that says the same: what a device keeps of itself in 0x1021, and what a DCF is made of.
+        # As an EDS, for 0x1021 and for making a DCF.
         self.content = normal.text.encode(normal.encoding) if normal.is_xml or normal.is_patched else content
-        self.file, self.name = file, name or encodable(file.stem)
-        self.normal, self.device = normal, normal.device
+        self.file = file
+        self.name = name or encodable(file.stem)
+        self.normal = normal
+        self.device = normal.device
         self.node_id = self._checked_node_id(self.device.said_node_id if node_id is None else node_id)
         self.objects = canopen_objects.imported(file, normal, self.device, self.node_id)
         if not self.members:
@@ -70,7 +71,7 @@ class Dictionary:
             maker.describe(self.objects)
 
     def described_by(self, maker: MakersWords, *, over: bool = True) -> Self:
-        """Return the same device with what a maker says of it; it counts more than what is said already, or less."""
+        """Return the device with another manufacturer's texts, which have priority over present ones if `over`."""
         return self._made(self.node_id, (*self.makers, maker) if over else (maker, *self.makers))
 
     def _made(self, node_id: int, makers: Sequence[MakersWords]) -> Self:
@@ -78,7 +79,7 @@ class Dictionary:
 
     @property
     def error_words(self) -> dict[int, str]:
-        """The makers' words for its emergency error codes."""
+        """The manufacturers' texts for emergency error codes."""
         return {code: words for each in self.makers for code, words in each.emcy.items()}
 
     @classmethod
@@ -90,15 +91,20 @@ class Dictionary:
         modules: Sequence[str] | None = None,
         patch: Sequence[str | Path] = (),
     ) -> Self:
-        """Read an EDS or DCF for a node-ID, `modules` being those of a modular device, by numbers or names.
+        """Read an EDS or DCF.
 
-        `patch` are files that say something in its place, laid over it in their order (see `patches`).
+        Args:
+            file: path of the file
+            node_id: 1..127; default: the commissioned one, else the value of the setting with the device's node-ID
+            name: name of the device; default: the file's stem
+            modules: modules of a modular device, by numbers or names; default: those connected in the file
+            patch: files that change objects, applied in order (see `patches`)
 
-        Without a node-ID it is the NodeID of a DCF's commissioning, or else the value of the object that holds the
-        device's own node-ID; without modules, those that the file says are connected. Raises DictionaryError if there
-        is not a node-ID or no such module, if a patch does not fit, or if the file cannot be read as an EDS.
+        Raises:
+            DictionaryError: no node-ID, an unknown module, a patch that does not fit, or an unreadable file
         """
-        path, patches = Path(file), [read_patch(each) for each in patch]
+        path = Path(file)
+        patches = [read_patch(each) for each in patch]
         beside = device_yaml_of(path)
         read = cls.read(read_bytes(file), path, node_id, name, modules, patches)
         return read.described_by(read_maker(beside)) if beside else read
@@ -113,26 +119,26 @@ class Dictionary:
         modules: Sequence[str] | None = None,
         patches: Sequence[Patch] = (),
     ) -> Self:
-        """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
+        """Read the bytes of an EDS or DCF; `file` is its name in errors. Raises as `load`."""
         try:
             return cls(file, data, normal(data, file, modules, patches), node_id, name)
         except UNREADABLE as error:
             raise DictionaryError(file, None, why_unreadable(error)) from error
 
     def renumbered(self, node_id: int) -> Self:
-        """Return the same file's dictionary for another node-ID; raises DictionaryError."""
+        """Return the dictionary for another node-ID; raises DictionaryError."""
         return self._made(node_id, self.makers)
 
     @property
     def idle_modules(self) -> tuple[Module, ...]:
-        """The modules that a modular device supports, if none is connected: their objects are not there."""
+        """Modules of a modular device, if none is connected."""
         return () if self.normal.has_modules else tuple(Modules(self.device.document).supported.values())
 
     @cached_property
     def document(self) -> Document:
-        """The file as it was written, with the lists of objects that it has itself."""
+        """The file as it was written, with its own lists of objects."""
         read = self.normal.read
-        return read.document if read else parse(self.content.decode("latin-1"))  # which decodes all
+        return read.document if read else parse(self.content.decode("latin-1"))  # decodes any bytes
 
     def _checked_node_id(self, node_id: int | None) -> int:
         if node_id is None:
@@ -146,7 +152,7 @@ class Dictionary:
 
     @property
     def restored_node_id(self) -> int | None:
-        """The node-ID that the device has once its defaults are restored (0x1011); None if it keeps this one."""
+        """The node-ID after the defaults are restored (0x1011); None if it stays the same."""
         own = self.device.node_id_address
         stock = self.stock_value(own) if own else None
         return stock if isinstance(stock, int) and stock != self.node_id else None
@@ -155,7 +161,7 @@ class Dictionary:
 
     @cached_property
     def members(self) -> dict[int, dict[int, ODVariable]]:
-        """The variables by index and sub-index; a VAR is its own member 0."""
+        """Variables by index and sub-index; a VAR has sub-index 0."""
         entries = self.objects.indices.items()
         return {index: od.members_of(entry) for index, entry in entries if index not in values.DUMMIES}
 
@@ -165,17 +171,17 @@ class Dictionary:
         return {(index, sub): each for index, entry in entries for sub, each in od.members_of(entry).items()}
 
     def variable(self, address: Address) -> ODVariable | None:
-        """Return canopen's variable at an index and sub-index, None if there is none."""
+        """Return canopen's variable at an index and sub-index, or None."""
         return self._by_address.get(address)
 
     @cached_property
     def meanings(self) -> Mapping[Address, ObjectMeaning]:
-        """What the file's comments say about objects: units and codes; see `meanings`."""
+        """Units and codes of objects from the file's comments; see `meanings`."""
         section = self.device.document.sections.get("comments")
         return read_meanings(each.value for each in section.entries.values()) if section else {}
 
     def flags(self, address: Address) -> int:
-        """Return the ObjFlags of a variable, 0 without any (CiA 306)."""
+        """Return the ObjFlags of a variable, 0 if it has none (CiA 306)."""
         described = self.device.variable(*address)
         number = described.number("objflags") if described else None
         return number.value if number else 0
@@ -186,43 +192,43 @@ class Dictionary:
 
     def default(self, address: Address) -> Value:
         """Return a variable's ParameterValue (DCF) or DefaultValue; None if it has neither."""
-        if address in self._present:  # what a live device has counts more than its file
+        if address in self._present:  # observed values replace those of the file
             return self._present[address]
         variable = self.variable(address)
         return None if variable is None else od.default_of(variable)
 
     def stock_value(self, address: Address) -> Value:
-        """Return what all devices of this kind have there, the DefaultValue; None without one."""
+        """Return the DefaultValue, which all devices of this type have, or None."""
         variable = self.variable(address)
         value: Value = None if variable is None else variable.default
         return value
 
     def has_own_value(self, address: Address) -> bool:
-        """Return whether a variable's value is this device's own, a ParameterValue, not what all of its kind have."""
+        """Return whether a variable has a ParameterValue, which is this device's own."""
         variable = self.variable(address)
         return address in self._present or (variable is not None and variable.value is not None)
 
     def number(self, address: Address) -> int | None:
-        """Return the number that a variable has by default; None if it has none."""
+        """Return the number in a variable's default, or None."""
         value = self.default(address)
         return value if isinstance(value, int) else None
 
     def cob_id(self, address: Address, base: int) -> int:
-        """Return the identifier that an object has for a service of the device.
+        """Return the identifier in an object for a service of the device.
 
-        It is `base` plus the node-ID if the file says none, or one that is not valid (CiA 301, 7.3.3).
+        It is `base` plus the node-ID if the file has none, or one that is not valid (CiA 301, 7.3.3).
         """
         said = values.base_identifier(self.default(address))
         return base + self.node_id if said is None else said
 
     def named(self, name: str) -> Self:
-        """Return the same device with another name."""
+        """Return the device with another name."""
         other = copy(self)
         other.name = name
         return other
 
     def configured(self, present: Mapping[Address, Value]) -> Self:
-        """Return the same device with values that it has at `present` in place of the file's."""
+        """Return the device with values at `present` that replace those of the file."""
         other = copy(self)
         other._present = {**self._present, **present}
         for made_of_values in ("pdos", "parameters"):
@@ -230,7 +236,7 @@ class Dictionary:
         return other
 
     def completed(self, other: Dictionary) -> Self:
-        """Return the same device with the variables of another description besides its own, or in their place."""
+        """Return the device with variables of another description added or replaced."""
         made = copy(self)
         made.objects = canopen_objects.completed(self.objects, other.members)
         for made_of_objects in ("members", "_by_address", "_by_name", "pdos", "parameters"):
@@ -244,44 +250,44 @@ class Dictionary:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names that `address` knows."""
+        """Names that `address` accepts."""
         return tuple(self._by_name)
 
     def address(self, name: str) -> Address:
-        """Return index and sub-index of `record.member` or `object` by ParameterName, as a program names it.
+        """Return index and sub-index of `record.member` or `object` by ParameterName.
 
-        Raises DictionaryError if there is none of that name.
+        Raises DictionaryError if there is no such name.
         """
         if name not in self._by_name:
             raise DictionaryError(self.file, None, f"no object is named {name!r}")
         return self._by_name[name]
 
     def data_index(self, name: str) -> int | None:
-        """Return the index of the manufacturer-specific object with a ParameterName, None if there is none.
+        """Return the index of the manufacturer-specific object with a ParameterName, or None.
 
-        A PDO's record may have the same name as the data it carries.
+        A PDO's record may have the same name as its data.
         """
         named = (index for index in self.members if self.objects.indices[index].name == name)
         return next((index for index in named if index in values.MANUFACTURER), None)
 
     @cached_property
     def parameters(self) -> Parameters:
-        """Which of its objects are settings, and which are process data."""
+        """The device's settings and process data."""
         return Parameters(self.objects, self.pdo_reader(self.default))
 
     # PDOs
 
     @cached_property
     def pdos(self) -> tuple[Pdo, ...]:
-        """All PDOs with their default communication and mapping parameters; see `read_pdos`."""
+        """All PDOs with their default parameters; see `read_pdos`."""
         return self.read_pdos(self.default)
 
     def read_pdos(
         self, value: Callable[[Address], Value], refused: OnRefused = fatal, listening: bool = False
     ) -> tuple[Pdo, ...]:
-        """Read RPDOs, then TPDOs, from the parameter values that `value` gives; see `PdoReader`."""
+        """Read RPDOs, then TPDOs, from the parameter values that `value` returns; see `PdoReader`."""
         return self.pdo_reader(value).pdos(refused, listening)
 
     def pdo_reader(self, value: Callable[[Address], Value]) -> PdoReader:
-        """Return what reads its PDOs from the parameter values that `value` gives."""
+        """Return the reader of its PDOs for the parameter values that `value` returns."""
         return PdoReader(self.file, self.objects, self.node_id, value, self.meanings)

@@ -1,9 +1,7 @@
-"""Reads the text of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
+"""Reads the text of an EDS or DCF into sections and entries with line and column, for any bytes.
 
-At the end are the sections and keys of CiA 306, as it spells them.
-
-Rule of this file: reading never raises, and never skips anything silently. What does not belong in an EDS becomes an
-`Oddity`; lint turns each into a finding, and `normal` refuses a file with those that may hide objects.
+The end has the sections and keys of CiA 306 in its spelling. Reading never raises and never skips anything silently:
+irregularities become an `Oddity`, which lint reports; `normal` refuses a file with those that may hide objects.
 """
 
 from __future__ import annotations
@@ -22,14 +20,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LONGEST = 254
-"""Most characters of a key and its value together (CiA 306: shorter than 255)."""
+"""Longest key and value together, in characters (CiA 306: shorter than 255)."""
 
 WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
-"""How a UTF-16 text starts."""
+"""Byte order marks of UTF-16."""
 
 
 class Odd(Enum):
-    """What the reader stumbles over."""
+    """Kinds of irregularities in a file."""
 
     BINARY = "a NUL byte"
     END_MARK = "an end mark"
@@ -53,17 +51,17 @@ class Odd(Enum):
 
 
 HIDING = (Odd.BINARY, Odd.HEADER, Odd.XML)
-"""Oddities that leave unclear what the file was to say: it is not an EDS at all, or entries have no section."""
+"""Oddities that may hide objects: the file is not an EDS, or entries have no section."""
 
 STRAY = (Odd.NOT_AN_ENTRY, Odd.NO_SECTION, Odd.NO_KEY)
-"""Lines that say nothing about an object; if one is the last line, though, the file was cut off."""
+"""Oddities of lines that are harmless unless the line is the last one: then the file is truncated."""
 
 END_MARKS = "\0\x1a"
-"""What old editors and programs put at the end of a text: Ctrl-Z, and NUL up to a full block."""
+"""Characters that old editors append to a text: Ctrl-Z, and NUL up to a full block."""
 
 
 class Oddity(NamedTuple):
-    """One odd thing: its kind, its line and column (both from 1) and the words about it for a message."""
+    """An irregularity: its kind, its line and column (both from 1), and its text in a message."""
 
     kind: Odd
     line: int
@@ -72,14 +70,14 @@ class Oddity(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """What is to be said about a line of a file."""
+    """A remark about a line of a file."""
 
     line: int
     what: str
 
 
 class HasPlace(Protocol):
-    """What stands somewhere in a file: in a line and a column, both from 1."""
+    """Anything with a line and a column, both from 1."""
 
     @property
     def line(self) -> int: ...
@@ -88,7 +86,7 @@ class HasPlace(Protocol):
 
 
 class Entry(NamedTuple):
-    """`key=value`, as written but without blanks around either; `line` and `column` (of the value) count from 1."""
+    """`key=value` as written, without surrounding blanks; `line` and `column` (of the value) from 1."""
 
     key: str
     value: str
@@ -97,7 +95,7 @@ class Entry(NamedTuple):
 
 
 class Section(NamedTuple):
-    """`[name]`, its place, and its entries by lower-case key; of an entry given twice the first."""
+    """`[name]`, its place, and its entries by lower-case key; the first one of a repeated key."""
 
     name: str
     line: int
@@ -105,26 +103,26 @@ class Section(NamedTuple):
     entries: dict[str, Entry]
 
     def text(self, key: str) -> str:
-        """Return the value of a key (in lower case), the empty text if there is none."""
+        """Return the value of a key (in lower case), or an empty text."""
         entry = self.entries.get(key)
         return entry.value if entry else ""
 
     def at(self, key: str) -> Entry | Section:
-        """Return the entry of a key (in lower case), or the section itself where there is none, for its place."""
+        """Return the entry of a key (in lower case), else the section, for its place."""
         return self.entries.get(key, self)
 
     def numbered(self) -> Iterator[Entry]:
-        """Yield the entries whose keys are numbers: those of a list of objects or modules (CiA 306-1, 4.6.1)."""
+        """Yield the entries with numbers as keys: those of a list of objects or modules (CiA 306-1, 4.6.1)."""
         return (entry for key, entry in self.entries.items() if key.isdecimal())
 
     def saying(self, **entries: str) -> Section:
-        """Return the section with other values; a key that is new stands where the section begins."""
+        """Return the section with other values; a new key has the place of the section."""
         places = ((key, text, self.at(key.lower())) for key, text in entries.items())
         said = {key.lower(): Entry(key, text, at.line, at.column) for key, text, at in places}
         return self._replace(entries={**self.entries, **said})
 
     def without_lines(self) -> Section:
-        """Return the section for another file, in which its lines are those of something else."""
+        """Return the section without line numbers, for use in another file."""
         return self._replace(line=0, entries={key: each._replace(line=0) for key, each in self.entries.items()})
 
 
@@ -132,18 +130,18 @@ BREAKS = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
 def section_at(name: str, at: HasPlace, entries: Mapping[str, str]) -> Section:
-    """Return a section that stands where a file of any form says what is in it."""
-    # A line end in a value, which XML can have, would make two lines of an EDS.
+    """Return a section made from a file in another format, with the place `at`."""
+    # A value in XML may contain a line end.
     lines = {key: BREAKS.sub(" ", value).strip() for key, value in entries.items()}
     return Section(name, at.line, at.column, {}).saying(**lines)
 
 
 class Document(NamedTuple):
-    """A file as read: its sections by lower-case name (of a section given twice the first), and what was odd.
+    """A parsed file: its sections by lower-case name (the first one of a repeated name), and its oddities.
 
-    `lines` is the whole text and `headers` the line numbers of all section headers, so that the text can be written
-    again with single lines changed; `encoding` is the one in which that gives the same bytes. A document of an XML file
-    (`is_xml`) has no lines that could be changed. `has_comments` tells whether a line is a comment.
+    `lines` is the whole text and `headers` has the line numbers of all section headers, for rewriting single lines;
+    `encoding` restores the same bytes. A document from XML (`is_xml`) has no lines. `has_comments` is set if any line
+    is a comment.
     """
 
     sections: dict[str, Section]
@@ -156,24 +154,24 @@ class Document(NamedTuple):
 
     @property
     def text_encoding(self) -> str:
-        """The encoding in which the file's texts are the bytes of a VISIBLE_STRING: as they stand in the file."""
+        """Encoding of texts for a VISIBLE_STRING, so that its bytes are those in the file."""
         return "utf-8" if self.encoding == "utf-16" else self.encoding
 
     def text(self, section: str, key: str) -> str:
-        """Return the value of a key in a section (both in lower case), the empty text if either is missing."""
+        """Return the value of a key in a section (both in lower case), or an empty text."""
         found = self.sections.get(section)
         return found.text(key) if found else ""
 
     @property
     def hiding(self) -> Oddity | None:
-        """The first oddity that leaves unclear what the file was to say; None without one."""
-        end = len(self.lines)  # the last line has no line end: it is empty, or the file stops in the middle of it
+        """The first oddity that may hide objects, or None."""
+        end = len(self.lines)  # the last line has no line end: it is empty, or the file is truncated
         odd = (each for each in self.oddities if each.kind in HIDING or (each.kind in STRAY and each.line == end))
         return next(odd, None)
 
 
 def read_bytes(file: str | Path) -> bytes:
-    """Return what a file holds; raises DictionaryError if it cannot be read, or is too large."""
+    """Return the content of a file; raises DictionaryError if it cannot be read, or is too large."""
     try:
         data = read_whole(file)
     except FileError as error:
@@ -185,13 +183,13 @@ def read_bytes(file: str | Path) -> bytes:
 
 
 MOST_SECTIONS, MOST_LINES, MOST_TAGS = 100_000, 500_000, 600_000
-"""Most of what becomes an object in memory: sections and lines of an EDS, tags of XML; makers' files have a tenth."""
+"""Limits for sections and lines of an EDS and tags of XML; files of manufacturers have a tenth of these."""
 
 HEADER_LINE = re.compile(rb"(?:^|[\r\n])[ \t\0]*\[")
 
 
 def _sections(data: bytes) -> int:
-    """Return how many lines are headers; of a file with few brackets how many of those there are."""
+    """Return the number of section headers, or of all brackets if these are few."""
     brackets = data.count(b"[")
     return brackets if brackets <= MOST_SECTIONS else sum(1 for _ in HEADER_LINE.finditer(data))
 
@@ -204,9 +202,9 @@ COUNTED: Sequence[tuple[str, int, Callable[[bytes], int]]] = (
 
 
 def read(data: bytes) -> Document:
-    """Read the bytes of an EDS or DCF. CiA 306 asks for ASCII; files come in UTF-8 and in Windows' code pages, too."""
+    """Parse an EDS or DCF in ASCII (CiA 306), UTF-8, UTF-16 or a code page of Windows."""
     oddities: list[Oddity] = []
-    if data.startswith(WIDE_MARKS):  # before UTF-8: as Latin-1 every second character would be a NUL
+    if data.startswith(WIDE_MARKS):  # otherwise every second character would be a NUL
         oddities.append(Oddity(Odd.WIDE, 1, 1, ""))
         return _Reader(oddities).read(data.decode("utf-16", "replace"), "utf-16")
     if data.startswith(BOM_UTF8):
@@ -220,14 +218,14 @@ def read(data: bytes) -> Document:
 
 
 UNKNOWN = "latin-1"
-"""Gives every byte a character, so that it cannot fail, and writing gives the same bytes back."""
+"""Fallback that decodes and encodes any bytes."""
 
 
 def code_page(data: bytes) -> str | None:
-    """Return the encoding that fits bytes that are not UTF-8, and gives the same bytes again; None for an open one.
+    """Return the encoding of bytes that are not UTF-8, if it restores the same bytes; None if it is uncertain.
 
-    Words tell: in Western ones a letter beyond ASCII stands among ASCII's, Cyrillic ones have none of those, kana has
-    lead bytes that no other text has, and most Chinese characters of GB2312 are among its common ones.
+    Western words have single letters beyond ASCII, Cyrillic words have no ASCII letters, kana has unique lead bytes,
+    and most Chinese characters are among the common ones of GB2312.
     """
     words = re.findall(rb"[\x80-\xFF]+", data)
     beyond = b"".join(words)
@@ -239,7 +237,7 @@ def code_page(data: bytes) -> str | None:
     fitting = (
         ("cp932", any(each in KANA for each in first) and _share(first, range(0x80, 0xA0)) > 0.5),
         ("cp1251", is_cyrillic and high > low),
-        ("koi8-r", is_cyrillic and low > high > 0),  # where the small letters are Windows' capitals
+        ("koi8-r", is_cyrillic and low > high > 0),  # its small letters are the capitals of cp1251
         ("gb2312", not is_cyrillic and all(len(word) % 2 == 0 for word in words) and _share(leads, HANZI) > 0.5),
         ("cp1252", mean < WESTERN_WORD and control > 0),
         ("latin-1", mean < WESTERN_WORD and not control),
@@ -251,12 +249,13 @@ def _share(found: Sequence[int], wanted: Container[int]) -> float:
     return sum(each in wanted for each in found) / len(found)
 
 
-KANA, HANZI = (0x82, 0x83), range(0xB0, 0xD8)
+KANA = (0x82, 0x83)
+HANZI = range(0xB0, 0xD8)
 """Lead bytes of kana in Shift-JIS, and of the common characters of GB2312."""
 
 MOST_OF = 0.9
 CYRILLIC_WORD, WESTERN_WORD = 2.5, 2.0
-"""Bytes beyond ASCII beside each other, on average: more of them in Cyrillic texts, fewer in Western ones."""
+"""Average number of adjacent bytes beyond ASCII: higher in Cyrillic texts, lower in Western ones."""
 
 
 def _is_kept(data: bytes, encoding: str) -> bool:
@@ -267,13 +266,13 @@ def _is_kept(data: bytes, encoding: str) -> bool:
 
 
 def parse(text: str) -> Document:
-    """Read the text of an EDS or DCF."""
+    """Parse the text of an EDS or DCF."""
     return _Reader([]).read(text, "utf-8")
 
 
 def is_text(text: str, encoding: str = "ascii") -> bool:
-    """Return whether a line of a file in this encoding can hold a text so that every reader finds the same."""
-    # Asked of the reader itself: blanks at an end, ` ;`, `#` and lines that are too long all come out here.
+    """Return whether a line of a file in this encoding can hold a text so that every reader reads the same."""
+    # The reader itself detects outer blanks, ` ;`, `#` and long lines.
     line = parse(f"[x]\nParameterValue={text}") if text.isprintable() else Document({})
     kinds = {each.kind for each in line.oddities} - {Odd.NOT_ASCII}
     try:
@@ -283,27 +282,29 @@ def is_text(text: str, encoding: str = "ascii") -> bool:
 
 
 class _Reader:
-    """Walks over the lines of one file; the usual line takes the short way, any other `_other`."""
+    """Reads the lines of one file; usual lines take a fast path, others go through `_other`."""
 
     def __init__(self, oddities: list[Oddity]) -> None:
         self._sections: dict[str, Section] = {}
         self._headers: list[int] = []
         self._oddities = oddities
-        self._before: dict[str, Entry] = {}  # what stands before the first section
+        self._before: dict[str, Entry] = {}  # entries before the first section
         self._entries = self._before
         self._has_comments = False
 
     def read(self, text: str, encoding: str) -> Document:
-        lines, new = self._split(text), tuple.__new__  # Entry() itself takes twice as long, for ten thousand lines
+        lines = self._split(text)
+        new = tuple.__new__  # twice as fast as Entry()
         entries = self._entries
-        for number, line in enumerate(lines if not text.isascii() else (), start=1):
-            if not line.isascii():
-                self._note(Odd.NOT_ASCII, number, 1 + next(n for n, each in enumerate(line) if not each.isascii()))
+        if not text.isascii():
+            for number, line in enumerate(lines, start=1):
+                if not line.isascii():
+                    self._note(Odd.NOT_ASCII, number, 1 + next(n for n, each in enumerate(line) if not each.isascii()))
         for number, line in enumerate(lines, start=1):
             key, equals, value = line.partition("=")
             if equals and key.isalnum() and value.strip() is value and ";" not in value and len(line) <= LONGEST + 1:
                 entry = new(Entry, (key, value, number, len(key) + 2))
-                # the usual line ends here: 9 of 10 lines are such, and a call for each would take a third of the time
+                # 9 of 10 lines end here; a call for each would take a third of the time
                 if entries.setdefault(key.lower(), entry) is not entry or entries is self._before:
                     self._doubt(entry, entries[key.lower()], 0)
             elif line:
@@ -312,23 +313,24 @@ class _Reader:
         return Document(self._sections, self._oddities, lines, self._headers, encoding, has_comments=self._has_comments)
 
     def _split(self, text: str) -> list[str]:
-        """Split at LF, CRLF and CR; str.splitlines would split at form feeds and others, too."""
+        """Split at LF, CRLF and CR; str.splitlines also splits at form feeds and others."""
         if text.rstrip("\r\n")[-1:] in tuple(END_MARKS):
             text = text.rstrip(f"\r\n{END_MARKS}") + ("\r\n" if "\r\n" in text else "\n")
             self._note(Odd.END_MARK, text.count("\n") + 1, 1)
-        if "\0" in text:  # said once: a binary file would have thousands of lines to complain of
+        if "\0" in text:  # reported once, because a binary file has thousands
             before = text[: text.index("\0")]
             self._note(Odd.BINARY, before.count("\n") + 1, len(before) - before.rfind("\n"))
         if "\r" not in text:
             return text.split("\n")
         pairs, returns, feeds = text.count("\r\n"), text.count("\r"), text.count("\n")
-        # CRLF throughout gives three equal numbers, CR alone (old Macs) one that is not 0.
+        # Only CRLF: three equal numbers; only CR (old Macs): one that is not 0.
         if len({pairs, returns, feeds} - {0}) > 1 or (not pairs and feeds):
             self._note(Odd.LINE_ENDS, 1, 1)
         return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
     def _other(self, number: int, line: str) -> None:
-        text, indent = line.strip(), len(line) - len(line.lstrip())
+        text = line.strip()
+        indent = len(line) - len(line.lstrip())
         if text.startswith("#"):
             self._note(Odd.HASH, number, 1)
         if not text or text[0] in "#;":
@@ -349,11 +351,11 @@ class _Reader:
         if not bracket or not name.strip() or (rest and not rest.startswith(";")):
             self._note(Odd.HEADER, number, indent + 1, text[:40])
         section = Section(name, number, indent + 1, {})
-        self._headers.append(number)  # also of a second one: `Rewriting` has to know where the first ends
+        self._headers.append(number)  # also for a repeated section, because `Rewriting` needs the end of the first
         first = self._sections.setdefault(name.strip().lower(), section)
         if first is not section:
             self._note(Odd.TWO_SECTIONS, number, indent + 1, f"[{name}], first in line {first.line}")
-        self._entries = section.entries  # of the second one, if it is there twice: those entries are in no section
+        self._entries = section.entries  # entries of a repeated section are not in the document
 
     def _entry(self, number: int, line: str, indent: int) -> None:
         key, _, rest = line.partition("=")
@@ -371,7 +373,7 @@ class _Reader:
             self._doubt(entry, first, indent)
 
     def _doubt(self, entry: Entry, first: Entry, indent: int) -> None:
-        """Note what is odd about an entry: it is in no section, it has no key, it is there already."""
+        """Note an entry outside a section, without a key, or repeated."""
         if self._entries is self._before:
             self._note(Odd.NO_SECTION, entry.line, indent + 1, entry.key[:40])
         elif not entry.key:
@@ -380,8 +382,8 @@ class _Reader:
             self._note(Odd.TWO_ENTRIES, entry.line, indent + 1, f"{entry.key[:40]}, first in line {first.line}")
 
     def _without_comment(self, number: int, column: int, value: str) -> str:
-        """Cut a comment off; a semicolon inside a word, as in a text value, starts none."""
-        # CiA 306 has comments only on lines of their own, but many editors put them here.
+        """Cut off a comment; a semicolon inside a word starts none."""
+        # CiA 306 allows comments only on their own lines, but many editors write them after values.
         start = 0 if value.startswith(";") else value.find(" ;") + 1 or value.find("\t;") + 1
         if not start and not value.startswith(";"):
             return value
@@ -392,47 +394,48 @@ class _Reader:
         self._oddities.append(Oddity(kind, line, column, text))
 
 
-# Changing single lines of a file; all others stay as they are: comments, order, letter case
+# Changing single lines of a file; all others are kept: comments, order, letter case
 
 
 class Rewriting:
-    """A document's text with entries set or left out and sections dropped; `text` gives it when all is done."""
+    """A document's text with entries set or removed, and sections dropped; `text` returns the result."""
 
     def __init__(self, document: Document) -> None:
         self._lines: list[str | None] = list(document.lines)
         if self._lines[-1:] == [""]:
-            del self._lines[-1]  # what follows the last line end is not a line
+            del self._lines[-1]  # the empty text after the last line end
         self._headers = [*document.headers, len(self._lines) + 1]
         self._added: dict[int, list[str]] = {}  # new lines by the number of the line they follow
 
     def set(self, section: Section, key: str, value: object) -> None:
-        """Give a key its value: in its line if it has one, else in a new line after the section's last."""
-        line, entry = f"{key}={value}", section.entries.get(key.lower())
+        """Set the value of a key in its line, or in a new line at the end of the section."""
+        line = f"{key}={value}"
+        entry = section.entries.get(key.lower())
         if entry:
             self._lines[entry.line - 1] = line
         else:
             numbers = range(self._next_header(section) - 1, section.line, -1)
-            # Before the empty lines at a section's end, which belong to the next one for a reader.
+            # Before the empty lines at the section's end.
             last = next((each for each in numbers if (self._lines[each - 1] or "").strip()), section.line)
             self._added.setdefault(last, []).append(line)
 
     def unset(self, section: Section, key: str) -> None:
-        """Leave a key's line out."""
+        """Remove a key's line."""
         entry = section.entries.get(key.lower())
-        if entry:  # the place is kept, so that the numbers of all other lines stay right
+        if entry:  # the line's place is kept, so that line numbers stay valid
             self._lines[entry.line - 1] = None
 
     def drop(self, section: Section) -> None:
-        """Leave a section out."""
+        """Remove a section."""
         end = self._next_header(section) - 1
         self._lines[section.line - 1 : end] = [None] * (end - section.line + 1)
 
     def append(self, name: str, entries: dict[str, object]) -> None:
-        """Put a new section at the end."""
+        """Append a new section."""
         self._lines += [f"[{name}]", *(f"{key}={value}" for key, value in entries.items())]
 
     def text(self) -> str:
-        """Return the whole text, an empty line before each section."""
+        """Return the whole text, with an empty line before each section."""
         lines: list[str] = []
         for number, line in enumerate(self._lines, start=1):
             if line is not None and line.startswith("[") and lines and lines[-1].strip():
@@ -446,8 +449,7 @@ class Rewriting:
         return self._headers[bisect_right(self._headers, section.line)]
 
 
-# The sections and keys of CiA 306, as it spells them. Readers look them up in lower case; other tools need them as
-# they are written here.
+# The sections and keys of CiA 306 in its spelling, which other tools need. Readers look them up in lower case.
 
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
@@ -456,7 +458,7 @@ BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 BIT_RATE_KEYS = tuple(f"BaudRate_{rate}" for rate in BIT_RATES)
 FLAGS = ("SimpleBootUpMaster", "SimpleBootUpSlave", "GroupMessaging", "LSS_Supported")
 IDENTITY = ("VendorNumber", "ProductNumber", "RevisionNumber")
-"""Keys of [DeviceInfo] that say the same as 0x1018 sub 1, 2 and 3."""
+"""Keys of [DeviceInfo] for the values of 0x1018 sub 1, 2 and 3."""
 
 FILE_INFO = ("FileName", "FileVersion", "FileRevision")
 TIMES, DATES = ("CreationTime", "ModificationTime"), ("CreationDate", "ModificationDate")
@@ -472,10 +474,10 @@ OBJECT_KEYS = ("SubNumber", "ParameterName", "ObjectType", "DataType", "AccessTy
 
 LIMITS, VALUES = ("lowlimit", "highlimit"), ("defaultvalue", "parametervalue")
 TYPED = (*LIMITS, *VALUES)
-"""Keys whose text goes by the data type, in lower case."""
+"""Keys whose value depends on the data type, in lower case."""
 
 OF_VARIABLE = ("datatype", "accesstype", "pdomapping", *TYPED)
-"""Keys of an object with a value, in lower case; an object with sub-indices does not have them."""
+"""Keys of an object with a value, in lower case; objects with sub-indices do not have them."""
 
 SECTION_KEYS: Mapping[str, tuple[str, ...]] = {
     "FileInfo": (*FILE_INFO, *ORIGIN, "EDSVersion", "LastEDS"),
@@ -490,12 +492,12 @@ OBJECT_LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
 """The sections that list the objects of a file (CiA 306-1, 4.6.1)."""
 
 COMMISSIONING = "DeviceComissioning"
-"""The section of node-ID and bit rate in a DCF, in the spelling of the standard."""
+"""Section with node-ID and bit rate in a DCF, in the standard's spelling."""
 
 SECTION_NAMES: Mapping[str, str] = {each.lower(): each for each in (*SECTION_KEYS, "Comments", *OBJECT_LISTS)} | {
     "devicecommissioning": COMMISSIONING
 }
-"""How the sections that belong to no object are spelled, by their names in lower case."""
+"""Spelling of sections other than objects, by lower-case name."""
 
 SPELLED_OBJECT_KEYS: Mapping[str, str] = {each.lower(): each for each in OBJECT_KEYS}
 SPELLED_KEYS: Mapping[str, Mapping[str, str]] = {
@@ -503,4 +505,4 @@ SPELLED_KEYS: Mapping[str, Mapping[str, str]] = {
     "comments": {"lines": "Lines", **{f"line{number}": f"Line{number}" for number in range(1, 1000)}},
     **{name.lower(): {"supportedobjects": "SupportedObjects"} for name in OBJECT_LISTS},
 }
-"""How keys are spelled, by their section and themselves in lower case."""
+"""Spelling of keys, by section and key in lower case."""

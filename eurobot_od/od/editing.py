@@ -1,7 +1,7 @@
-"""Changes to the text of an EDS or DCF: what is asked becomes other lines, and every other byte stays as it is.
+"""Changes to the text of an EDS or DCF; all other bytes stay the same.
 
-A change is a function from the document that a file is to the one that it is to be; `edited` writes the lines in which
-the two differ. What a patch can say of a file, a change can say in it (see `patches`).
+A change is a function from the present document to the new one; `edited` writes the lines that differ. Everything that
+a patch can say, a change can write into the file (see `patches`).
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ from eurobot_od.od.values import DATA_TYPES, DUMMIES, MAPPING_OFFSET, Address, M
 Change: TypeAlias = Callable[[Document], Document]
 
 PROFILES = {each.stem: each for each in sorted(Path(__file__).with_name("profiles").glob("*.yaml"))}
-"""The objects of profiles, as patches, by the profile's number."""
+"""Files with the objects of profiles, as patches, by the profile's number."""
 
 PDO_BITS, PDO_NUMBERS = 64, 512
 MAPPED = {"DataType": "UNSIGNED32", "AccessType": "rw", "PDOMapping": "0"}
-"""What a mapping entry is that the file does not have yet."""
+"""Entries of a new mapping entry."""
 
 
 def said(target: str, entries: Mapping[str, str]) -> Change:
-    """Return the change that an object, or a sub-index, says this; an empty text takes a key away.
+    """Return the change that sets entries of an object or sub-index; an empty text removes a key.
 
-    `target` is an address, or a name; what the file does not have is added. Made, it raises DictionaryError.
+    `target` is an address or a name; a new object is added. The change raises DictionaryError.
     """
     patch = Patch(target, [ObjectPatch(target, 0, [Entry(key, text, 0, 1) for key, text in entries.items()])])
     return lambda document: patched(document, [patch])
 
 
 def removed(target: str) -> Change:
-    """Return the change that an object, or a sub-index, is not there; made, it raises DictionaryError, LocalError."""
+    """Return the change that removes an object or sub-index; it raises DictionaryError, LocalError."""
 
     def change(document: Document) -> Document:
         index, sub = address_in(document, target)
@@ -69,15 +69,15 @@ def removed(target: str) -> Change:
 
 
 def _is_part(name: str, index: int, sub: int | None) -> bool:
-    """Return whether a section, by its name in lower case, describes an object or a part of it, or one sub-index."""
+    """Return whether a section, by its lower-case name, belongs to an object, or to a sub-index if given."""
     named = parse_section_name(name)
     return named is not None and named.object_index == index and (sub is None or named.sub == sub)
 
 
 def mapped(pdo: str, targets: Sequence[str]) -> Change:
-    """Return the change that a PDO, such as TPDO2, carries these objects; one that is not there is made.
+    """Return the change that maps objects into a PDO, such as TPDO2, which is added if missing.
 
-    Made, it raises DictionaryError, LocalError.
+    The change raises DictionaryError, LocalError.
     """
 
     def change(document: Document) -> Document:
@@ -98,13 +98,14 @@ PDO_NAME = re.compile(r"(?P<direction>[RT]PDO)(?P<number>[1-9][0-9]{0,2})", re.I
 
 
 def _new_records(document: Document, pdo: str) -> list[ObjectPatch]:
-    """Return the records of a PDO as those of the first one are in CiA 301's profile, none if it is there."""
+    """Return the records of a missing PDO, as CiA 301's profile has them for the first PDO."""
     match = PDO_NAME.fullmatch(pdo)
     number = int(match["number"]) if match else 0
     if not match or number > PDO_NUMBERS:
         raise LocalError(f"{pdo} is not a PDO; write RPDO1 or TPDO1, up to {PDO_NUMBERS}")
     direction = PdoDirection[match["direction"].upper()]
-    first, index = direction.value, direction.value + number - 1
+    first = direction.value
+    index = direction.value + number - 1
     if index in DescribedDevice(document).objects:
         return []
     found = []
@@ -122,7 +123,7 @@ def _new_records(document: Document, pdo: str) -> list[ObjectPatch]:
 
 
 def _default_cob_id(direction: PdoDirection, number: int) -> str:
-    """Return the COB-ID of a new PDO, which is off; from the fifth on it has no identifier of its own."""
+    """Return the COB-ID of a new PDO, which is not valid; from the fifth PDO on it has no identifier."""
     bases = values.DEFAULT_PDO_BASES[direction]
     return (
         f"$NODEID+0x{values.NOT_VALID | bases[number - 1]:X}" if number <= len(bases) else f"0x{values.NOT_VALID:08X}"
@@ -130,12 +131,12 @@ def _default_cob_id(direction: PdoDirection, number: int) -> str:
 
 
 def _mapping_entry(device: DescribedDevice, carried: Mapping[Address, MappingEntry], target: str) -> MappingEntry:
-    """Return the entry of an object: as long as its type, or as the PDO carries it already; also of a dummy."""
+    """Return the mapping entry of an object or dummy, with its present length or the length of its type."""
     index, sub = numbered(target) or (0, None)
     if index not in DUMMIES:
         index, sub = address_in(device.document, target)
     address = index, sub or 0
-    if address in carried:  # a part of a text, or a BOOLEAN in a whole byte
+    if address in carried:  # may be a part of a text, or a BOOLEAN in a whole byte
         return carried[address]
     variable = device.variable(*address)
     type_ = DATA_TYPES.get(index) if variable is None else variable.type  # a dummy need not be in the file
@@ -145,28 +146,30 @@ def _mapping_entry(device: DescribedDevice, carried: Mapping[Address, MappingEnt
 
 
 def _mapping(records: DescribedRecords, entries: Sequence[MappingEntry]) -> Iterator[ObjectPatch]:
-    """Yield what the records of a PDO say: its entries, 0 behind them, how many there are, and whether it is valid."""
+    """Yield the patches of a PDO's records: its entries, zeros after them, their number, and whether it is valid."""
     for sub, each in enumerate(entries, start=1):
-        variable, text = records.entry(sub), f"0x{each.number:08X}"
+        variable = records.entry(sub)
+        text = f"0x{each.number:08X}"
         if variable is None:
             new = {"ParameterName": f"Application object {sub}", **MAPPED, "DefaultValue": text}
             yield _patch((records.mapping_index, sub), new)
         else:
             yield from _with_value(variable, each.number, text)
-    for variable in records.mapping.variables() if records.mapping else ():
+    variables = records.mapping.variables() if records.mapping else ()
+    for variable in variables:
         if variable.sub == 0:
             yield from _with_value(variable, len(entries), str(len(entries)))
         elif variable.sub > len(entries):
             yield from _with_value(variable, 0, "0x00000000")
     cob_id, setting = records.value(values.COB_ID), records.setting(values.COB_ID)
-    if setting and cob_id and cob_id.value & values.BASE_IDENTIFIER:  # one without an identifier stays off
+    if setting and cob_id and cob_id.value & values.BASE_IDENTIFIER:  # without an identifier it cannot be valid
         number = cob_id.value & ~values.NOT_VALID if entries else cob_id.value | values.NOT_VALID
         text = f"{values.NODE_ID}+0x{number:X}" if cob_id.relative else f"0x{number:08X}"
         yield from _with_value(setting, number, text)
 
 
 def _with_value(variable: DescribedVariable, number: int, text: str) -> Iterator[ObjectPatch]:
-    """Yield the patch by which a variable has a number, in the key in which it has its value; none if it has it."""
+    """Yield the patch that sets a variable to a number in its present key, if it differs."""
     if variable.value is None or variable.value.value != number:
         key = "ParameterValue" if variable.section.text("parametervalue") else "DefaultValue"
         yield _patch((variable.index, variable.sub), {key: text})
@@ -177,7 +180,7 @@ def _patch(address: Address, entries: Mapping[str, str]) -> ObjectPatch:
 
 
 def profile(name: str) -> Change:
-    """Return the change that a file has the objects of a profile, its own before those; raises UnknownName."""
+    """Return the change that adds the objects of a profile; present ones are kept. Raises UnknownName."""
     patch = read_patch(look_up("profile", name, PROFILES))
 
     def change(document: Document) -> Document:
@@ -192,9 +195,9 @@ def profile(name: str) -> Change:
 
 
 def edited(data: bytes, file: str, changes: Sequence[Change]) -> bytes:
-    """Return the bytes of an EDS or DCF with changes; `file` is what errors call it.
+    """Return an EDS or DCF with changes; `file` is its name in errors.
 
-    Raises DictionaryError and LocalError for a change that cannot be made, and for a file that has no lines to change.
+    Raises DictionaryError and LocalError for an impossible change, and for a file without lines.
     """
     before = readable(data, file)
     after = before
@@ -209,7 +212,7 @@ def edited(data: bytes, file: str, changes: Sequence[Change]) -> bytes:
 
 
 def readable(data: bytes, file: str) -> Document:
-    """Return an EDS or DCF whose text can be changed; raises DictionaryError for any other file."""
+    """Return the document of an EDS or DCF whose text can be changed; raises DictionaryError for others."""
     if formats.is_xml(data):
         raise DictionaryError(file, None, "a device description in XML; `export eds` makes the EDS that says the same")
     document = cia306.read(data)
@@ -223,7 +226,7 @@ LINES = re.compile(r"[^\r\n]*(?:\r\n|\r|\n|$)")
 
 
 class _Lines:
-    """The lines of a file with their ends, in which one document becomes another."""
+    """The lines of a file with their ends, which are changed from one document to another."""
 
     def __init__(self, text: str, document: Document) -> None:
         self._before = document
@@ -233,7 +236,7 @@ class _Lines:
         self._added: dict[int, list[str]] = {}  # new lines by the number of the line that they follow
 
     def become(self, after: Document) -> str:
-        """Return the text that says what another document says."""
+        """Return the text of another document."""
         for name, section in after.sections.items():
             if name in self._before.sections and section is not self._before.sections[name]:
                 self._change(self._before.sections[name], section)
@@ -260,7 +263,7 @@ class _Lines:
             self._add(self._last(old), added)
 
     def _drop(self, section: Section) -> None:
-        """Take the lines of a section, and the empty ones before it."""
+        """Remove the lines of a section, and the empty lines before it."""
         first = section.line
         while first > 1 and not self._lines[first - 2].strip():
             first -= 1
@@ -273,7 +276,7 @@ class _Lines:
         self._added.setdefault(after, []).extend(f"{line}{self._end}" for line in lines)
 
     def _last(self, section: Section) -> int:
-        """Return the number of the last line of a section that is not empty, nor a comment on what follows."""
+        """Return the number of a section's last line, without trailing empty lines and comments."""
         end = self._headers[bisect_right(self._headers, section.line)]
         said = [each for each in range(section.line, end) if not self._is_aside(each)]
         return max([*said, *(each.line for each in section.entries.values())])
@@ -283,7 +286,7 @@ class _Lines:
         return not line or line.startswith((";", "#"))
 
     def _place(self, name: str) -> int:
-        """Return the line after which a new section stands: that of the object before it, or else the last one."""
+        """Return the line after which a new section is inserted: behind the object before it, or 0."""
         sections = {each: section for each, section in self._before.sections.items() if _order(each) < _order(name)}
         ends = [(_order(each), self._last(section)) for each, section in sections.items()]
         return max(ends)[1] if ends else 0
@@ -297,16 +300,20 @@ def _key_order(entry: Entry) -> int:
 
 
 def _order(name: str) -> tuple[int, SectionName]:
-    """Return where a section stands among the others: objects by index, behind all that is not one."""
+    """Return the sort key of a section: objects by index, after all others."""
     named = parse_section_name(name)
     return (1, named) if named else (0, SectionName(0))
 
 
-PDO_COUNTS = {PdoDirection.RPDO: "NrOfRXPDO", PdoDirection.TPDO: "NrOfTXPDO"}
+PDO_COUNTS = {
+    "NrOfRXPDO": frozenset(values.COMMUNICATION_RECORDS[PdoDirection.RPDO]),
+    "NrOfTXPDO": frozenset(values.COMMUNICATION_RECORDS[PdoDirection.TPDO]),
+}
+"""Communication records by the key of their number in [DeviceInfo]."""
 
 
 def _with_lists(before: Document, after: Document) -> Document:
-    """Return a document whose lists of objects, and numbers of PDOs, have what is new, and have not what is gone."""
+    """Return a document with updated lists of objects and numbers of PDOs."""
     there, wanted = (DescribedDevice(each).objects.keys() for each in (before, after))
     sections = dict(after.sections)
     for name, indices in listed(sorted(wanted)).items():
@@ -319,12 +326,13 @@ def _with_lists(before: Document, after: Document) -> Document:
         if new != present:
             sections[name.lower()] = _list_of(old or Section(name, 0, 1, {}), new)
     info = sections.get("deviceinfo")
-    for direction, key in PDO_COUNTS.items() if info else ():
-        records = values.COMMUNICATION_RECORDS[direction]
-        if info and {each for each in there if each in records} != (
-            now := {each for each in wanted if each in records}
-        ):
-            sections["deviceinfo"] = info = info.saying(**{key: str(len(now))})
+    if info:
+        counts = {
+            key: str(len(wanted & records))
+            for key, records in PDO_COUNTS.items()
+            if there & records != wanted & records
+        }
+        sections["deviceinfo"] = info.saying(**counts)
     return after._replace(sections=sections)
 
 

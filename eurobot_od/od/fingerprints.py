@@ -1,13 +1,12 @@
-"""Fingerprints of messages: numbers that differ when two nodes would not read a frame alike.
+"""Fingerprints of messages: numbers that differ if two nodes would read a frame differently.
 
-A node has them in an object of its own, made by `make-eds` from the table: one number for all messages together, and
-one for each message of the table, whether the node has it or not. Why not an object that CANopen has: the revision
-number (0x1018:3) is raised by a person, who may forget it; the date and time of 0x1020 are a configuration tool's,
-which any write to the node resets. Both stay what they are.
+`make-eds` adds an object with them to each node: one number for all messages together, and one for each message of the
+table, whether the node has it or not. CANopen's own objects do not serve: the revision number (0x1018:3) depends on a
+person, and date and time in 0x1020 are reset by any write.
 
-A fingerprint covers name and identifier, the names, order and bits of what is mapped, and its units and codes. Ranges
-are not in it: whoever receives a value sees that it is out of range. The upper 11 bits are the identifier, so that
-messages can be told apart without their names.
+A fingerprint covers name and identifier, the names, order and bits of the mapped objects, their units and codes. Ranges
+are not included, because a receiver notices values out of range. The upper 11 bits are the identifier, so that messages
+can be identified without their names.
 """
 
 from __future__ import annotations
@@ -24,25 +23,25 @@ if TYPE_CHECKING:
     from eurobot_od.od.pdos import Mapped, Pdo
 
 FINGERPRINTS = 0x2F00
-"""The object with a node's fingerprints; sub-index `OF_ALL` is that of all messages, the messages follow."""
+"""Index of a node's fingerprints; sub-index `OF_ALL` is that of all messages, single messages follow."""
 
 OBJECT_NAME, ALL_NAME = "Message fingerprints", "All messages"
 OF_ALL, FIRST = 1, 2
 MOST_MESSAGES = 0xFE - 1
-"""Most messages that an object's sub-indices have room for."""
+"""Largest number of messages, limited by the sub-indices."""
 
 HASH_BITS = 21
-"""Bits of a fingerprint below the identifier."""
+"""Number of bits of a fingerprint below the identifier."""
 
 NOT_MAPPED = 0
-"""What a node answers for a message of its table that it has no PDO for: whoever moves that one need not tell it."""
+"""A node's answer for a message of its table without a PDO."""
 
 
 class MappedPart(NamedTuple):
-    """One entry of a mapping, as far as it decides how a frame is read.
+    """An entry of a mapping, as far as it affects how a frame is read.
 
-    Bits without a value have no `name`, and their `is_signed` is None. Names count: two fields of one width that have
-    changed places have the same entries.
+    A dummy has no `name`, and its `is_signed` is None. Names are included because two fields of the same width that are
+    swapped have the same entries.
     """
 
     name: str
@@ -53,7 +52,7 @@ class MappedPart(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The same in one text."""
+        """The entry as one text."""
         codes = sorted(self.meaning.codes.items())
         return f"{self.name} {self.entry:08X} {self.is_signed} {self.is_real} {self.meaning.unit} {codes}"
 
@@ -70,7 +69,7 @@ def of_all(fingerprints: Iterable[int]) -> int:
 
 
 def of_pdo(pdo: Pdo) -> int:
-    """Return the fingerprint of a message as a PDO maps it, valid or not."""
+    """Return the fingerprint of a PDO's message, valid or not."""
     return fingerprint(pdo.name, pdo.cob_id, map(_part, pdo.mapping))
 
 
@@ -82,7 +81,7 @@ def _part(mapped: Mapped) -> MappedPart:
 
 
 def in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[str, int]:
-    """Return the fingerprints of all messages by name, those of the node's own PDOs as these values map them now.
+    """Return the fingerprints of all messages by name, with the node's own PDOs as these values map them.
 
     Empty for a device whose file has no fingerprints.
     """
@@ -93,7 +92,7 @@ def in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[
 
 
 def at(sub: int, dictionary: Dictionary, value: Callable[[Address], Value]) -> int:
-    """Return the fingerprint at a sub-index of a node's object, as these values map its messages now."""
+    """Return the fingerprint at a sub-index of a node's object, as these values map its messages."""
     found = in_force(dictionary, value)
     if sub == OF_ALL:
         return of_all(found.values())
@@ -101,15 +100,15 @@ def at(sub: int, dictionary: Dictionary, value: Callable[[Address], Value]) -> i
 
 
 def own_in_force(dictionary: Dictionary, value: Callable[[Address], Value]) -> dict[str, int]:
-    """Return the fingerprints of a node's own PDOs by name, as these values map them now."""
+    """Return the fingerprints of a node's own PDOs by name, as these values map them."""
     return {pdo.name: of_pdo(pdo) for pdo in dictionary.read_pdos(value, lambda _: None)}
 
 
 class MessageDifference(NamedTuple):
-    """A message that another node maps differently: its name here, '' for one that only the other has.
+    """A message that another node maps differently; `name` is empty for a message that only the other node has.
 
-    `identifier` is the other node's, None if it does not have the message; `bits` tells that the identifier agrees, and
-    that something in the message does not.
+    `identifier` is the other node's, None if it does not have the message; `bits` is set if the identifiers agree and
+    the mappings do not.
     """
 
     name: str
@@ -118,7 +117,7 @@ class MessageDifference(NamedTuple):
 
 
 def differences(ours: dict[str, int], theirs: Sequence[int]) -> list[MessageDifference]:
-    """Return the messages whose fingerprints differ; what the other node does not map is no difference."""
+    """Return the messages with different fingerprints; messages that the other node does not map are ignored."""
     unmapped = theirs.count(NOT_MAPPED)
     theirs = [each for each in theirs if each != NOT_MAPPED]
     by_identifier = {each >> HASH_BITS: each for each in theirs}
@@ -129,7 +128,7 @@ def differences(ours: dict[str, int], theirs: Sequence[int]) -> list[MessageDiff
         there = moved.get(each & (1 << HASH_BITS) - 1)
         same = each >> HASH_BITS in by_identifier and there is None
         found.append(MessageDifference(name, each >> HASH_BITS if same else there, same))
-    # Which messages it does not map has no name on the bus: as many as are missing.
+    # The other node does not name the messages that it does not map, so only their number is compared.
     missing = [each for each in found if each.identifier is None]
     found = [each for each in found if each not in missing or len(missing) > unmapped]
     known = {each >> HASH_BITS for each in ours.values()} | {each.identifier for each in found}

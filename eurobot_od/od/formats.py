@@ -1,8 +1,7 @@
-"""Reads a device's file whatever its form: EDS and DCF (CiA 306), or XML (`xdd`, `objdictgen`).
+"""Reads a device's file in any format: EDS and DCF (CiA 306), or XML (`xdd`, `objdictgen`).
 
-`completed` gives what it says in other words than most: its sections under their usual names, PDOs written out. The
-file itself is never changed, and nothing is added that it does not say. Reading never raises; what is not XML becomes
-an `Oddity`.
+`completed` renames unusual sections and expands compact PDOs; it adds nothing that the file does not say. Reading never
+raises; malformed XML becomes an `Oddity`.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, 
 from eurobot_od.support.files import UNREADABLE, why_unreadable
 
 SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
-"""Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
+"""Suffixes of device files; of several with the same stem, the one with the last suffix is used: a DCF, not its EDS."""
 
 
 def files_in(folder: str | Path) -> list[Path]:
-    """Return a folder's device files, in the order of SUFFIXES and by name; raises DictionaryError if it has none."""
+    """Return a folder's device files, in the order of SUFFIXES and by name; raises DictionaryError if there is none."""
     files = [each for suffix in SUFFIXES for each in sorted(Path(folder).iterdir()) if each.suffix.lower() == suffix]
     if not files:
         raise DictionaryError(folder, None, "no EDS, DCF, XDD or XDC in this folder")
@@ -35,7 +34,7 @@ def files_in(folder: str | Path) -> list[Path]:
 
 
 def read(data: bytes) -> Document:
-    """Read the bytes of a file; nothing raises, what is odd is in the document."""
+    """Parse a file; nothing raises, irregularities are in the document."""
     return _read_xml(data) if is_xml(data) else cia306.read(data)
 
 
@@ -54,13 +53,13 @@ def _read_xml(data: bytes) -> Document:
 
 
 def is_xml(data: bytes) -> bool:
-    """Return whether a file begins as one in XML: no EDS begins so."""
+    """Return whether a file begins like XML."""
     is_wide = data.startswith(WIDE_MARKS)
     start = data[:200].decode("utf-16", "replace") if is_wide else data[:200].removeprefix(BOM_UTF8).decode("latin-1")
     return start.lstrip().startswith("<")
 
 
-# In usual words
+# Usual names
 
 COUNTS = {PdoDirection.RPDO: "nrofrxpdo", PdoDirection.TPDO: "nroftxpdo"}
 
@@ -70,22 +69,22 @@ FOREIGN = (
     (re.compile(rb"ethernet-powerlink\.org|_Powerlink\b"), "POWERLINK"),
     (re.compile(rb"^\s*\[Device\][^[]*^\s*VendCode\s*=", re.MULTILINE | re.IGNORECASE), "EtherNet/IP"),
 )
-"""What files of other networks, which have the same suffixes, are recognised by."""
+"""Patterns of files of other networks with the same suffixes."""
 
 
 def foreign_network(data: bytes) -> str:
-    """Say of which other network a device description is; nothing of one that may be CANopen's."""
+    """Return a sentence about a description for another network; empty if it may be CANopen's."""
     other = next((name for mark, name in FOREIGN if mark.search(data)), "")
     return other and f"a device description of {other}, not of CANopen"
 
 
 def no_objects(data: bytes) -> str:
-    """Say what a file is that describes no object of CANopen."""
+    """Return what a file without CANopen objects is."""
     return foreign_network(data) or "not an EDS: it describes no object"
 
 
 def completed(document: Document) -> Document:
-    """Return a document with all objects that it describes under the names that they have in CiA 306."""
+    """Return a document with all its objects under the names of CiA 306."""
     renamed = {name: usual_name(name) for name in document.sections if not name.isalnum() or looks_odd(name)}
     decimal = decimal_subs(document)
     sections = {
@@ -93,7 +92,7 @@ def completed(document: Document) -> Document:
         for name, each in document.sections.items()
     }
     for name, usual in renamed.items():
-        # Beside the odd one, which lint points at, and not in place of a section that is there in the usual form, too.
+        # The odd section stays for lint, and a section with the usual name has priority.
         if usual is not None and usual not in sections:
             sections[usual] = sections[name]._replace(name=usual)
     whole = document._replace(sections=sections)
@@ -104,10 +103,10 @@ DECIMAL_SUB = re.compile(r"([0-9a-f]{4})sub([0-9]{1,3})")
 
 
 def decimal_subs(document: Document) -> dict[str, str]:
-    """Return the usual names of sub-indices that a file counts in decimal, by their names in lower case.
+    """Return the hexadecimal names of sub-indices that a file counts in decimal, by lower-case name.
 
-    `sub9` is followed by `sub10`, there is none with a letter, and sub-index 0 says the highest as a decimal number. As
-    hexadecimal numbers they would be the addresses of other objects, so that anything less clear stays as it is.
+    A file counts in decimal if `sub9` is followed by `sub10`, no sub-index has a letter, and sub-index 0 is the highest
+    as a decimal number. Otherwise the numbers stay hexadecimal.
     """
     found: dict[str, str] = {}
     parts: dict[str, list[str]] = {}
@@ -127,20 +126,20 @@ def decimal_subs(document: Document) -> dict[str, str]:
 
 
 def looks_odd(name: str) -> bool:
-    """Return whether a section's name, in lower case, may be that of an object in an unusual form."""
+    """Return whether a lower-case section name may be that of an object in an unusual form."""
     return name[:1].isdigit() and parse_section_name(name) is None
 
 
 def usual_name(name: str) -> str | None:
-    """Return how CiA 306 names an object's section, from `0x1018`, `01018`, `1018 sub1` or `1018sub01`; else None."""
-    # CiA 306 writes four digits of the index, but none in front of the sub-index; editors differ in both.
+    """Return the name in CiA 306 for a section such as `0x1018`, `01018`, `1018 sub1` or `1018sub01`, or None."""
+    # CiA 306 has four digits of the index and no leading zero of the sub-index; editors differ.
     head, sub, tail = "".join(name.lower().split()).removeprefix("0x").partition("sub")
     usual = head.lstrip("0").zfill(4) + sub + (tail.lstrip("0") or tail[:1])
     return usual if parse_section_name(usual) else None
 
 
 def misspelled(document: Document) -> Iterator[Remark]:
-    """Yield the sections and keys that are not spelled as CiA 306 has them, and how they are spelled there."""
+    """Yield the sections and keys that differ from CiA 306's spelling, with that spelling."""
     for name, counted in decimal_subs(document).items():
         section = document.sections[name]
         yield Remark(section.line, f"section [{section.name}] named [{counted}]: its object counts in decimal")
@@ -148,7 +147,7 @@ def misspelled(document: Document) -> Iterator[Remark]:
         usual = cia306.SECTION_NAMES.get(name) or _object_name(name, section.name)
         if usual is not None and usual != section.name:
             yield Remark(section.line, f"section [{section.name}] named [{usual}]")
-        # What is neither a section of CiA 306 nor an object is the maker's own, and so are its keys.
+        # Other sections, and their keys, are the manufacturer's own.
         spelled = cia306.SPELLED_KEYS.get(name, cia306.SPELLED_OBJECT_KEYS if usual else {})
         for key, entry in section.entries.items():
             if entry.key != spelled.get(key, entry.key):
@@ -157,12 +156,12 @@ def misspelled(document: Document) -> Iterator[Remark]:
 
 def _object_name(name: str, written: str) -> str | None:
     if parse_section_name(name):
-        return written.strip().replace("SUB", "sub")  # the letter case of the digits is left to the file
+        return written.strip().replace("SUB", "sub")  # digits may have any letter case
     usual = usual_name(name) if looks_odd(name) else None
     return usual and usual.upper().replace("SUB", "sub")
 
 
-# CompactPDO (CiA 306-1, 4.5.2): communication records that have no sections of their own
+# CompactPDO (CiA 306-1, 4.5.2): communication records without sections
 
 
 def _compact_pdos(document: Document) -> Iterator[Section]:
@@ -173,7 +172,7 @@ def _compact_pdos(document: Document) -> Iterator[Section]:
     at = info.at("compactpdo")
     for direction, key in COUNTS.items():
         count = parse_number(info.text(key))
-        # The count is that of all PDOs, with those that have sections of their own; the others get the free numbers.
+        # The count includes PDOs with sections; the others get the free numbers.
         described = [each for each in values.COMMUNICATION_RECORDS[direction] if f"{each:04x}" in document.sections]
         missing = (each for each in values.COMMUNICATION_RECORDS[direction] if each not in described)
         for index, _ in zip(missing, range((count.value if count else 0) - len(described))):
@@ -193,7 +192,7 @@ def _record(at: HasPlace, index: int, direction: str, mask: int) -> Iterator[Sec
     yield _head(at, index, f"{direction} communication parameter", len(present) + 1)
     yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
     for sub, name in present.items():
-        # The first four PDOs have a COB-ID from the pre-defined connection set (CiA 301, 7.3.3), later ones have none.
+        # Only the first four PDOs have a default COB-ID (CiA 301, 7.3.3).
         is_without = sub == values.COB_ID and index & values.PDO_COUNT - 1 >= values.DEFAULT_PDOS
         default = f"0x{values.NOT_VALID:08X}" if is_without else ""
         yield _variable(at, f"{index:04X}sub{sub}", name, known_type(index, sub) or values.UNSIGNED32, default)
@@ -204,18 +203,18 @@ def _variable(at: HasPlace, name: str, title: str, type_: DataType, default: str
     return section_at(name, at, entries | ({"DefaultValue": default} if default else {}))
 
 
-# Numbers and values as every tool reads them, whatever an editor has written
+# Numbers and values in the form that every tool reads
 
 
 TEXTS = (values.VISIBLE_STRING, values.UNICODE_STRING)
 UNKNOWN_TYPE = values.DOMAIN._replace(name="a number, and of an unknown type")
-"""Stands for a type that nobody knows: its values are bytes."""
+"""Stands for an unknown type, whose values are bytes."""
 BYTES = (values.OCTET_STRING, values.DOMAIN, UNKNOWN_TYPE)
 
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def plain_number(text: str, type_: DataType | None = None) -> str | None:
-    """Write a number as every tool reads it, in its own words where they are; None for what is not a number."""
+    """Return a number in a form that every tool reads, unchanged if possible; None if it is not a number."""
     number = parse_number(text)
     if number is None:
         return None
@@ -234,9 +233,9 @@ PLAIN_RELATIVE = re.compile(r"\$NODEID\+(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def plain_value(text: str, type_: DataType) -> str | None:
-    """Write a value of a data type as every tool reads it; None if it does not fit the type."""
+    """Return a value in a form that every tool reads; None if it does not fit the data type."""
     number = parse_number(text) if type_ is UNKNOWN_TYPE and PLAIN.fullmatch(text) else None
-    if number and number.value >= 0:  # as whoever knows the type reads it, least significant byte first
+    if number and number.value >= 0:  # as bytes, least significant byte first
         return number.value.to_bytes(-(-number.value.bit_length() // 8) or 1, "little").hex()
     if type_ in TEXTS:
         return text
@@ -252,17 +251,17 @@ def plain_value(text: str, type_: DataType) -> str | None:
 SPELLED = {"TRUE": "1", "FALSE": "0"}
 WHOLE = re.compile(r"(?P<number>[+-]?[0-9]+)\.0*")
 UNIT = re.compile(r"(?P<number>[^\s]+)\s+(?![hHkKMG]$)[^\d\s\x00-\x1f+*,.;:=$-]{1,10}[0-9]?")
-"""A number and its unit; not `10 h`, which may be hexadecimal, nor a factor such as `k`."""
+"""A number with its unit; not `10 h`, which may be hexadecimal, nor a factor such as `k`."""
 
 
 def _without_unit(text: str) -> str:
-    """Return what stands before a unit, as in `100 ms`; an empty text without one."""
+    """Return the number in a text with a unit, such as `100 ms`; empty without a unit."""
     match = UNIT.fullmatch(text)
     return match["number"] if match else ""
 
 
 def _plain_integer(text: str, type_: DataType) -> str | None:
-    """Write an integer that has one reading, though no number of CiA 306: `20.0`, `+5`, `TRUE`, `100 ms`, `0b101`."""
+    """Return an unambiguous integer outside CiA 306 in plain form: `20.0`, `+5`, `TRUE`, `100 ms`, `0b101`."""
     text = SPELLED.get(text.upper(), _without_unit(text) or text)
     whole = WHOLE.fullmatch(text)
     text = whole["number"] if whole else text
@@ -278,7 +277,7 @@ def _plain_integer(text: str, type_: DataType) -> str | None:
 
 
 def _plain_time(text: str, type_: DataType) -> str | None:
-    """Write all the bits of a time as one number; canopen reads no other, and people write `2014-05-28 12:00`."""
+    """Return a time, such as `2014-05-28 12:00`, as one number, which canopen needs."""
     days, _, milliseconds = (parse_number(each) for each in text.partition(" "))
     if days and milliseconds and 0 <= days.value <= 0xFFFF and 0 <= milliseconds.value < values.DAY:
         return f"0x{days.value << 32 | milliseconds.value:X}"  # as Lely writes it
@@ -289,7 +288,7 @@ def _plain_time(text: str, type_: DataType) -> str | None:
 
 
 def _plain_bytes(text: str) -> str | None:
-    """Write bytes in hexadecimal digits; an editor may put 0x in front of them."""
+    """Return bytes as hexadecimal digits, without a leading 0x."""
     digits = text[2:] if text[:2].lower() == "0x" else text
     try:
         bytes.fromhex(digits)
@@ -299,7 +298,7 @@ def _plain_bytes(text: str) -> str | None:
 
 
 def _plain_real(text: str, type_: DataType) -> str | None:
-    """Write a REAL in decimal; editors also write its bits in hexadecimal, C's suffix, and a comma."""
+    """Return a REAL in decimal; editors also write its bits, C's suffix, and a decimal comma."""
     try:
         if text[:2].lower() == "0x":
             bits = parse_number(text)

@@ -1,4 +1,4 @@
-"""What the maker of a device says of it beside its file: words for error codes, units, and words for values.
+"""A manufacturer's texts about a device, in addition to its EDS: for error codes, units and values.
 
     emcy: {0xFF01: probe broken, 0x73xx: sensor}
     units:
@@ -7,8 +7,8 @@
       0x2003: {0: idle, 1: running}
       0x1002: {bit 0: door open, bit 7: fan blocked}
 
-It stands in `STEM.device.yaml` or `device.yaml` beside the EDS, or in a device package. It is data: it runs nothing.
-What does not fit the file is a warning with its line, and the rest counts.
+They are in `STEM.device.yaml` or `device.yaml` beside the EDS, or in a device package. An entry that does not fit the
+file is ignored with a warning.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from eurobot_od.support.yaml_shapes import Shape
 
 DEVICE_FILE = "device.yaml"
-"""What a maker says of a device beside its file: for one device of a folder `STEM.device.yaml`."""
+"""Name of the file; `STEM.device.yaml` for one of several devices in a folder."""
 
 BIT = re.compile(r"bit\s*([0-9]{1,2})", re.IGNORECASE)
 
 
 class MakersUnit(NamedTuple):
-    """What a number of an object counts: its physical value is `raw * factor + offset`, in the `unit`."""
+    """Scale of an object: its physical value is `raw * factor + offset`, in `unit`."""
 
     unit: str = ""
     factor: float = 1
@@ -45,14 +45,14 @@ class MakersUnit(NamedTuple):
 
 
 class ObjectWords(NamedTuple):
-    """Words for the values of an object, and for its bits."""
+    """Texts for the values of an object, and for its bits."""
 
     codes: Mapping[int, str]
     bits: Mapping[int, str]
 
 
 class MakersWords(NamedTuple):
-    """What a maker says in a `file`: of error codes by code, of objects by their names or numbers."""
+    """Texts from a `file`: for error codes by code, for objects by name or number."""
 
     file: str = ""
     emcy: Mapping[int, str] = {}
@@ -60,7 +60,7 @@ class MakersWords(NamedTuple):
     words: Mapping[str, ObjectWords] = {}
 
     def describe(self, objects: ObjectDictionary) -> None:
-        """Give the objects of a device their units and words; warns of one that it does not have."""
+        """Set units and texts of a device's objects; warns of an object that it does not have."""
         for variable, unit in self._found(objects, self.units):
             variable.unit, variable.factor = unit.unit, unit.factor
             variable.offset = unit.offset  # type: ignore[attr-defined]  # canopen has none
@@ -82,14 +82,14 @@ class MakersWords(NamedTuple):
 
 
 def device_yaml_of(file: Path) -> Path | None:
-    """Return the `device.yaml` of a device file; None if there is none."""
+    """Return the `device.yaml` of a device file, or None."""
     beside = (file.with_name(f"{file.stem}.{DEVICE_FILE}"), file.with_name(DEVICE_FILE))
     return next((each for each in beside if each.is_file()), None)
 
 
 @lru_cache
 def read_maker(file: Path) -> MakersWords:
-    """Read what a maker says; nothing, and a warning with the line, if it cannot be read."""
+    """Read a manufacturer's file; an unreadable one is empty, with a warning."""
     try:
         return parse_maker(read_whole(file).decode("utf-8", "replace"), str(file))
     except (FileError, YamlError, OSError) as error:
@@ -98,7 +98,7 @@ def read_maker(file: Path) -> MakersWords:
 
 
 def parse_maker(text: str, file: str) -> MakersWords:
-    """Read the text of what a maker says; raises YamlError."""
+    """Parse a manufacturer's file; raises YamlError."""
     from eurobot_od.support import yaml_shapes as shapes
 
     plain = plain_shapes()
@@ -112,7 +112,7 @@ def parse_maker(text: str, file: str) -> MakersWords:
 
 
 def plain_shapes() -> dict[Any, Shape[Any]]:
-    """Return how a unit and the words of an object are written, for any file that has them."""
+    """Return the shapes of a unit and of an object's texts, for any file that has them."""
     from eurobot_od.support import yaml_shapes as shapes
 
     unit = shapes.shape_of(MakersUnit, {**shapes.PLAIN, str: shapes.SCALAR})
@@ -126,7 +126,8 @@ def plain_shapes() -> dict[Any, Shape[Any]]:
 
 
 def _value_key(text: str) -> tuple[str, int]:
-    bit, number = BIT.fullmatch(text.strip()), parse_number(text.strip())
+    bit = BIT.fullmatch(text.strip())
+    number = parse_number(text.strip())
     if bit:
         return "bit", int(bit[1])
     if number is None or number.relative:
@@ -139,14 +140,14 @@ def _object_words(said: Mapping[tuple[str, int], str]) -> ObjectWords:
     return ObjectWords(of["value"], of["bit"])
 
 
-# Words for emergency error codes: `0x7310: speed`, `0x73xx: sensor`, `0xFF01..0xFF0F: axis`
+# Texts for emergency error codes: `0x7310: speed`, `0x73xx: sensor`, `0xFF01..0xFF0F: axis`
 
 KEY = re.compile(r"0x(?P<first>[0-9A-F]{1,4}|[0-9A-F]{2,3}X{1,2})(\.\.0x(?P<last>[0-9A-F]{1,4}))?", re.IGNORECASE)
-"""A code, a class of codes with an x for any digit, or the first and the last of a range."""
+"""A code, a class of codes with x for any digit, or a range."""
 
 
 def read_error_words(file: str | Path) -> dict[int, str]:
-    """Return the words by code; of several entries for a code the narrowest counts. Raises FileError."""
+    """Read a file and return the texts by code; the narrowest entry for a code applies. Raises FileError."""
     from eurobot_od.support.yaml_shapes import read_yaml
 
     return read_yaml(read_whole(file).decode("utf-8", "replace"), _error_words(), file)
@@ -156,7 +157,7 @@ def _error_words() -> Shape[dict[int, str]]:
     from eurobot_od.support.yaml_shapes import SCALAR, TEXT, converted, mapping
 
     def by_code(ranges: Mapping[range, str]) -> dict[int, str]:
-        # The narrowest comes last, and so replaces what wider entries say about its codes.
+        # The narrowest is last, and so replaces wider entries.
         widest_first = sorted(ranges.items(), key=lambda each: len(each[0]), reverse=True)
         return {code: str(text) for codes, text in widest_first for code in codes}
 
@@ -164,8 +165,9 @@ def _error_words() -> Shape[dict[int, str]]:
 
 
 def _codes(key: str) -> range:
-    """Return the codes that a key stands for; raises LocalError for a key that stands for none."""
-    codes, found = range(0), KEY.fullmatch(key.strip())
+    """Return the codes of a key; raises LocalError for an invalid one."""
+    codes = range(0)
+    found = KEY.fullmatch(key.strip())
     if found is not None and not ("X" in found["first"].upper() and (len(found["first"]) < 4 or found["last"])):
         low, high = (int(found["first"].upper().replace("X", digit), 16) for digit in "0F")
         codes = range(low, (int(found["last"], 16) if found["last"] else high) + 1)

@@ -1,8 +1,8 @@
-"""What no key of an EDS says about an object: its unit, its plain values, and the values that mean something else.
+"""Meaning of an object's numbers that no key of an EDS has: unit, plain values, and codes.
 
-A protocol table says it, and `make-eds` writes it into the file's [Comments], one line for each object behind `HEAD`.
-CiA 306 leaves comments free and every tool keeps them, so this travels with the file. When a file is loaded, its
-objects get it, as they get what an editor's keys or a device.yaml say; from then on `units` and `words` say it.
+It comes from a protocol table; `make-eds` writes it into the file's [Comments], one line for each object after `HEAD`,
+because every tool keeps comments. Loading a file sets it on the objects, like units from an editor or a device.yaml;
+`units` and `words` then use it.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
 HEAD = "Units and codes (object | unit | plain values | codes):"
-"""The comment behind which a file says units and codes."""
+"""Comment before the lines with units and codes."""
 
 RESERVED_SIGNS = "|,=;#"
-"""What stands between the parts of a line, or begins a comment for some tools, and so is in none of them."""
+"""Characters that separate the parts of a line, or begin a comment for some tools; no part may contain them."""
 
 LINE = re.compile(r"([0-9A-F]{4}):(\d+) \| *([^|]*)\| *(?:(-?\d+)\.\.(-?\d+))? *\| *([^|]*)")
 SCALE = re.compile(r"(\d+(?:\.\d+)?)(?: +(.+))?")
 
 
 class ObjectMeaning(NamedTuple):
-    """What the numbers of an object mean: steps of a `unit`, `plain` numbers of them, and `codes` by name.
+    """Meaning of an object's numbers: `unit`, range of `plain` values, and `codes` by name.
 
-    The unit is as the table writes it, such as `mm`, `0.1 N` or `2`: with the size of a step where that is not 1.
+    The unit is as in the table, such as `mm`, `0.1 N` or `2`: with the step where that is not 1.
     """
 
     unit: str = ""
@@ -38,18 +38,18 @@ class ObjectMeaning(NamedTuple):
 
     @property
     def step(self) -> float:
-        """How many units one step is."""
+        """Value of one step, in the unit."""
         found = SCALE.fullmatch(self.unit)
         return float(found[1]) if found else 1
 
     @property
     def unit_alone(self) -> str:
-        """The unit without the size of a step."""
+        """The unit without the step."""
         found = SCALE.fullmatch(self.unit)
         return (found[2] or "") if found else self.unit
 
     def describe(self, variable: ODVariable) -> None:
-        """Give an object its unit, plain values and codes; a unit of the file's own keys counts more."""
+        """Set unit, plain values and codes of an object; a unit from the file's own keys has priority."""
         if not variable.unit and variable.factor == 1:
             variable.unit, variable.factor = self.unit_alone, self.step
         variable.value_descriptions = {number: name for name, number in self.codes.items()}
@@ -57,7 +57,7 @@ class ObjectMeaning(NamedTuple):
             variable.plain = self.plain  # type: ignore[attr-defined]  # canopen has none
 
     def line(self, address: Address) -> str:
-        """Return the comment that says this about the object at an address."""
+        """Return the comment for this meaning of the object at an address."""
         plain = f"{self.plain.low}..{self.plain.high}" if self.plain else ""
         codes = ", ".join(f"{name}={number}" for name, number in self.codes.items())
         index, sub = address
@@ -65,13 +65,13 @@ class ObjectMeaning(NamedTuple):
 
 
 NO_MEANING = ObjectMeaning()
-"""For an object of which a file says nothing more than its keys."""
+"""Meaning of an object without a comment."""
 
 
 def read_meanings(comments: Iterable[str]) -> dict[Address, ObjectMeaning]:
-    """Return what the comments of a file say about its objects."""
+    """Return the meanings of objects from a file's comments."""
     lines = iter(comments)
-    if HEAD not in (line.strip() for line in lines):  # which leaves the lines behind it
+    if HEAD not in (line.strip() for line in lines):  # consumes the lines up to HEAD
         return {}
     found = (LINE.fullmatch(line.strip()) for line in lines)
     return {(int(each[1], 16), int(each[2])): _meaning(*each.groups()[2:]) for each in found if each}

@@ -1,12 +1,11 @@
-"""Modules of a modular device (CiA 306-1, chapter 8): which a file supports, and the objects that connected ones bring.
+"""Modules of a modular device (CiA 306-1, chapter 8): those in a file, and the objects of connected ones.
 
-A bus coupler's EDS describes itself and the modules that may be plugged into it. `[M1FixedObjects]` lists the objects
-that a device has once as soon as module 1 is there, described by `[M1Fixed6423]`; `[M1SubExtends]` the arrays to which
-each module 1 adds sub-indices, described by `[M1SubExt6000]`. `Count=2` there means two sub-indices of a module;
-`Count=0;4` means 4 bits, of which as many modules as fit share a sub-index. A DCF says in `[ConnectedModules]` what is
-plugged in, by position.
+A bus coupler's EDS describes the coupler and its possible modules. `[M1FixedObjects]` lists objects that exist once if
+any module 1 is connected, described by `[M1Fixed6423]`. `[M1SubExtends]` lists arrays to which each module 1 adds
+sub-indices, described by `[M1SubExt6000]`: with `Count=2` two sub-indices; with `Count=0;4` 4 bits of a sub-index that
+several modules share. A DCF lists the modules by position in `[ConnectedModules]`.
 
-The file itself is not changed, and an object that the file has already is left as it is.
+Objects that the file has already are not changed.
 """
 
 from __future__ import annotations
@@ -27,28 +26,28 @@ SUPPORTED = "supportedmodules"
 MODULE_SECTION = re.compile(
     r"m(?P<module>\d{1,5})(?P<part>moduleinfo|comments|fixedobjects|subextends|fixed|subext)(?P<rest>.*)"
 )
-"""Names of modules' sections, in lower case."""
+"""Pattern of the names of modules' sections, in lower case."""
 
 EXTENSION_KEYS = ("count", "objextend")
-"""Keys of a [MxSubExt....] beside those of an object."""
+"""Keys of an [MxSubExt....] section in addition to those of an object."""
 
 COUNT = re.compile(r"(?:0\s*;\s*(?P<bits>[1-9]\d*)|(?P<subs>0[xX][0-9A-Fa-f]+|\d+))")
-"""Count: sub-indices of each module, or bits of it after `0;`."""
+"""Pattern of Count: sub-indices of each module, or bits after `0;`."""
 
 HIGHEST = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
-"""What is said of a sub-index 0 that the file does not describe."""
+"""Entries of a sub-index 0 that the file does not describe."""
 
 FIXED = re.compile(r"(m[0-9]+fixed[0-9a-f]{4})((?:sub.*)?)")
-"""A section of a fixed object, and the rest of its name."""
+"""Pattern of the section of a fixed object, and the rest of its name."""
 
 
 def is_of_modules(name: str) -> bool:
-    """Return whether the section of a name, in lower case, describes modules that may be connected."""
+    """Return whether a section, by its lower-case name, describes modules."""
     return name == SUPPORTED or MODULE_SECTION.fullmatch(name) is not None
 
 
 class Module(NamedTuple):
-    """A module that a file describes: its number, and what it is called."""
+    """A module in a file: its number, name and order code."""
 
     number: int
     name: str
@@ -59,9 +58,9 @@ class Module(NamedTuple):
 
 
 class Extension(NamedTuple):
-    """What a module adds to an array: `subs` sub-indices, or `bits` of a shared one, as `section` describes them.
+    """The sub-indices (`subs`), or the `bits` of a shared one, that a module adds to an array.
 
-    `last` is the highest sub-index, after which the next object goes on; 0 for none.
+    `last` is the highest sub-index of the array, after which the next object continues; 0 for none.
     """
 
     section: Section
@@ -71,33 +70,33 @@ class Extension(NamedTuple):
 
 
 def _position(key: str) -> tuple[int, str]:
-    """Return what sorts numbers, however long: a file may have thousands of digits."""
+    """Return the sort key of a number, which may have thousands of digits."""
     digits = key.lstrip("0")
     return len(digits), digits
 
 
 class Modules:
-    """The modules that a document describes, by number."""
+    """The modules in a document."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
 
     @cached_property
     def supported(self) -> dict[int, Module]:
-        """The modules with a [MxModuleInfo], by number."""
+        """Modules with an [MxModuleInfo], by number."""
         matches = ((MODULE_SECTION.fullmatch(name), section) for name, section in self.document.sections.items())
         infos = [(int(m["module"]), s) for m, s in matches if m and m["part"] == "moduleinfo" and not m["rest"]]
         return {number: Module(number, info.text("productname"), info.text("ordercode")) for number, info in infos}
 
     @cached_property
     def connected(self) -> list[Entry]:
-        """The entries of [ConnectedModules] in their positions."""
+        """Entries of [ConnectedModules], by position."""
         section = self.document.sections.get(CONNECTED)
         return sorted(section.numbered(), key=lambda each: _position(each.key)) if section else []
 
     def find(self, text: str) -> Module | None:
-        """Return the module with a number, or else with a name or an order code; None without."""
-        # The number first: [ConnectedModules] has nothing else, and a module may be called by digits.
+        """Return the module with a number, else with a name or an order code, or None."""
+        # The number has priority, because it is used in [ConnectedModules] and a name may consist of digits.
         number = parse_number(text)
         if number is not None and number.value in self.supported:
             return self.supported[number.value]
@@ -116,13 +115,13 @@ class Modules:
 
     @cached_property
     def brought(self) -> frozenset[int]:
-        """The indices of the objects that any module brings or extends; of those that overflow the first."""
+        """Indices of the objects that any module adds or extends; of several consecutive ones the first."""
         parts = ("fixedobjects", "subextends")
         return frozenset(each for number in self.supported for part in parts for each in self.indices(number, part))
 
     @cached_property
     def fixed(self) -> dict[str, list[tuple[str, Section]]]:
-        """The sections of fixed objects by module and index, such as `m1fixed2000`, with the rest of their names."""
+        """Sections of fixed objects by module and index, such as `m1fixed2000`, with the rest of their names."""
         found: dict[str, list[tuple[str, Section]]] = {}
         for name, section in self.document.sections.items():
             match = FIXED.fullmatch(name)
@@ -131,8 +130,9 @@ class Modules:
         return found
 
     def extension(self, module: int, index: int) -> Extension | None:
-        """Return what a module adds to the array at an index; None if no section describes it, or no Count fits."""
-        sections, head = self.document.sections, f"m{module}subext"
+        """Return a module's extension of the array at an index; None without a valid description."""
+        sections = self.document.sections
+        head = f"m{module}subext"
         section = sections.get(f"{head}{index:04x}") or sections.get(f"{head}{index:x}")
         if section is None:
             return None
@@ -146,9 +146,9 @@ class Modules:
 
 
 def with_modules(document: Document, texts: Sequence[str] | None = None) -> tuple[Document, list[Remark]]:
-    """Return a document with the objects of the connected modules, and what could not be connected.
+    """Return a document with the objects of connected modules, and remarks about those that cannot be connected.
 
-    `texts` are numbers or names of the modules in their positions; None for those of [ConnectedModules].
+    `texts` has the numbers or names of the modules by position; None for those of [ConnectedModules].
     """
     modules = Modules(document)
     if texts is None and not modules.connected:
@@ -169,10 +169,13 @@ def with_modules(document: Document, texts: Sequence[str] | None = None) -> tupl
 
 
 class _Array:
-    """An array that modules extend: its sub-indices from the modules, and the bits that are free in the last one."""
+    """An array that modules extend: its added sub-indices, and the free bits in the last one."""
 
     def __init__(self, first_free: int, head: Section | None) -> None:
-        self.first, self.next, self.free, self.head = first_free, first_free, 0, head
+        self.first = first_free
+        self.next = first_free
+        self.free = 0
+        self.head = head
         self.subs: dict[int, Section] = {}
 
     def add(self, section: Section) -> None:
@@ -181,10 +184,12 @@ class _Array:
 
 
 class _Built:
-    """The sections that connected modules add to a document."""
+    """Sections that connected modules add to a document."""
 
     def __init__(self, modules: Modules, from_file: bool) -> None:
-        self._modules, self._there, self._from_file = modules, modules.document.sections, from_file
+        self._modules = modules
+        self._there = modules.document.sections
+        self._from_file = from_file
         self._fixed: dict[str, Section] = {}
         self._arrays: dict[int, _Array] = {}
         self._first_with_room: dict[tuple[int, int], int] = {}
@@ -194,7 +199,7 @@ class _Built:
         self.misfits: list[Remark] = []
 
     def connect(self, module: Module) -> None:
-        """Add the objects of one more module."""
+        """Add the objects of one module."""
         self.numbers.append(module.number)
         if module.number not in self._fixed_modules:
             self._fixed_modules.add(module.number)
@@ -210,7 +215,7 @@ class _Built:
                 self._extend(module, number.value, extension)
 
     def _fix(self, module: int, index: int) -> None:
-        """Add an object that is there once, whatever the number of modules."""
+        """Add an object that exists once for any number of modules."""
         for tail, section in self._modules.fixed.get(f"m{module}fixed{index:04x}", ()):
             own = f"{index:04X}{tail}"
             if own.lower() not in self._there:
@@ -219,13 +224,13 @@ class _Built:
     def _extend(self, module: Module, index: int, extension: Extension) -> None:
         if extension.bits:
             array = self._array_with_room(index, extension)
-            # A module shares the sub-index of the one before as long as there are bits left (Count=0;bits).
+            # A module shares the sub-index of the previous one if there are free bits (Count=0;bits).
             if array and array.free >= extension.bits:
                 array.free -= extension.bits
                 return
             type_ = values.DATA_TYPES.get((parse_number(extension.section.text("datatype")) or values.Number(0)).value)
             self._add(module, index, extension, (type_.bits if type_ else 8) - extension.bits)
-        # No array takes more; a Count of billions must not keep a reader busy.
+        # Bounded, because a file may have a Count of billions.
         for _ in range(min(extension.subs, values.MOST_SUBS)):
             self._add(module, index, extension, 0)
 
@@ -240,8 +245,9 @@ class _Built:
             array.free = free
 
     def _array_with_room(self, index: int, extension: Extension) -> _Array | None:
-        """Return the array that takes the next sub-index: that at the index, or the one after it (ObjExtend)."""
-        last, asked = extension.last or values.MOST_SUBS, index
+        """Return the array for the next sub-index: at the index, or at one after it (ObjExtend)."""
+        last = extension.last or values.MOST_SUBS
+        asked = index
         index = self._first_with_room.get((asked, last), asked)
         while index <= 0xFFFF:
             if index not in self._arrays:
@@ -254,20 +260,20 @@ class _Built:
             if not extension.last:
                 return None
             index += 1
-            if not extension.bits:  # whole sub-indices never come free again: the full ones are passed once
+            if not extension.bits:  # an array without whole free sub-indices stays full
                 self._first_with_room[asked, last] = index
         return None
 
     def sections(self) -> dict[str, Section]:
-        """Return all sections that are new, or have other values than in the file."""
-        # A DCF that gives those sub-indices values has written out what its modules add: they are there already.
+        """Return all new or changed sections."""
+        # A DCF with values for these sub-indices has the sections already.
         extended = ((index, array) for index, array in self._arrays.items() if array.subs)
         arrays = [(index, each) for index, each in extended if not (self._from_file and each.first > len(each.subs))]
         made = (each for index, array in arrays for each in self._array_sections(index, array))
         return {**self._fixed, **{each.name.lower(): each for each in (*made, *self._module_list())}}
 
     def _module_list(self) -> Iterator[Section]:
-        """Yield the values of 0x1027, the modules' numbers, as far as the file describes it (CiA 301)."""
+        """Yield the entries of 0x1027, the modules' numbers, that the file describes (CiA 301)."""
         for sub, number in enumerate([len(self.numbers), *self.numbers]):
             section = self._there.get(f"{MODULE_LIST:x}sub{sub:x}")
             if section is not None:
@@ -275,7 +281,8 @@ class _Built:
 
     def _array_sections(self, index: int, array: _Array) -> Iterator[Section]:
         first = next(iter(array.subs.values()))
-        highest, title = array.next - 1, first.text("parametername")
+        highest = array.next - 1
+        title = first.text("parametername")
         if array.head is None:
             head = first._replace(name=f"{index:04X}", entries={})
             yield head.saying(ParameterName=title, ObjectType="0x8", SubNumber=str(highest + 1))
@@ -287,6 +294,6 @@ class _Built:
         yield zero.saying(DefaultValue=str(highest))
         for sub, section in array.subs.items():
             entries = {key: each for key, each in section.entries.items() if key not in EXTENSION_KEYS}
-            # CiA 306 has one name for all of them, by which none could be found.
+            # Numbered, because CiA 306 has one name for all sub-indices.
             own = section._replace(name=f"{index:04X}sub{sub:X}", entries=entries)
             yield own.saying(ParameterName=f"{title} {sub}")

@@ -1,7 +1,6 @@
-"""Which devices there are: files with node-IDs, a folder of files, a network file; and their dictionaries.
+"""The devices of a network: files with node-IDs, a folder of files, or a network file; and their dictionaries.
 
-Every device gets a node-ID and a name of its own here; otherwise loading ends with one line that says which file is in
-the way.
+Every device gets a unique node-ID and name; otherwise loading raises an error that names the file.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ from eurobot_od.support.files import read_whole
 
 
 def node_file(text: str) -> NodeFile:
-    """Read `FILE` or `NODE-ID=FILE`; raises DictionaryError for a node-ID that cannot be.
+    """Parse `FILE` or `NODE-ID=FILE`; raises DictionaryError for an invalid node-ID.
 
-    255 stands for a device without a node-ID, which only a simulated one can be.
+    255 is a device without a node-ID, which only a simulated one can be.
     """
     head, equals, file = text.partition("=")
     number = parse_number(head) if equals else None
     if number is None and (Path(text).exists() or not Path(file).is_file()):
-        return NodeFile(text)  # a path may have an equals sign, too
+        return NodeFile(text)  # a path may contain an equals sign
     if number is None or number.value not in (*NODE_IDS, UNCONFIGURED):
         raise DictionaryError(file, None, f"node-ID {head} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
     return NodeFile(file, number.value)
@@ -44,7 +43,7 @@ def node_file(text: str) -> NodeFile:
 def read_network(path: str | Path) -> NetworkFile:
     """Read a network: a folder of EDS and DCF files, `nodelist.cpj`, or a YAML file; raises FileError."""
     if Path(path).is_dir():
-        # By their stems, so that a DCF, which comes later, takes the place of its EDS
+        # By stem, so that a DCF, which is later, replaces its EDS.
         return NetworkFile([NodeFile(str(each)) for each in {each.stem: each for each in files_in(path)}.values()])
     read = READERS.get(Path(path).suffix.lower())
     if read is None:
@@ -56,16 +55,17 @@ def read_network(path: str | Path) -> NetworkFile:
 
 
 def is_network(path: str | Path) -> bool:
-    """Return whether a path names a network, by what it is or its suffix."""
+    """Return whether a path is a network, by its type or suffix."""
     return Path(path).is_dir() or Path(path).suffix.lower() in READERS
 
 
 def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
-    """Load the devices' files, ordered by node-ID; two of one name get their node-IDs after it.
+    """Load the devices' files, ordered by node-ID; devices with the same name get their node-ID as a suffix.
 
-    Raises DictionaryError as `Dictionary.load`, and if two have one node-ID; before it opens a file, if they say so.
+    Raises DictionaryError as `Dictionary.load`, and for a repeated node-ID.
     """
-    files, taken = list(nodes), dict[int | None, NodeFile]()
+    files = list(nodes)
+    taken = dict[int | None, NodeFile]()
     for each in files:
         if not each.file:
             raise DictionaryError(each.name or f"node {each.node_id}", None, "no file is named for this node")
@@ -73,21 +73,21 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
         if first is not each and each.node_id is not None:
             raise DictionaryError(each.file, None, f"node-ID {each.node_id} is taken by {Path(first.file).name}")
     loaded = sorted((each.load() for each in files), key=lambda each: each.node_id)
-    # sorted, so two of one node-ID are neighbours
+    # Sorted, so that equal node-IDs are adjacent.
     for one, other in pairwise(loaded):
         if one.node_id == other.node_id:
             raise DictionaryError(other.file, None, f"node-ID {other.node_id} is taken by {one.file.name}")
     counts = Counter(each.name for each in loaded)
-    # All of one name get it: a name must not depend on which file comes first.
+    # All devices with the name get a suffix, so that names do not depend on the order of files.
     return tuple(each.named(f"{each.name}_{each.node_id}") if counts[each.name] > 1 else each for each in loaded)
 
 
 class NodeFile(NamedTuple):
-    """A node: its EDS or DCF, its node-ID if that is said, its name if it is not the file's, its modules if said.
+    """A node: its EDS or DCF and, if given, node-ID, name and modules.
 
-    `patch` are the files that are laid over its own, `emcy` those with the maker's words for its error codes. `units`
-    and `words` say what its objects mean, as in a device.yaml (see `maker`). In a network file a node with a node-ID
-    may lack the `file`: then the library describes it, by the identity that it shows.
+    `patch` are files with patches, `emcy` files with texts for its error codes. `units` and `words` are as in a
+    device.yaml (see `maker`). In a network file, a node with a node-ID may lack `file`: then the library finds it by
+    the node's identity.
     """
 
     file: str = ""
@@ -100,20 +100,20 @@ class NodeFile(NamedTuple):
     words: Mapping[str, ObjectWords] = {}
 
     def load(self, node_id: int | None = None) -> Dictionary:
-        """Load its dictionary, for another node-ID if one is given; raises as `Dictionary.load`."""
+        """Load the dictionary, for another node-ID if given; raises as `Dictionary.load`."""
         return self.described(Dictionary.load(self.file, node_id or self.node_id, self.name, self.modules, self.patch))
 
     def described(self, dictionary: Dictionary) -> Dictionary:
-        """Return its dictionary with the units and words that are said here."""
+        """Return a dictionary with this node's units and texts."""
         if not (self.units or self.words):
             return dictionary
         return dictionary.described_by(MakersWords("network file", {}, self.units, self.words))
 
 
 class TrafficEntry(NamedTuple):
-    """How often a message is sent, as a network file says it, and what depends on that; empty for what is not said.
+    """When a message is sent, and its timing requirements, in a network file; empty if not given.
 
-    `every`, `jitter` and `deadline` are a duration, or the name of a setting in ms.
+    `every`, `jitter` and `deadline` are durations, or the name of a setting in ms.
     """
 
     every: str = ""
@@ -124,12 +124,11 @@ class TrafficEntry(NamedTuple):
 
 
 class NetworkFile(NamedTuple):
-    """What a network file says: its nodes, shared messages, messages by urgency, bit rate, what is sent how often.
+    """A network file: nodes, shared messages, messages by priority, bit rate, periods.
 
-    `robot` is the name of an installed robot (see `plugin`); such a file need not name nodes. `master` is the
-    node that leads the network, or any other name for a master without a file, such as a PC. `library` are folders of
-    device files for nodes that are not named here; `emcy` are files with words for error codes, `dbc` such that name
-    frames of other protocols.
+    `robot` is the name of an installed robot (see `plugin`); such a file need not have nodes. `master` is the name of
+    the NMT master, a node or a device without a file, such as a PC. `library` are folders of device files for other
+    nodes; `emcy` are files with texts for error codes, `dbc` files with names of frames of other protocols.
     """
 
     nodes: Annotated[Sequence[NodeFile], ByName()] = ()
@@ -144,7 +143,7 @@ class NetworkFile(NamedTuple):
     dbc: Annotated[Sequence[str], OneOrMore()] = ()
 
     def beside(self, file: str) -> NetworkFile:
-        """Return the same with all paths as they are from here, of a network file that says them from its folder."""
+        """Return the network with all paths relative to the folder of the network file."""
         folder = PurePath(file).parent
 
         def there(paths: Iterable[str]) -> tuple[str, ...]:
@@ -164,22 +163,23 @@ NODE_KEY = re.compile(r"node(\d{1,3})(?:present|name|dcfname)")
 
 
 def read_nodelist(text: str, file: str) -> NetworkFile:
-    """Read the text of a nodelist, its own path `file`; of several networks the first. Raises DictionaryError."""
+    """Parse the first network in a nodelist; `file` is its path. Raises DictionaryError."""
     topology = parse(text).sections.get("topology")
     if topology is None:
         raise DictionaryError(file, None, "not a nodelist: it has no [Topology]")
-    # A node may be named by any of its keys alone; one that does not say that it is present counts as present.
+    # A node may have any of its keys; without `present` it is present.
     numbers = dict.fromkeys(int(match[1]) for key in topology.entries if (match := NODE_KEY.fullmatch(key)))
     nodes = []
     for number in numbers:
         if parse_number(topology.text(f"node{number}present")) == Number(0):
             continue
-        dcf, eds = topology.text(f"node{number}dcfname"), topology.text("edsbasename")
+        dcf = topology.text(f"node{number}dcfname")
+        eds = topology.text("edsbasename")
         if not dcf and not eds:
             raise DictionaryError(file, None, f"line {topology.line}: node {number} has no Node{number}DCFName")
-        path = PurePath(file).parent / PureWindowsPath(dcf)  # both kinds of slashes are in use
+        path = PurePath(file).parent / PureWindowsPath(dcf)  # both kinds of slashes occur
         if eds and not (dcf and Path(path).is_file()):
-            # CANfestival and Beremiz: the node's EDS, in a folder of all EDS files.
+            # CanFestival and Beremiz have the node's EDS in a folder of all EDS files.
             path = PurePath(file).parent / PureWindowsPath(eds) / (dcf or f"{topology.text(f'node{number}name')}.eds")
         nodes.append(NodeFile(str(path), number, topology.text(f"node{number}name")))
     return NetworkFile(nodes)
@@ -193,7 +193,7 @@ def _as_in_an_eds(text: str) -> int:
 
 
 def not_understood(path: str | Path) -> Sequence[str]:
-    """Return a line for each key of a bus file that says something nobody knows; raises as `read_network`."""
+    """Return a line for each unknown key of a bus file; raises as `read_network`."""
     if Path(path).suffix.lower() not in BUS_FILES:
         return ()
     from eurobot_od.od import bus_file  # most start without YAML
@@ -203,9 +203,9 @@ def not_understood(path: str | Path) -> Sequence[str]:
 
 
 def read_network_file(text: str, file: str) -> NetworkFile:
-    """Read the text of a network file, its own path `file`; raises YamlError, or FileError if it names no nodes.
+    """Parse a network file; `file` is its path. Raises YamlError, or FileError if it has no nodes.
 
-    It may also be a bus file, the YAML of dcfgen and ros2_canopen (see `bus_file`).
+    It may also be a bus file of dcfgen or ros2_canopen (see `bus_file`).
     """
     from eurobot_od.od import bus_file  # most start without YAML
     from eurobot_od.support.yaml_shapes import PLAIN, SCALAR, converted, read_yaml, shape_of
@@ -228,4 +228,4 @@ def read_network_file(text: str, file: str) -> NetworkFile:
 
 
 READERS = {**dict.fromkeys(BUS_FILES, read_network_file), ".cpj": read_nodelist}
-"""Readers of a network file's text by its suffix."""
+"""Parsers of network files by suffix."""

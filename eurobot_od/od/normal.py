@@ -1,16 +1,16 @@
-"""Any EDS or DCF as the plain EDS that canopen, and every other tool, reads right: its normal form.
+"""The normal form of an EDS or DCF: a plain EDS that canopen and every other tool reads correctly.
 
-A normal form has no byte order mark, every section and key once and in the spelling of CiA 306, numbers in decimal or
-0x hexadecimal with `$NODEID+` in front, negative numbers with their sign, compact arrays and PDOs written out, the type
-of every variable, and the sections and counts that CiA 306 asks for. What has no place in it, such as an entry that is
-there twice or a default that does not fit its type, becomes a comment, so that nothing is lost. The normal form of a
-normal form is itself.
+A normal form has no byte order mark; every section and key once, in the spelling of CiA 306; numbers in decimal or 0x
+hexadecimal with `$NODEID+` in front; negative numbers with their sign; compact arrays and PDOs expanded; a type for
+every variable; and the sections and counts that CiA 306 requires. What has no place in it, such as a repeated entry or
+a default that does not fit its type, becomes a comment, so that nothing is lost. The normal form of a normal form is
+itself.
 
-canopen drops some of what even a normal form says, such as the limits of a REAL; `Normal.dropped` has it, for
-`dictionary` to set.
+canopen ignores some attributes even in normal form, such as limits of a REAL; `NormalizedEds.canopen_attributes` has
+them, for `dictionary` to set.
 
-Order matters: the objects come after the lists, an object before its sub-indices (canopen attaches them as they come),
-and the commissioning last, so that a DCF that was cut off has none.
+The order matters: objects come after the lists, an object before its sub-indices (as canopen expects), and the
+commissioning last, so that a truncated DCF has none.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from eurobot_od.od.standard import known_type
 from eurobot_od.od.values import NODE_ID, DataType, MappingEntry, Number, is_standard_number, parse_number
 
 NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
-"""Objects that hold nothing: a placeholder, and a type that is only named."""
+"""Objects without a value: a placeholder, and a type definition."""
 
 
 class Change(NamedTuple):
-    """What is written differently from the file: the line it is about, and what was done.
+    """A difference between the normal form and the file: its line, and what was changed.
 
-    `standard` tells that CiA 306 allows what stood there; the others mend what it does not. `guessed` tells that the
-    file does not say what is meant.
+    `standard` is set if CiA 306 allows the original; other changes repair the file. `guessed` is set if the meaning is
+    uncertain.
     """
 
     line: int
@@ -55,7 +55,7 @@ class Change(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Why an object, or one sub-index of it (None: the whole), cannot be used: the line it is about, and the reason."""
+    """An object, or a sub-index of it (None: the whole), that cannot be used: its line, and the reason."""
 
     index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
     sub: int | None
@@ -67,11 +67,11 @@ class Refusal(NamedTuple):
 
 
 NO_OBJECT = 0
-"""In the place of an index: what cannot be used is not an object, such as a module."""
+"""Index of a refusal that is not about an object, but, for example, a module."""
 
 
-class Dropped(NamedTuple):
-    """An attribute that canopen's object at an index and sub-index (None: the whole) does not get from the text."""
+class CanopenAttribute(NamedTuple):
+    """An attribute that canopen's object at an index and sub-index (None: the whole) needs in addition to the text."""
 
     index: int  # type: ignore[assignment]  # as above
     sub: int | None
@@ -79,20 +79,20 @@ class Dropped(NamedTuple):
     value: object
 
 
-class Normal(NamedTuple):
-    """A file in its normal form.
+class NormalizedEds(NamedTuple):
+    """A file in normal form.
 
-    `text` is that form, `encoding` the one of the file. `changes` is where the form differs from the file,
-    `refusals` what cannot be used of it, `dropped` what canopen does not read; `has_modules` says whether connected
-    modules have brought objects, `is_xml` whether the file is one in XML, `is_patched` whether patches lie over it.
-    `read` is what the text describes, if the file has been in this form and was read already.
+    `text` is that form, `encoding` the file's. `changes` lists the differences from the file, `refusals` what cannot be
+    used, `canopen_attributes` what canopen does not read. `has_modules` is set if connected modules have added objects,
+    `is_xml` if the file is in XML, `is_patched` if patches were applied. `read` is the parsed text, if the file was in
+    normal form.
     """
 
     text: str
     encoding: str
     changes: list[Change]
     refusals: list[Refusal]
-    dropped: list[Dropped]
+    canopen_attributes: list[CanopenAttribute]
     has_modules: bool = False
     is_xml: bool = False
     is_patched: bool = False
@@ -100,17 +100,17 @@ class Normal(NamedTuple):
 
     @property
     def device(self) -> DescribedDevice:
-        """The device as the text describes it: every variable has a section and a basic type."""
+        """The device in the text: every variable has a section and a basic type."""
         return self.read or DescribedDevice(parse(self.text))
 
     @property
     def deviations(self) -> list[Change]:
-        """What the file does not write as CiA 306 asks for, and was read as it is meant."""
+        """Changes that repair violations of CiA 306."""
         return [each for each in self.changes if not each.standard]
 
     @property
     def about(self) -> str:
-        """What the text says of the device: all but its objects."""
+        """The text without its objects."""
         first = AN_OBJECT.search(self.text)
         start = first.start() if first else len(self.text)
         end = self.text.find(f"\n[{cia306.COMMISSIONING}]", start)
@@ -119,12 +119,17 @@ class Normal(NamedTuple):
 
 def normal(
     data: bytes, file: object = "", modules: Sequence[str] | None = None, patches: Sequence[Patch] = ()
-) -> Normal:
-    """Return the normal form of an EDS or DCF; raises DictionaryError for what is not an EDS, or hides objects.
+) -> NormalizedEds:
+    """Return the normal form of an EDS or DCF.
 
-    `modules` are numbers or names of a modular device's modules, in their positions (CiA 306-1, 8); None for those that
-    the file says are connected. `patches` are laid over the file, modules' objects included.
-    Raises DictionaryError also for a module that the file does not have, and for a patch that does not fit.
+    Args:
+        data: bytes of the file
+        file: its name in errors
+        modules: numbers or names of modules, by position (CiA 306-1, 8); None for those connected in the file
+        patches: patches of the file and its modules' objects, applied in order
+
+    Raises:
+        DictionaryError: the file is not an EDS or may hide objects, a module is unknown, or a patch does not fit
     """
     document = formats.read(data)
     hiding = document.hiding
@@ -133,16 +138,15 @@ def normal(
         raise DictionaryError(str(file), None, f"not a readable EDS: line {hiding.line}: {what}")
     writer = _Writer(document, modules, patches)
     is_asked = modules is not None or any(CONNECTED in each.settings for each in patches)
-    for misfit in writer.misfits if is_asked else ():
-        raise DictionaryError(str(file), None, misfit.what)
+    if is_asked and writer.misfits:
+        raise DictionaryError(str(file), None, writer.misfits[0].what)
     return writer.write()
 
 
 def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]:
-    """Return a file in its normal form, with its own line ends, and what was changed; see `normal`.
+    """Return a file in normal form, with its own line ends, and the changes; see `normal`.
 
-    It is written in UTF-8, which canopen reads everywhere, but for a file with a value whose bytes that would change:
-    those are what the device serves.
+    It is in UTF-8, which canopen always reads, unless that would change the bytes of a value that the device serves.
     """
     made = normal(data, file)
     if not AN_OBJECT.search(made.text):
@@ -167,7 +171,7 @@ AN_OBJECT = re.compile(r"^\[[0-9A-Fa-f]{4}\]$", re.MULTILINE)
 VALUE_BEYOND_ASCII = re.compile(r"^(?:Default|Parameter)Value=.*[^\x00-\x7F]", re.MULTILINE)
 
 
-# What was looked over in reading
+# Irregularities that are repaired
 
 ODDITIES = {
     Odd.WIDE: "UTF-16 written as UTF-8",
@@ -187,18 +191,18 @@ ODDITIES = {
 
 
 class Comments(NamedTuple):
-    """The comments `above` and `below` each line, by its number; an entry or a section that is there twice is one."""
+    """Comments `above` and `below` each line, by number; repeated entries and sections become comments."""
 
     above: dict[int, list[str]]
     below: dict[int, list[str]]
 
 
 def _comments(document: Document) -> Comments:
-    """Find the comments: those right below an entry and before an empty line stay below it, others go with the next."""
+    """Return the comments: those directly below an entry and before an empty line belong to it, others to the next."""
     dead, beside = _dead_lines(document)
     found = Comments({}, {})
     if not (document.has_comments or dead or beside):
-        return found  # most large files, made by programs
+        return found  # as for most large files, which programs have made
     pending: list[str] = []
     last, is_right_below = 0, False
     for number, line in enumerate([*document.lines, ""], start=1):
@@ -207,18 +211,21 @@ def _comments(document: Document) -> Comments:
             pending.append(f";{text[1:]}")
             continue
         if not text and pending and is_right_below:
-            found.below[last], pending = pending, []
+            found.below[last] = pending
+            pending = []
         elif text and (pending or number in beside):
             found.above[number] = pending + beside.get(number, [])
             pending = []
-        last, is_right_below = (number, True) if text else (last, False)
+        is_right_below = bool(text)
+        if text:
+            last = number
     if pending:
         found.below.setdefault(last, []).extend(pending)
     return found
 
 
 def _dead_lines(document: Document) -> tuple[dict[int, str], dict[int, list[str]]]:
-    """Return the lines that say something for the second time, as comments, and the comments beside values."""
+    """Return repeated and stray lines as comments, and the comments beside values."""
     lines = document.lines
     dead: dict[int, str] = {}
     beside: dict[int, list[str]] = {}
@@ -236,10 +243,10 @@ def _dead_lines(document: Document) -> tuple[dict[int, str], dict[int, list[str]
 # The writer
 
 ENTRIES = {"lowlimit": "min", "highlimit": "max"}
-"""Where canopen keeps the limits of a variable."""
+"""canopen's attributes for the limits of a variable."""
 
 CANOPENS_SIGNED = (8, 16, 32, 64)
-"""Bits of the signed integers of which canopen reads the limits."""
+"""Sizes of signed integers whose limits canopen reads, in bits."""
 
 IGNORED_BY_CANOPEN = {
     "objflags": "obj_flags",
@@ -247,23 +254,23 @@ IGNORED_BY_CANOPEN = {
     "downloadfile": "download_file",
     "denotation": "denotation",
 }
-"""Keys that canopen ignores, and the attributes that get their values."""
+"""Keys that canopen ignores, and the attributes for their values."""
 
 RAW = {"defaultvalue": "default_raw", "parametervalue": "value_raw"}
-"""Where canopen keeps the text of a value, even of one that does not fit its type."""
+"""canopen's attributes for the text of a value, even if it does not fit its type."""
 
 NUMBERS = ("objecttype", "datatype", "subnumber", "pdomapping", "objflags")
 COMPACT_KEYS = ("compactsubobj", *cia306.OF_VARIABLE)
-"""What the section of a compact object says about its sub-indices."""
+"""Keys of a compact object that describe its sub-indices."""
 
 INFO_TEXTS = ("vendorname", "productname", "ordercode")
 
 LOOKS_LIKE_AN_OBJECT = re.compile(r"[0-9A-Fa-f]{4}([S|s]ub[0-9A-Fa-f]+)?$|[0-9A-Fa-f]{4}Name|DEFAULT$")
-"""Sections that canopen, or Python's configparser under it, takes for something else."""
+"""Pattern of sections that canopen, or Python's configparser, misreads."""
 
 
 class _Writer:
-    """Writes one file; comments go along with the entry or the header that they stand above."""
+    """Writes one file; comments stay with the entry or header below them."""
 
     def __init__(self, document: Document, modules: Sequence[str] | None, patches: Sequence[Patch]) -> None:
         described = with_settings(formats.completed(document), patches)
@@ -277,10 +284,10 @@ class _Writer:
         self._changes += (Change(*each) for each in formats.misspelled(document))
         lost = ((each.line, each.text) for each in document.oddities if each.kind is Odd.ADDRESS)
         self._refusals = [Refusal(NO_OBJECT, None, *each) for each in (*self.misfits, *lost)]
-        self._dropped: list[Dropped] = []
+        self._canopen_attributes: list[CanopenAttribute] = []
         self._out: list[str] = []
 
-    def write(self) -> Normal:
+    def write(self) -> NormalizedEds:
         device = self._device
         self._known("FileInfo")
         self._known("DeviceInfo")
@@ -296,8 +303,8 @@ class _Writer:
         left = (line for comments in self._comments for each in comments.values() for line in each)
         lines = [*self._out, *left, ""]
         same = lines == device.document.lines and not device.document.oddities
-        return Normal("\n".join(lines), device.document.text_encoding, sorted({*self._changes}), self._refusals,
-                      self._dropped, self._has_modules, device.document.is_xml, self._is_patched,
+        return NormalizedEds("\n".join(lines), device.document.text_encoding, sorted({*self._changes}), self._refusals,
+                      self._canopen_attributes, self._has_modules, device.document.is_xml, self._is_patched,
                       device if same else None)  # fmt: skip
 
     # Lines
@@ -312,7 +319,7 @@ class _Writer:
             self._line(section, f"[{name}]")
 
     def _line(self, at: Entry | Section, text: str) -> None:
-        """Write what stands in a line of the file, with the comments around it."""
+        """Write a line of the file, with the comments around it."""
         above, below = self._comments
         if at.line in above:
             self._out += above.pop(at.line)
@@ -321,8 +328,8 @@ class _Writer:
             self._out += below.pop(at.line)
 
     def _number(self, entry: Entry, key: str, text: str | None, type_name: str = "a number") -> None:
-        """Write an entry's value, already in its plain form; what is None becomes a comment."""
-        # A comment, so that whoever mends the file by hand still finds what stood there.
+        """Write an entry's value in plain form; an invalid one (None) becomes a comment."""
+        # As a comment, the original stays in the file.
         if text is None and entry.value:
             self._changes.append(Change(entry.line, f"{key} {entry.value[:40]} made a comment: not {type_name}"))
             self._line(entry, f";{key}={entry.value}")
@@ -336,28 +343,29 @@ class _Writer:
         self._line(entry, f"{key}={text}")
 
     def _as_comment(self, section: Section, why: str) -> None:
-        """Write a section that has no place here."""
+        """Write a section as a comment."""
         self._changes.append(Change(section.line, f"[{section.name}] made a comment: {why}", standard=True))
         self._out.append(f";[{section.name}]")
         for entry in section.entries.values():
             self._line(entry, f";{entry.key}={entry.value}")
 
-    # Sections that belong to no object
+    # Sections other than objects
 
     def _known(self, name: str) -> None:
-        """Write a section with the keys of CiA 306."""
+        """Write a section of CiA 306 that has fixed keys."""
         section = self._device.commissioning if name == cia306.COMMISSIONING else self._device.section(name.lower())
         self._head(name, section)
         spelled = cia306.SPELLED_KEYS[name.lower()]
-        for key, entry in section.entries.items() if section else ():
-            if key == "compactpdo" and section and (parse_number(entry.value) or Number(0)).value > 0:
+        entries = section.entries if section else {}
+        for key, entry in entries.items():
+            if key == "compactpdo" and (parse_number(entry.value) or Number(0)).value > 0:
                 self._changes.append(Change(entry.line, "CompactPDO written out", standard=True))
-            # configparser, with which canopen reads, takes the colon for the `=` and has another key.
+            # canopen's configparser takes a colon for `=`.
             elif ":" in key:
                 self._line(entry, f";{entry.key}={entry.value}")
             elif key in spelled and ((name == "DeviceInfo" and key not in INFO_TEXTS) or key in ("nodeid", "baudrate")):
                 number = formats.plain_number(entry.value)
-                # canopen reads NodeID with any base and Baudrate as decimal digits only.
+                # canopen reads Baudrate in decimal only.
                 text = None if number is None or NODE_ID in number else number
                 self._number(entry, spelled[key], str(int(text, 0)) if text and key == "baudrate" else text)
             else:
@@ -376,7 +384,7 @@ class _Writer:
             said = int(entry is not None and parse_number(entry.value) == Number(1))
             if section and entry is None:
                 self._changes.append(Change(section.line, f"{key}=0 added"))
-            # canopen leaves out a mapped dummy that is not enabled, and reads all fields after it at wrong bits.
+            # canopen skips a mapped dummy that is not enabled, and shifts all fields after it.
             if code in mapped and not said:
                 line = section.line if section else 1
                 self._changes.append(Change(line, f"{key} set to 1: a PDO maps it", standard=section is None))
@@ -396,11 +404,11 @@ class _Writer:
             self._line(entry, f"Line{number}={entry.value}")
 
     def _foreign(self, section: Section) -> None:
-        """Write a section that is neither CiA 306's nor an object's, as it is."""
+        """Write a section that is neither CiA 306's nor an object's."""
         name = section.name.strip()
         usual = formats.usual_name(name) if formats.looks_odd(name.lower()) else None
         sections = self._device.document.sections
-        # It has been written already, by its own function or as an object under its usual name.
+        # Already written, by its own function or as an object under its usual name.
         if name.lower() in cia306.SECTION_NAMES or (usual and sections[usual].line == section.line):
             return
         if name.lower() == CONNECTED and self._has_modules:
@@ -414,13 +422,13 @@ class _Writer:
             self._line(entry, f"{';' if ':' in key else ''}{entry.key}={entry.value}")
 
     def _lists(self) -> None:
-        """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
+        """Write the lists of objects, unchanged if they have exactly the present objects."""
         sections = {name: self._device.section(name.lower()) for name in cia306.OBJECT_LISTS}
         entries = {name: section.numbered() if section else () for name, section in sections.items()}
         numbers = {name: filter(None, (parse_number(e.value) for e in found)) for name, found in entries.items()}
         present = {name: [each.value for each in found] for name, found in numbers.items()}
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
-        # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
+        # Only wrong lists are changed, to keep the manufacturer's choice of list and order.
         if sorted(index for indices in present.values() for index in indices) != sorted(there):
             present = listed(sorted(there))
         for name, section in sections.items():
@@ -458,7 +466,7 @@ class _Writer:
             for sub in each.subs.values():
                 if sub.section is not section:
                     self._as_comment(sub.section, "its object holds nothing")
-        # A VAR without a data type that has sub-indices is a record which an editor has called VAR.
+        # A VAR with sub-indices and without a data type is a record that an editor has called VAR.
         elif each.code in SIMPLE and not each.compact and (section.text("datatype") or not _subs(each)):
             subs = _subs(each)
             own = DescribedVariable(each.index, 0, section) if subs else each.subs[0]
@@ -478,8 +486,8 @@ class _Writer:
         if "parametername" not in entries:
             self._out.append("ParameterName=")
         if each.code is not code and each.code is ObjectCode.DEFSTRUCT:
-            # canopen does not know DEFSTRUCT; to whatever reads and writes its members it is a record.
-            self._dropped.append(Dropped(each.index, None, "object_code", ObjectCode.DEFSTRUCT))
+            # canopen does not know DEFSTRUCT, which can be used like a record.
+            self._canopen_attributes.append(CanopenAttribute(each.index, None, "object_code", ObjectCode.DEFSTRUCT))
         type_text = f"ObjectType=0x{code.value:X}"
         if parse_number(section.text("objecttype")) != Number(code.value):
             self._changes.append(Change(section.at("objecttype").line, f"[{section.name}]: {type_text} written",
@@ -509,8 +517,9 @@ class _Writer:
             self._variable(f"{each.index:04X}sub{member.sub:X}", member, each)
 
     def _variable(self, name: str, each: DescribedVariable, whole: DescribedObject) -> None:
-        """Write a variable, with what it lacks in front."""
-        section, type_ = each.section, self._type(each, whole)
+        """Write a variable, preceded by its missing entries."""
+        section = each.section
+        type_ = self._type(each, whole)
         sub = each.sub if name[4:] else None
         self._head(name, section)
         if "parametername" not in section.entries:  # canopen raises KeyError without one
@@ -523,19 +532,20 @@ class _Writer:
             self._out.append(f"DataType=0x{type_.code:04X}")
         access = whole.subs[0].access if whole.compact and 0 in whole.subs else ""
         if not each.access and access:
-            # A device lets write the entries of a list exactly where it lets write their number (CiA 301, mappings).
+            # The entries of a list are writable if their number is (CiA 301, mappings).
             self._changes.append(Change(section.line, f"[{name}]: AccessType={access} added, that of sub-index 0"))
             self._out.append(f"AccessType={access}")
         elif not each.access:
             self._refusals.append(Refusal(each.index, sub, section.line, f"sub {each.sub} has no AccessType"))
-        if each.access == values.NO_ACCESS:  # canopen takes any AccessType with a `w` for one that can be written
-            self._dropped.append(Dropped(each.index, sub, "access_type", values.NO_ACCESS))
+        if each.access == values.NO_ACCESS:  # canopen takes any AccessType with a `w` for writable
+            self._canopen_attributes.append(CanopenAttribute(each.index, sub, "access_type", values.NO_ACCESS))
         if whole.code is ObjectCode.DOMAIN:
-            self._dropped.append(Dropped(each.index, sub, "object_code", ObjectCode.DOMAIN))
+            self._canopen_attributes.append(CanopenAttribute(each.index, sub, "object_code", ObjectCode.DOMAIN))
         for key, entry in section.entries.items():
             self._entry(each.index, sub, key, entry, type_)
-        for key, entry in self._limits_of_type(each) if each.type is None and type_.is_integer else ():
-            self._entry(each.index, sub, key, entry, type_)
+        if each.type is None and type_.is_integer:
+            for key, entry in self._limits_of_type(each):
+                self._entry(each.index, sub, key, entry, type_)
 
     def _limits_of_type(self, each: DescribedVariable) -> Iterator[tuple[str, Entry]]:
         """Yield the limits of a type of CanFestival's editor, such as INTEGER32[1-100], that a variable lacks."""
@@ -548,8 +558,9 @@ class _Writer:
                 yield key, entry
 
     def _entry(self, index: int, sub: int | None, key: str, entry: Entry, type_: DataType | None) -> None:
-        """Write what an entry says about an object, or of a variable if there is a type."""
-        text, spelled = entry.value, cia306.SPELLED_OBJECT_KEYS.get(key)
+        """Write an entry of an object, or of a variable if there is a type."""
+        text = entry.value
+        spelled = cia306.SPELLED_OBJECT_KEYS.get(key)
         if type_ is not None and key in cia306.TYPED:
             if key in ENTRIES:
                 limited = type_ if type_.is_integer or type_ in values.REALS else values.UNSIGNED64
@@ -560,7 +571,7 @@ class _Writer:
             elif text or (key == "defaultvalue" and type_ in (*formats.TEXTS, *formats.BYTES)):
                 plain = formats.plain_value(text, type_)
                 if plain is None:
-                    self._dropped.append(Dropped(index, sub, RAW[key], text))
+                    self._canopen_attributes.append(CanopenAttribute(index, sub, RAW[key], text))
                 self._number(entry, spelled or key, plain, type_.name)
             else:  # an empty ParameterValue would hide the default
                 self._number(entry, spelled or key, None)
@@ -579,27 +590,28 @@ class _Writer:
         else:
             self._line(entry, f";{entry.key}={text}")
         if key in IGNORED_BY_CANOPEN and text:
-            flags = parse_number(text) if key == "objflags" else None
-            value = text if key != "objflags" else flags.value if flags else 0
-            self._dropped.append(Dropped(index, sub, IGNORED_BY_CANOPEN[key], value))
+            value: object = text
+            if key == "objflags":
+                flags = parse_number(text)
+                value = flags.value if flags else 0
+            self._canopen_attributes.append(CanopenAttribute(index, sub, IGNORED_BY_CANOPEN[key], value))
         if key in SCALE and (real := formats.plain_value(text, values.REAL64)):
-            self._dropped.append(Dropped(index, sub, key, float(real)))
+            self._canopen_attributes.append(CanopenAttribute(index, sub, key, float(real)))
 
     def _limit(self, index: int, sub: int | None, attribute: str, text: str, type_: DataType) -> None:
-        """Keep a limit that canopen does not read."""
-        # canopen silently has None for these limits: of REALs, with `$NODEID`, and of signed integers of 24, 40, 48 or
-        # 56 bits.
+        """Note a limit that canopen does not read."""
+        # canopen silently ignores limits of REALs, with `$NODEID`, and of signed integers of 24, 40, 48 or 56 bits.
         number = parse_number(text)
         if type_ in values.REALS:
-            self._dropped.append(Dropped(index, sub, attribute, float(text)))
+            self._canopen_attributes.append(CanopenAttribute(index, sub, attribute, float(text)))
         elif number and (number.relative or (type_.is_signed and type_.bits not in CANOPENS_SIGNED)):
-            self._dropped.append(Dropped(index, sub, attribute, number))
+            self._canopen_attributes.append(CanopenAttribute(index, sub, attribute, number))
 
     def _type(self, each: DescribedVariable, whole: DescribedObject) -> DataType:
         """Return a variable's data type.
 
-        CanFestival's editor makes types of its own, and describes each as an object whose sub-index 1 is the basic
-        type. One that is left out is the standard's, or that of the array. Any other type is taken as DOMAIN: bytes.
+        CanFestival's editor defines its own types by objects whose sub-index 1 is the basic type. A missing type is
+        that of the standard, or of the array. Any other type is taken as bytes.
         """
         unknown = values.DOMAIN if whole.code is ObjectCode.DOMAIN else formats.UNKNOWN_TYPE
         if each.type:
@@ -609,20 +621,20 @@ class _Writer:
             basic = parse_number(self._device.document.text(f"{code.value:x}sub1", "defaultvalue")) if code else None
             return values.DATA_TYPES.get(basic.value, unknown) if basic else unknown
         if each.sub == 0 and whole.code not in SIMPLE:
-            return values.UNSIGNED8  # CiA 301: sub-index 0 always is
+            return values.UNSIGNED8  # as always for sub-index 0 (CiA 301)
         first = whole.subs.get(1) if whole.code is ObjectCode.ARRAY else None
         return known_type(each.index, each.sub) or (first.type if first else None) or unknown
 
 
 SCALE = ("factor", "offset")
-"""Keys of editors with a real number; canopen reads no Offset, and no Factor with a decimal comma."""
+"""Keys of editors with a real number; canopen ignores Offset, and Factor with a decimal comma."""
 
 CANOPENS_KEYS = {each.lower(): each for each in ("Factor", "Unit", "Description", "StorageLocation")}
-"""Keys that canopen reads, though CiA 306 does not have them."""
+"""Keys that canopen reads and CiA 306 does not have."""
 
 DUMMY_KEYS = tuple(f"dummy{code:04x}" for code in values.DUMMIES)
 
 
 def _subs(each: DescribedObject) -> list[DescribedVariable]:
-    """Return the sub-indices that have sections of their own."""
+    """Return the sub-indices with sections."""
     return [sub for sub in each.subs.values() if sub.section is not each.section]

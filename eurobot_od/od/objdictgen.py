@@ -1,6 +1,7 @@
-"""Reads the `.od` of CanFestival's editor, objdictgen: a Python object written as XML, which is read as data alone.
+"""Reads the `.od` of CanFestival's editor, objdictgen: a Python object in XML, which is read as data only.
 
-Such a file has the values of all objects, and the names and types of those that are not CiA 301's; these stand here.
+Such a file has the values of all objects; it has names and types only for objects outside CiA 301, those of CiA 301 are
+here.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from eurobot_od.od.values import COMMUNICATION_RECORDS, DEFAULT_PDO_BASES, MAPPI
 from eurobot_od.od.xml_tree import XmlElement
 
 ROOT = "PyObject"
-"""The first element of such a file, and its document type."""
+"""First element of such a file, and its document type."""
 
 MAPPINGS = ("UserMapping", "Profile", "DS302")
-"""Attributes that describe objects; the attribute `Dictionary` has the values."""
+"""Attributes with descriptions of objects; the attribute `Dictionary` has their values."""
 
 
 def read(root: XmlElement) -> Document:
-    """Read the first element of a file."""
+    """Convert the first element of a file into a document."""
     attributes = {each.attributes.get("name", ""): each for each in root.children}
     whole = attributes.get("Dictionary", root)
     rows = [row for name in MAPPINGS if name in attributes for row in _rows(attributes[name])]
@@ -44,7 +45,7 @@ COLLECTIONS = ("list", "tuple", "dict")
 
 
 def _text(element: XmlElement | None) -> str:
-    """Return a value as text; empty for none, and for a collection."""
+    """Return a value as text; empty if there is none, or a collection."""
     if element is None or element.attributes.get("type") in COLLECTIONS:
         return ""
     written = element.attributes.get("value", element.text)
@@ -52,19 +53,19 @@ def _text(element: XmlElement | None) -> str:
 
 
 def _whole(element: XmlElement | None) -> int:
-    """Return a whole number that is no larger than the highest index; 0 for anything else."""
+    """Return a whole number, at most the highest index; 0 for anything else."""
     number = parse_number(_text(element))
     return min(max(number.value, 0), 0xFFFF) if number else 0
 
 
 def _items(element: XmlElement) -> dict[str, XmlElement]:
-    """Return the values of a dictionary by the texts of their keys."""
+    """Return a dictionary's values by the texts of their keys."""
     pairs = (each.children for each in element.children if each.tag == "entry")
     return {_text(pair[0]): pair[1] for pair in pairs if len(pair) == 2}
 
 
 def _by_number(element: XmlElement) -> Iterator[tuple[int, XmlElement]]:
-    """Yield what a dictionary has by index."""
+    """Yield a dictionary's values by index."""
     for key, each in _items(element).items():
         number = parse_number(key)
         if number and 0 < number.value <= 0xFFFF:
@@ -72,18 +73,18 @@ def _by_number(element: XmlElement) -> Iterator[tuple[int, XmlElement]]:
 
 
 def _subs(each: XmlElement | None) -> list[XmlElement]:
-    """Return the values of an object from sub-index 1 on."""
+    """Return an object's values from sub-index 1 on."""
     return each.children if each is not None and each.attributes.get("type") in COLLECTIONS else []
 
 
-# What is said of objects
+# Descriptions of objects
 
 ALIKE = 4
-"""Bit of a structure whose sub-indices from 1 on are all described by one entry: an array."""
+"""Bit of `struct` for an array, whose sub-indices from 1 on have one description."""
 
 
 class SubRow(NamedTuple):
-    """What is said of one sub-index, or of so many that are alike."""
+    """Description of a sub-index, or of `repeated` equal ones."""
 
     name: str
     type: str
@@ -93,7 +94,7 @@ class SubRow(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What is said of the objects at some indices."""
+    """Description of the objects at some indices."""
 
     indices: range
     name: str
@@ -116,11 +117,11 @@ def _member(said: Mapping[str, XmlElement]) -> SubRow:
 
 
 COMPUTED = re.compile(r"(?P<words>[^%]*?)\s*(?:0x)?%.*\[.*\]")
-"""A name such as `Read inputs 0x%X to 0x%X[(sub*8-7,sub*8)]`, of which a program computes the numbers."""
+"""Pattern of a name with computed numbers, such as `Read inputs 0x%X to 0x%X[(sub*8-7,sub*8)]`."""
 
 
 def _named(name: str, number: int) -> str:
-    """Return a name, with one plain number in place of computed ones."""
+    """Return a name, with a plain number in place of computed ones."""
     match = COMPUTED.fullmatch(name)
     return f"{match['words']} {number}" if match else name
 
@@ -160,14 +161,14 @@ NAMES: Mapping[Container[int], tuple[str, ...]] = {
     },
     **{each: (f"{key.name} mapping parameter",) for key, each in MAPPING_RECORDS.items()},
 }
-"""Names of the objects of CiA 301, and of their sub-indices from 1 on."""
+"""Names of objects of CiA 301, each followed by those of its sub-indices from 1 on."""
 
 ARRAYS = (0x1003, 0x1010, 0x1011, 0x1016, 0x1029)
 MAPPABLE = (0x1001, 0x1002)
 
 
 def _of_standard(index: int, count: int) -> Row:
-    """Return what CiA 301 says of an object with so many sub-indices."""
+    """Return CiA 301's description of an object with `count` sub-indices."""
     name, *subs = next((names for indices, names in NAMES.items() if index in indices), (f"Object {index:04X}",))
     numbered = [*subs, *(f"{name} {sub}" for sub in range(len(subs) + 1, count + 1))]
     names = ["Highest sub-index supported", *numbered] if count else [name]
@@ -176,7 +177,9 @@ def _of_standard(index: int, count: int) -> Row:
         known = next((row for row in standard.KNOWN if index in row.indices and sub in row.subs), None)
         is_fixed = bool(known and "ro" in known.access) or index in standard.SDO_SERVERS
         is_counted = count and not sub and index not in (standard.ERROR_FIELD, *values.MAPPINGS)
-        type_ = known.type if known else values.UNSIGNED8 if count and not sub else None
+        type_ = known.type if known else None
+        if type_ is None and count and not sub:
+            type_ = values.UNSIGNED8
         access = "ro" if is_fixed or is_counted else "rw"
         members.append(SubRow(each, str(type_.code) if type_ else "", access, index in MAPPABLE))
     return Row(range(index, index + 1), name, index in ARRAYS, members)
@@ -191,12 +194,13 @@ def _about(root: XmlElement, attributes: Mapping[str, XmlElement], identity: Seq
     kind = said.get("Type", "")
     starts = {f"SimpleBootUp{each}": str(int(kind == each.lower())) for each in ("Master", "Slave")}
     numbers = dict(zip(("VendorNumber", "ProductNumber", "RevisionNumber"), map(_text, identity)))
-    rates = dict.fromkeys(BIT_RATE_KEYS, "1")  # as in the EDS files of that editor: the stack has no limit
+    rates = dict.fromkeys(BIT_RATE_KEYS, "1")  # as in that editor's EDS files
     yield section_at("DeviceInfo", root, {"ProductName": said.get("Name", ""), **numbers, **rates, **starts})
 
 
 def _object(index: int, each: XmlElement, rows: Sequence[Row]) -> Iterator[Section]:
-    subs, name = _subs(each), f"{index:04X}"
+    subs = _subs(each)
+    name = f"{index:04X}"
     row = next((row for row in rows if index in row.indices), None) or _of_standard(index, len(subs))
     members = [member for member in row.members for _ in range(member.repeated)]
     title = _named(row.name, row.indices.index(index) + 1)
@@ -212,7 +216,7 @@ def _object(index: int, each: XmlElement, rows: Sequence[Row]) -> Iterator[Secti
 
 
 def _variable(index: int, sub: int, each: XmlElement, said: Sequence[SubRow]) -> dict[str, str]:
-    """Return the entries of a variable, as far as something is said of it."""
+    """Return the entries of a variable, as far as it is described."""
     entries = {"ObjectType": "0x7", "DefaultValue": _value(index, _text(each))}
     for member in said:
         number = parse_number(member.type)
@@ -223,7 +227,7 @@ def _variable(index: int, sub: int, each: XmlElement, said: Sequence[SubRow]) ->
 
 
 COB_ID = re.compile(r"\{True:.*,False:(?P<other>\w+)\}\[base<4\]")
-"""The program in place of a PDO's COB-ID: that of the pre-defined connection set for the first four."""
+"""Pattern of the formula for a PDO's COB-ID: the default one for the first four PDOs."""
 
 
 def _value(index: int, text: str) -> str:

@@ -1,4 +1,4 @@
-"""What a configuration writes: which objects of a device are settings, and which are process data."""
+"""Classification of a device's objects into settings and process data."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ PROCESS_DATA = {cia401.PROFILE: cia401.PROCESS_DATA, cia402.PROFILE: cia402.PROC
 
 
 class Parameters:
-    """The settings of a device: what a configuration writes, a device stores and a DCF of it has.
+    """The settings of a device: objects that are configured, stored, and written to a DCF.
 
-    A setting may be mapped into PDOs; what is not one is `process_data`, a command or a history.
+    Settings may be mapped into PDOs; `process_data`, commands and histories are not settings.
     """
 
     def __init__(self, objects: ObjectDictionary, pdo_reader: PdoReader) -> None:
@@ -34,13 +34,15 @@ class Parameters:
 
     @cached_property
     def process_data(self) -> frozenset[Address]:
-        """What is process data by its profile (CiA 401, CiA 402), or by the mappings of the PDOs that are valid.
+        """Process data by the device profile (CiA 401, CiA 402), or by the mappings of valid PDOs.
 
-        An RPDO brings it; of what a TPDO carries, only `rwr` is not set by a master.
+        All objects in RPDOs are process data; in TPDOs only those with access `rwr`, as a master may set others.
         """
         found = set()
         for pdo in self._pdo_reader.pdos(unheard, listening=True):
-            for each in pdo.mapping if pdo.valid else ():
+            if not pdo.valid:
+                continue
+            for each in pdo.mapping:
                 if pdo.direction is PdoDirection.RPDO or each.variable.access_type == "rwr":
                     part = part_of(self._objects, each.variable)
                     found |= {each.address, part.whole if part else each.address}

@@ -1,4 +1,4 @@
-"""Patches of a device's file: a few lines of YAML, or a DCF, that say something about objects in place of the file.
+"""Patches of a device's file: YAML, or a DCF, with entries of objects that replace those of the file.
 
     0x6065: {DefaultValue: 2000, HighLimit: 5000}       # an object by index, index:sub-index or name
     Motion.Speed: {AccessType: rw, ParameterValue: 10}
@@ -8,11 +8,9 @@
     0x2201: {ParameterName: Lamps, ObjectType: RECORD}                      # a new one with sub-indices
     0x2201:1: {ParameterName: Left, DataType: BOOLEAN, AccessType: rw}
 
-From a DCF come the values of its objects, its commissioning and its connected modules; what it describes is left to the
-file.
+From a DCF, only the values of its objects, its commissioning and its connected modules are used.
 
-Rule of this file: a patch that does not fit is refused, with its line. Otherwise nobody would see that half of it has
-no effect.
+A patch that does not fit is refused with its line, so that no part of it is silently without effect.
 """
 
 from __future__ import annotations
@@ -35,21 +33,21 @@ from eurobot_od.od.standard import known_type
 from eurobot_od.od.values import DATA_TYPES, REAL64, DataType, label, parse_number
 
 CONFIGURATIONS = (".dcf", ".xdc")
-"""Suffixes of patches that are the configuration of a device; any other patch is YAML."""
+"""Suffixes of patches that are DCFs; any other patch is YAML."""
 
 COMMISSIONINGS = {cia306.COMMISSIONING.lower(), "devicecommissioning"}
 SETTINGS = (*COMMISSIONINGS, CONNECTED)
-"""Sections of a DCF that count as a whole."""
+"""Sections of a DCF that replace those of the file."""
 
 FILES = ("uploadfile", "downloadfile")
-"""Keys of a value that is in a file beside the DCF."""
+"""Keys for a value in a file beside the DCF."""
 
 NEEDED = ("ParameterName", "DataType", "AccessType")
-"""What a new variable has to say about itself."""
+"""Required keys of a new variable."""
 
 
 class ObjectPatch(NamedTuple):
-    """What a patch says about the object or variable that `target` names, in a `line`: entries with their own lines."""
+    """A patch of one object or variable, `target`: its line, and its entries with their lines."""
 
     target: str
     line: int
@@ -57,19 +55,19 @@ class ObjectPatch(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """A patch `file` as it is read: what it says of `objects`, and `settings`, sections in place of the file's."""
+    """A patch from a `file`: patches of `objects`, and `settings`, sections that replace those of the file."""
 
     file: str
     objects: Sequence[ObjectPatch]
     settings: Mapping[str, Section] = MappingProxyType({})
 
     def wrong(self, line: int, what: str) -> DictionaryError:
-        """Return the error of a line; one that was not read from a file has line 0."""
+        """Return the error for a line; 0 if the patch does not come from a file."""
         return DictionaryError(f"{self.file}:{line}" if line else self.file, None, what)
 
 
 def read_patch(file: str | Path) -> Patch:
-    """Read a patch; raises DictionaryError with the line of the first fault."""
+    """Read a patch; raises DictionaryError with the line of the first error."""
     bus, _, node = str(file).rpartition(NODE_OF_BUS)
     if Path(bus).suffix.lower() in BUS_FILES:
         return _of_bus(bus, node)
@@ -82,14 +80,14 @@ def read_patch(file: str | Path) -> Patch:
 BUS_FILES = (".yaml", ".yml")
 
 NODE_OF_BUS = "#"
-"""Before the name of the node whose patch is a part of a bus file: `bus.yml#drive`."""
+"""Separator of a bus file and the name of the node for the patch: `bus.yml#drive`."""
 
 
 def _of_bus(file: str, name: str) -> Patch:
     from eurobot_od.od.bus_file import load_bus
 
     _, writes = load_bus(file).writes(name)
-    last = {label(each.address): each for each in writes}  # what is written later counts
+    last = {label(each.address): each for each in writes}  # the last write applies
     said = {target: Entry("ParameterValue", str(each.value), each.line, 1) for target, each in last.items()}
     return Patch(file, [ObjectPatch(target, entry.line, [entry]) for target, entry in said.items()])
 
@@ -113,16 +111,16 @@ def _of_configuration(data: bytes, file: Path) -> Patch:
 
 
 def _configured(variable: DescribedVariable, file: Path) -> Iterator[Entry]:
-    """Yield the entries of a DCF that are a variable's value; files are where they stand beside the DCF."""
+    """Yield the entries of a variable's value in a DCF, with absolute paths of files."""
     for key in ("parametervalue", *FILES):
         entry = variable.section.entries.get(key)
         if entry and entry.value:
             text = str(file.parent.absolute() / entry.value) if key in FILES else entry.value
-            # A compact object's value has the sub-index as its key.
+            # The value of a compact object has its sub-index as key.
             yield entry._replace(key=cia306.SPELLED_OBJECT_KEYS[key], value=text)
 
 
-# Keys: each reader returns how the file would write a text, or None if it cannot be
+# Keys: each reader returns a text in the form of the file, or None if it is invalid
 
 
 def _object_type(text: str) -> str | None:
@@ -140,7 +138,7 @@ def _data_type(text: str) -> str | None:
 
 
 class PatchKey(NamedTuple):
-    """How a key's text is read, and what it may be."""
+    """Reader of a key's text, and the description of allowed texts."""
 
     read: Callable[[str], str | None]
     allowed: str
@@ -160,27 +158,27 @@ KEYS: Mapping[str, PatchKey] = {
     **dict.fromkeys(("factor", "offset"), PatchKey(lambda text: plain_value(text, REAL64), "a number")),
     **dict.fromkeys(FILES, PatchKey(lambda text: text or None, "a file")),
 }
-"""The keys of which the text alone says whether it can be; those of `document.TYPED` go by the variable's type."""
+"""Keys with a format of their own; those of `document.TYPED` depend on the variable's type."""
 
 OF_A_RECORD = ("parametername", "objecttype", "objflags", "denotation")
-"""The keys of an object with sub-indices; the others are of its sub-indices."""
+"""Keys that an object with sub-indices may have itself."""
 
 
 def with_settings(document: Document, patches: Iterable[Patch]) -> Document:
-    """Return a document with the sections that patches put in place of its own."""
+    """Return a document with the sections of patches in place of its own."""
     sections = dict(document.sections)
     for each in patches:
-        if COMMISSIONINGS & each.settings.keys():  # spelled in either way, it is one section
+        if COMMISSIONINGS & each.settings.keys():  # one section in two spellings
             sections = {name: section for name, section in sections.items() if name not in COMMISSIONINGS}
-        # Their lines are those of another file: a comment of this one must not go with them.
+        # Without the lines of the other file, so that no comment of this one is attached to them.
         sections |= {name: section.without_lines() for name, section in each.settings.items()}
     return document._replace(sections=sections)
 
 
 def patched(document: Document, patches: Iterable[Patch]) -> Document:
-    """Return a document with what patches say about its objects, one after the other.
+    """Return a document with patches of its objects, applied in order.
 
-    Raises DictionaryError with the patch's line for what does not fit.
+    Raises DictionaryError with the patch's line for an entry that does not fit.
     """
     for patch in patches:
         document = _Patching(document, patch).document()
@@ -188,26 +186,26 @@ def patched(document: Document, patches: Iterable[Patch]) -> Document:
 
 
 def address_in(document: Document, target: str) -> tuple[int, int | None]:
-    """Return index and sub-index of what a target names, None for a whole object and for a VAR; raises as `patched`."""
+    """Return index and sub-index of a target, None for a whole object or a VAR; raises as `patched`."""
     return _Patching(document, Patch(target, ())).address(ObjectPatch(target, 0, ()))
 
 
 def section_name(index: int, sub: int | None) -> str:
-    """Return the name of the section of an object, or of a sub-index."""
+    """Return the name of the section of an object or sub-index."""
     return f"{index:04X}" if sub is None else f"{index:04X}sub{sub:X}"
 
 
 class _Patching:
-    """One patch over one document; new objects have line 0, where no comment of the file stands."""
+    """Applies one patch to a document; new objects have line 0, so that they get no comments of the file."""
 
     def __init__(self, document: Document, patch: Patch) -> None:
         self._base, self._patch = document, patch
         self._objects = DescribedDevice(document).objects
         self._sections = dict(document.sections)
-        self._grown: dict[int, int] = {}  # the highest sub-index before, by index
+        self._grown: dict[int, int] = {}  # previous highest sub-index, by index
 
     def document(self) -> Document:
-        """Return the document with the whole patch."""
+        """Return the patched document."""
         for each in self._patch.objects:
             self._apply(each)
         for index, highest in self._grown.items():
@@ -227,10 +225,15 @@ class _Patching:
             what = f"ObjectType: {each.target} is there; only a new one has it"
             raise self._patch.wrong(own["objecttype"].line, what)
         entries = dict(section.entries)
-        for key in FILES if "parametervalue" in own else ("parametervalue",) if "downloadfile" in own else ():
-            entries.pop(key, None)  # a value and a file at once would leave it to each tool which of them counts
+        replaced: tuple[str, ...] = ()  # with both a value and a file, tools would disagree
+        if "parametervalue" in own:
+            replaced = FILES
+        elif "downloadfile" in own:
+            replaced = ("parametervalue",)
+        for key in replaced:
+            entries.pop(key, None)
         is_record = sub is None and self._is_record(index, own)
-        # The type first: the values go by it, wherever it stands.
+        # The type comes first, because values depend on it.
         for key, entry in sorted(own.items(), key=lambda pair: pair[0] in cia306.TYPED):
             if is_record and key not in OF_A_RECORD:
                 what = f"{entry.key}: {each.target} has sub-indices, which are named as 0x{index:04X}:1"
@@ -244,10 +247,10 @@ class _Patching:
         name = section_name(index, sub)
         self._sections[name.lower()] = section._replace(name=name, entries=entries)
 
-    # Which object
+    # Addresses
 
     def address(self, each: ObjectPatch) -> tuple[int, int | None]:
-        """Return index and sub-index of what a patch is about, None for the whole object, and for a VAR."""
+        """Return index and sub-index of a patch's target, None for a whole object or a VAR."""
         try:
             found = numbered(each.target)
         except LocalError as error:
@@ -261,7 +264,7 @@ class _Patching:
 
     @cached_property
     def _names(self) -> dict[str, list[tuple[int, int | None]]]:
-        """The addresses by ParameterName in lower case, of sub-indices after that of their object and a dot."""
+        """Addresses by ParameterName in lower case; `object.sub-index` for sub-indices."""
         found: dict[str, list[tuple[int, int | None]]] = {}
         for index, whole in self._objects.items():
             found.setdefault(whole.name.lower(), []).append((index, None))
@@ -280,7 +283,7 @@ class _Patching:
         return found[0]
 
     def _section(self, index: int, sub: int | None) -> Section | None:
-        """Return the section of an object or variable, also of one that CompactSubObj describes."""
+        """Return the section of an object or variable, also of a compact object."""
         section = self._sections.get(section_name(index, sub).lower())
         if section or sub is None or index not in self._objects:
             return section
@@ -296,7 +299,7 @@ class _Patching:
         return number is not None and number.value in {each.value for each in COMPOSED}
 
     def _new(self, each: ObjectPatch, index: int, sub: int | None, own: Mapping[str, Entry]) -> Section:
-        """Return the empty section of what the file does not have."""
+        """Return the empty section of a new object or sub-index."""
         needed = NEEDED[:1] if sub is None and self._is_record(index, own) else NEEDED
         missing = [key for key in needed if key.lower() not in own]
         if missing:
@@ -309,7 +312,7 @@ class _Patching:
         return Section(section_name(index, sub), 0, 1, {})
 
     def _grow(self, each: ObjectPatch, index: int) -> None:
-        """Remember the highest sub-index that an object had before it gets another one."""
+        """Note the highest sub-index of an object before one is added."""
         whole = self._objects.get(index)
         if whole is None and index not in self._grown:
             raise self._patch.wrong(each.line, f"there is no 0x{index:04X}: name it above, with `ObjectType: RECORD`")
@@ -318,10 +321,10 @@ class _Patching:
         if whole:
             self._grown.setdefault(index, _highest(each.sub for each in whole.variables()))
 
-    # What it says
+    # Entries
 
     def _text(self, entry: Entry, variable: DescribedVariable) -> str:
-        """Return what an entry says as every tool reads it; empty for what is taken away."""
+        """Return an entry's text in the form that every tool reads; empty for a removed entry."""
         name, text = entry.key, entry.value
         key = name.lower()
         if not is_text(text, self._base.text_encoding):
@@ -331,7 +334,8 @@ class _Patching:
             plain = _value(text, type_) if type_ and text else text
             allowed = type_.allowed if type_ else ""
         elif key in KEYS:
-            plain, allowed = KEYS[key].read(text), KEYS[key].allowed
+            plain = KEYS[key].read(text)
+            allowed = KEYS[key].allowed
         else:
             known = (cia306.SPELLED_OBJECT_KEYS.get(each, each.capitalize()) for each in (*KEYS, *cia306.TYPED))
             raise self._patch.wrong(entry.line, str(UnknownName("key", name, known)))
@@ -340,17 +344,18 @@ class _Patching:
         return plain
 
     def _count(self, index: int, before: int) -> None:
-        """Have an object count the sub-indices that it has now."""
+        """Update an object's number of sub-indices."""
         described = DescribedDevice(Document({k: v for k, v in self._sections.items() if k[:4] == f"{index:04x}"}))
         whole = described.objects[index]
         subs = [each.sub for each in whole.variables()]
         if whole.section is None:
             return
-        zero, highest = whole.variable(0), str(_highest(subs))
+        zero = whole.variable(0)
+        highest = str(_highest(subs))
         if zero is None:
             self._set(whole.section._replace(name=section_name(index, 0), entries={}), DefaultValue=highest, **HIGHEST)
         elif zero.value == (before, False):
-            # Only where it was that before: a PDO's mapping record says there how many entries are mapped.
+            # Not for a mapping record, whose sub-index 0 is the number of mapped objects.
             self._set(zero.section._replace(name=section_name(index, 0)), DefaultValue=highest)
         count = len({*subs, 0} - {values.STRUCTURE})
         if not whole.compact:
@@ -365,11 +370,11 @@ def _highest(subs: Iterable[int]) -> int:
 
 
 def _value(text: str, type_: DataType) -> str | None:
-    """Return a value or limit as every tool reads it; None if it does not fit the type."""
+    """Return a value or limit in the form that every tool reads; None if it does not fit the type."""
     plain = plain_value(text, type_)
     number = parse_number(text) if type_.is_integer else None
     if number is None or number.relative:
         return plain
-    # Only hexadecimal digits are the bits of a negative number: a decimal 40000 in an INTEGER16 is too large.
+    # Only hexadecimal digits are bits: a decimal 40000 in an INTEGER16 is too large.
     value = type_.meant(number.value) if "0x" in text.lower() else number.value
     return plain if type_.low <= value <= type_.high else None

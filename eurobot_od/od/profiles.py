@@ -1,7 +1,7 @@
-"""The objects that the profiles of drives and of I/O modules define, for devices without a file (CiA 401-1, CiA 402-2).
+"""Objects of the profiles of drives and I/O modules, for devices without a file (CiA 401-1, CiA 402-2).
 
-A device shows its profile by 0x1000, or by the objects that it has answered for. Names and types stand here. What their
-values mean is in `words`, and the units in `units`: they are asked through `dictionary_of`, as of any file's objects.
+A device's profile is known from 0x1000, or from the objects that it has answered for. Names and types are here; `words`
+and `units` give values their meaning, through `dictionary_of`, as for the objects of a file.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from eurobot_od.od.values import UNSIGNED8, UNSIGNED16, UNSIGNED32, Address, Dat
 from eurobot_od.od.words import SEVERAL
 
 AREA = range(0x6000, 0xA000)
-"""The objects of standardised device profiles (CiA 301, 7.4.1)."""
+"""Indices of standardised device profiles (CiA 301, 7.4.1)."""
 
 _I8, _I16, _I32 = (values.DATA_TYPES[code] for code in (0x02, 0x03, 0x04))
 
 
 class ProfileObject(NamedTuple):
-    """An object of a profile: its name, the type of its values, and its members' names from sub-index 1 on, if any."""
+    """An object of a profile: name, data type, and the names of its members from sub-index 1 on, if any."""
 
     name: str
     type: DataType
@@ -110,7 +110,7 @@ OF_DRIVES: Mapping[int, ProfileObject] = {
     0x6402: ProfileObject("Motor type", UNSIGNED16),
     0x6502: ProfileObject("Supported drive modes", UNSIGNED32),
 }
-"""The objects of an axis, by the indices of the first one (CiA 402-2)."""
+"""Objects of an axis, by the index on the first axis (CiA 402-2)."""
 
 _BLOCKS = tuple(f"Block {number}" for number in range(1, 9))
 _CHANNELS = tuple(f"Channel {number}" for number in range(1, 17))
@@ -146,10 +146,10 @@ OF_MODULES: Mapping[int, ProfileObject] = {
     0x6443: ProfileObject("Analogue output error mode", UNSIGNED8, _CHANNELS),
     0x6444: ProfileObject("Analogue output error value", _I32, _CHANNELS),
 }
-"""The objects of an I/O module; further blocks and channels have no name here (CiA 401-1)."""
+"""Objects of an I/O module; further blocks and channels have no names (CiA 401-1)."""
 
 OF_ANY: Mapping[int, ProfileObject] = {0x1001: ProfileObject("Error register", UNSIGNED8)}
-"""What devices of any profile map into PDOs."""
+"""Objects that devices of any profile map into PDOs."""
 
 PROFILES: Mapping[int, Mapping[int, ProfileObject]] = {cia402.PROFILE: OF_DRIVES, cia401.PROFILE: OF_MODULES}
 
@@ -163,11 +163,11 @@ SIGNS: Mapping[int, tuple[frozenset[int], frozenset[int]]] = {
         frozenset(each.value for each in cia401.DIGITAL_OUTPUTS[:1] + cia401.ANALOGUE_OUTPUTS[1:2]),
     ),
 }
-"""Two groups of objects for each profile, on the first axis: a device that has one of both has the profile."""
+"""Two groups of objects for each profile; a device with an object of each group has the profile."""
 
 
 def profile_shown(device_type: int, objects: Collection[int]) -> int:
-    """Return the profile that a device shows; 0: none.
+    """Return the observed profile of a device; 0 if unknown.
 
     Args:
         device_type: value of 0x1000; 0 if it is not known
@@ -180,9 +180,9 @@ def profile_shown(device_type: int, objects: Collection[int]) -> int:
 
 
 def object_of(profile: int, address: Address) -> ProfileObject | None:
-    """Return what a profile says of an object; without a profile, 0, what any of them says. None: nothing.
+    """Return an object of a profile, or of any profile if it is 0; None if there is none.
 
-    Of several profiles that counts which has the object with, or without, sub-indices; else the first one.
+    Of several profiles, one is preferred that has the object with, or without, sub-indices as in the address.
     """
     index, sub = address
     found = list(_named(profile, index))
@@ -190,7 +190,8 @@ def object_of(profile: int, address: Address) -> ProfileObject | None:
 
 
 def _named(profile: int, index: int) -> Iterator[ProfileObject]:
-    for each in (profile,) if profile in PROFILES else PROFILES:
+    profiles = (profile,) if profile in PROFILES else PROFILES
+    for each in profiles:
         first = cia402.on_first_axis(index) if each == cia402.PROFILE else index
         if found := PROFILES[each].get(first):
             axis = (index - first) // cia402.AXIS_STEP + 1
@@ -199,7 +200,7 @@ def _named(profile: int, index: int) -> Iterator[ProfileObject]:
 
 @lru_cache
 def dictionary_of(profile: int) -> Dictionary | None:
-    """Return a dictionary with the objects of a profile, of a drive for all axes; None for a profile without names."""
+    """Return a dictionary with the objects of a profile, for a drive of all axes; None for an unknown profile."""
     if profile not in PROFILES:
         return None
     axes = range(cia402.MOST_AXES if profile == cia402.PROFILE else 1)
@@ -209,7 +210,7 @@ def dictionary_of(profile: int) -> Dictionary | None:
 
 
 def device_type_text(profile: int) -> str:
-    """Return the section of an EDS that says that a device has a profile."""
+    """Return the section of an EDS for 0x1000 with a profile."""
     return variable_text(f"{DEVICE_TYPE[0]:X}", "Device type", UNSIGNED32.code, f"DefaultValue={profile}\n")
 
 

@@ -1,8 +1,8 @@
-"""A DCF of one node for another node of its kind: what follows the node-ID moves along.
+"""A DCF of one node for another node of the same type: values that follow the node-ID are changed.
 
 A value follows the node-ID if it is the default for its node: the file's `$NODEID+...`, the identifier of the
-pre-defined connection set (CiA 301, 7.3.3), or the device's own setting of its node-ID. A COB-ID that somebody chose
-does not: whether the other node is to have the same one, only who clones can say.
+pre-defined connection set (CiA 301, 7.3.3), or the device's setting of its node-ID. For any other COB-ID, the user must
+choose whether the other node gets the same one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class ChosenCobIds(Enum):
-    """What becomes of COB-IDs that do not follow the node-ID: they stay, or move by the same distance."""
+    """Treatment of COB-IDs that do not follow the node-ID: they stay, or move by the same distance."""
 
     KEEP = "keep"
     MOVE = "move"
@@ -38,23 +38,23 @@ PREDEFINED = {
         for number, base in enumerate(bases)
     },
 }
-"""COB-IDs of the pre-defined connection set without the node-ID, by their objects."""
+"""COB-IDs of the pre-defined connection set without the node-ID, by object."""
 
 FLAGS = values.NOT_VALID | values.NO_RTR
-"""Bits of a COB-ID entry beside its identifier; in an SDO's or EMCY's the second one is reserved."""
+"""Bits of a COB-ID entry beside its identifier; the second is reserved for SDO and EMCY."""
 
 
 def is_own_cob_id(address: Address) -> bool:
-    """Return whether an object holds the COB-ID of a service that the device itself has: PDO, EMCY, SDO server."""
+    """Return whether an object is the COB-ID of a service of the device itself: PDO, EMCY, SDO server."""
     index, sub = address
     is_pdo = index in values.COMMUNICATIONS and sub == values.COB_ID
     return is_pdo or address == standard.EMCY or (index in standard.SDO_SERVERS and sub in (1, 2))
 
 
 def relative_text(variable: DescribedVariable, value: int, node_id: int, is_node_id: bool = False) -> str | None:
-    """Return how a node's value is written that follows its node-ID, as `$NODEID+0x180`; None if it does not.
+    """Return the text for a value that follows the node-ID, such as `$NODEID+0x180`; None if it does not.
 
-    `is_node_id` marks the device's own setting of its node-ID.
+    `is_node_id` marks the device's setting of its node-ID.
     """
     address = variable.index, variable.sub
     text = variable.section.text("defaultvalue")
@@ -71,13 +71,13 @@ def relative_text(variable: DescribedVariable, value: int, node_id: int, is_node
 
 
 class ChosenCobId(NamedTuple):
-    """A COB-ID that a DCF gives a device, and that does not follow its node-ID."""
+    """A COB-ID in a DCF that does not follow the node-ID."""
 
     variable: DescribedVariable
     value: int
 
     def moved(self, distance: int) -> int:
-        """Return the COB-ID at this distance; raises DictionaryError if it is none of 11 bits."""
+        """Return the COB-ID moved by a distance; raises DictionaryError if it leaves 11 bits."""
         value = self.value + distance
         if (value ^ self.value) & ~values.BASE_IDENTIFIER or not value & values.BASE_IDENTIFIER:
             what = f"0x{values.identifier(self.value):03X} cannot be moved by {distance}"
@@ -86,14 +86,14 @@ class ChosenCobId(NamedTuple):
 
 
 def following(device: DescribedDevice, node_id: int) -> Iterator[tuple[DescribedVariable, str]]:
-    """Yield the variables of a DCF whose values follow the node-ID, and how these are written."""
+    """Yield the variables of a DCF whose values follow the node-ID, with their texts."""
     for variable, value in _own_values(device):
         if text := relative_text(variable, value, node_id, variable is device.own_node_id):
             yield variable, text
 
 
 def chosen_cob_ids(device: DescribedDevice, node_id: int) -> list[ChosenCobId]:
-    """Return the valid COB-IDs of a DCF that neither follow the node-ID nor are the same in all devices of the kind."""
+    """Return the valid COB-IDs of a DCF that neither follow the node-ID nor equal the type's default."""
     follow = {(each.index, each.sub) for each, _ in following(device, node_id)}
     found = []
     for variable, value in _own_values(device):
@@ -105,7 +105,7 @@ def chosen_cob_ids(device: DescribedDevice, node_id: int) -> list[ChosenCobId]:
 
 
 def _own_values(device: DescribedDevice) -> Iterator[tuple[DescribedVariable, int]]:
-    """Yield the variables that a DCF gives a number of this node alone."""
+    """Yield the variables of a DCF with a number as ParameterValue."""
     for whole in device.objects.values():
         for variable in whole.variables():
             number = variable.read(variable.section.text("parametervalue"))
@@ -114,12 +114,13 @@ def _own_values(device: DescribedDevice) -> Iterator[tuple[DescribedVariable, in
 
 
 def renumbered(dcf: Dictionary, node_id: int, chosen: ChosenCobIds | None = None) -> Dictionary:
-    """Return a DCF for another node than the one that it was made for; any other file, or its own node's, as it is.
+    """Return a DCF for another node; a file that is not a DCF, or for this node already, is returned unchanged.
 
-    `chosen` says what becomes of COB-IDs that do not follow the node-ID. Raises DictionaryError that lists them if it
-    is None, and for one that cannot be moved.
+    `chosen` is the treatment of COB-IDs that do not follow the node-ID. Raises DictionaryError with a list of them if
+    it is None, and for one that cannot be moved.
     """
-    device, former = dcf.device, dcf.device.commissioned_node_id
+    device = dcf.device
+    former = dcf.device.commissioned_node_id
     if former in (None, node_id) or device.commissioning is None or former not in values.NODE_IDS:
         return dcf
     found = chosen_cob_ids(device, former)
@@ -128,14 +129,15 @@ def renumbered(dcf: Dictionary, node_id: int, chosen: ChosenCobIds | None = None
     rewriting = Rewriting(device.document)
     for variable, text in following(device, former):
         rewriting.set(variable.section, "ParameterValue", text)
-    for each in found if chosen is ChosenCobIds.MOVE else ():
-        rewriting.set(each.variable.section, "ParameterValue", f"0x{each.moved(node_id - former):X}")
+    if chosen is ChosenCobIds.MOVE:
+        for each in found:
+            rewriting.set(each.variable.section, "ParameterValue", f"0x{each.moved(node_id - former):X}")
     rewriting.set(device.commissioning, "NodeID", node_id)
     return type(dcf).read(rewriting.text().encode(dcf.normal.encoding), dcf.file, node_id, dcf.name)
 
 
 def _question(found: list[ChosenCobId], former: int, node_id: int) -> str:
-    """Return the error about COB-IDs of which nobody has said what becomes of them."""
+    """Return the error about COB-IDs without a chosen treatment."""
     listed = ", ".join(
         f"{label((each.variable.index, each.variable.sub))} {_owner(each.variable.index)} "
         f"0x{values.identifier(each.value):03X}"

@@ -1,6 +1,6 @@
-"""What CiA 301 and 306 fix for every object dictionary: numbers, data types, access, COB-IDs, PDO numbering.
+"""Definitions of CiA 301 and 306 for every object dictionary: numbers, data types, access, COB-IDs, PDO numbering.
 
-Whatever needs one of these bits, ranges or indices imports it from here.
+All modules import these bits, ranges and indices from here.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Address: TypeAlias = tuple[int, int]
 """Index and sub-index of an object."""
 
 Value: TypeAlias = "int | float | str | bytes | None"
-"""What an object may hold; None is not a value at all."""
+"""Value of an object; None for no value."""
 
 Scalar = TypeVar("Scalar", int, float, str, bytes)
 
 
 def typed(value: object, kind: type[Scalar], name: str) -> Scalar:
-    """Return the value of an object as a Python type, an integer also as a float; raises LocalError for others."""
+    """Return a value with its Python type checked; an integer is accepted as a float. Raises LocalError for others."""
     if kind is float and isinstance(value, int):
         value = float(value)
     if not isinstance(value, kind):
@@ -36,10 +36,10 @@ def typed(value: object, kind: type[Scalar], name: str) -> Scalar:
 
 
 ALL_NODES = 0
-"""In place of a node-ID: a command to all nodes."""
+"""Node-ID of a command to all nodes."""
 
 NODE_IDS = range(1, 128)
-"""The node-IDs there are (CiA 301, 7.3.3); a value with `$NODEID` has to hold for all of them."""
+"""Valid node-IDs (CiA 301, 7.3.3)."""
 
 
 class Limits(NamedTuple):
@@ -49,42 +49,42 @@ class Limits(NamedTuple):
     high: int
 
 
-# Numbers, as a file writes them
+# Numbers in files
 
 NODE_ID = "$NODEID"
-"""Stands in a file for the node-ID, which is to be added to a number."""
+"""Placeholder in a file for the node-ID, which is added to a number."""
 
 DIGITS = {8: "01234567", 10: "0123456789", 16: "0123456789ABCDEFabcdef"}
 """The digits of each base."""
 
 LONGEST_NUMBER = 100
-"""More digits than any type has. What is longer is not a number, which saves converting a megabyte of digits."""
+"""Most digits of a number: more than any type has, but not a megabyte of them."""
 
 
 def typed_number(text: str) -> int:
-    """Read a number that a person types: decimal, 0x hexadecimal, 0b binary; raises ValueError, also for a long one."""
+    """Parse a number typed by a person: decimal, 0x hexadecimal, 0b binary; raises ValueError."""
     return int(_digits(text), 0)
 
 
 def typed_real(text: str) -> float:
-    """Read a number with or without a fraction that a person types; raises ValueError."""
+    """Parse a number typed by a person, with or without a fraction; raises ValueError."""
     return float(_digits(text))
 
 
 def _digits(text: str) -> str:
-    """Return a number's text; raises ValueError for what only Python reads as one: `1_000`, digits of other scripts."""
-    # A long one, too: `int` takes a time that grows with the square of the length.
+    """Return a number's text; raises ValueError for forms that only Python accepts, such as `1_000`."""
+    # The time of `int` grows with the square of the length.
     if len(text) > LONGEST_NUMBER or "_" in text or not text.isascii():
         raise ValueError(text)
     return text
 
 
 REMEMBERED_NUMBERS = 4096
-"""Numbers that are kept: a file repeats few different ones in thousands of entries."""
+"""Number of cached results; a file repeats few different numbers."""
 
 
 class Number(NamedTuple):
-    """A number of a file: its value, and whether the node-ID is to be added."""
+    """A number in a file: its value, and whether the node-ID is added."""
 
     value: int
     relative: bool = False
@@ -96,15 +96,15 @@ class Number(NamedTuple):
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def label(address: Address, name: str = "") -> str:
-    """Write an address for a person: `0x1017:0 Producer heartbeat time`."""
+    """Format an address and a name: `0x1017:0 Producer heartbeat time`."""
     return f"0x{address[0]:04X}:{address[1]} {name}".rstrip()
 
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def parse_number(text: str) -> Number | None:
-    """Read a number: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either.
+    """Parse a number: decimal, 0x hexadecimal or 0 octal, with or without `$NODEID+`; None if it is invalid.
 
-    Other forms that editors and compilers write are accepted, too: `10h`, `0x10UL`, `$NodeID`, `0x80 + $NODEID`.
+    Other forms of editors and compilers are accepted, too: `10h`, `0x10UL`, `$NodeID`, `0x80 + $NODEID`.
     """
     upper = text.strip().upper()
     value = _integer(upper)
@@ -118,24 +118,24 @@ def parse_number(text: str) -> Number | None:
 
 
 def _relative(upper: str) -> Number | None:
-    """Read a sum of the node-ID and numbers, in any order."""
+    """Parse a sum of `$NODEID` and numbers, in any order."""
     parts = [each.strip() for each in upper.strip("()").split("+")]
     if parts.count(NODE_ID) != 1:
         return None
     parts.remove(NODE_ID)
     numbers = [parse_number(each) for each in parts]
     if any(each is None or each.relative or each.value < 0 for each in numbers):
-        return None  # a difference could be below 0 for some node-IDs
+        return None  # could be below 0 for some node-IDs
     return Number(sum(each.value for each in numbers if each), relative=True)
 
 
 _FOREIGN = re.compile(r"(?P<sign>-?)(?:(?P<hex>[0-9][0-9A-F]*)H|(?P<number>(?:0X[0-9A-F]+|[0-9]+))[UL]{1,3})")
-"""Numbers of other languages: hexadecimal with an h, and C's suffixes."""
+"""Pattern of numbers of other languages: hexadecimal with an h, and C's suffixes."""
 
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def is_standard_number(text: str) -> bool:
-    """Return whether a number is written as CiA 306 writes it: every tool can read it."""
+    """Return whether a number has a form of CiA 306, which every tool can read."""
     first, plus, rest = (each.strip() for each in text.partition("+"))
     if first == NODE_ID:
         return not plus or (rest[:1] != "-" and _integer(rest.upper()) is not None)
@@ -143,11 +143,14 @@ def is_standard_number(text: str) -> bool:
 
 
 def _integer(text: str) -> int | None:
-    """Read a whole number; its digits are looked at first, because int() takes blanks, underscores and more signs."""
+    """Parse a whole number; its digits are checked, because `int` also accepts blanks, underscores and more signs."""
     digits = text.removeprefix("-")
-    # CiA 306: a leading 0 is octal; so is `010`, which many take for ten (lint has a rule for it).
-    base = 16 if digits.startswith("0X") else 8 if digits.startswith("0") else 10
-    digits = digits.removeprefix("0X")
+    base = 10
+    if digits.startswith("0X"):
+        base = 16
+        digits = digits.removeprefix("0X")
+    elif digits.startswith("0"):
+        base = 8  # in CiA 306; lint warns, because `010` may be meant as ten
     if not digits or digits.strip(DIGITS[base]) or len(digits) > LONGEST_NUMBER:
         return None
     return -int(digits, base) if text.startswith("-") else int(digits, base)
@@ -157,7 +160,7 @@ def _integer(text: str) -> int | None:
 
 
 class DataType(NamedTuple):
-    """A data type: its code, name, bits (0: no fixed length), and the lowest and highest value of an integer."""
+    """A data type: code, name, bits (0: no fixed length), and the lowest and highest value of an integer."""
 
     code: int
     name: str
@@ -177,26 +180,26 @@ class DataType(NamedTuple):
 
     @property
     def allowed(self) -> str:
-        """Its name and, of an integer, its range."""
+        """The name and, for an integer, the range."""
         return f"{self.name}, {self.low}..{self.high}" if self.is_integer else self.name
 
     def meant(self, value: int) -> int:
-        """Return what a written number is in this type: many editors write negative numbers as their bits."""
+        """Return a number in a file as a value of this type; many editors write negative numbers as bits."""
         return value - (1 << self.bits) if self.is_signed and self.high < value < 1 << self.bits else value
 
     @property
     def size(self) -> int:
-        """Bytes of a value in an SDO, 0 if they vary."""
+        """Length of a value in an SDO in bytes, 0 if it varies."""
         return (self.bits + 7) // 8
 
     def read(self, data: bytes) -> Value:
-        """Return the value that bytes from an SDO mean; raises ValueError for a length that the type does not have.
+        """Return the value of bytes from an SDO; raises ValueError for a wrong length.
 
-        Bytes that are not text in a text's encoding stay bytes, so that `write` gives every byte back.
+        Bytes that cannot be decoded as text stay bytes, so that `write` restores them.
         """
         if self.size not in (0, len(data)):
             raise ValueError(f"{len(data)} bytes are not {self.name}")
-        if self.bits == 1:  # CiA 301 has 0 and 1; any other byte counts as true, as in C
+        if self.bits == 1:  # any other byte than 0 is true, as in C
             return data != b"\0"
         if self.is_integer:
             return int.from_bytes(data, "little", signed=self.is_signed)
@@ -212,11 +215,11 @@ class DataType(NamedTuple):
             return data
 
     def write(self, value: Value) -> bytes:
-        """Return the bytes of a value in an SDO; bytes are taken as they are.
+        """Return the bytes of a value for an SDO; bytes are returned unchanged.
 
-        Raises ValueError for what is not a value of the type, OverflowError for a number too large for a REAL.
+        Raises ValueError for a value of another type, OverflowError for a number too large for a REAL.
         """
-        if isinstance(value, bytes):  # what `read` could not make sense of goes back as it came
+        if isinstance(value, bytes):  # such as those that `read` could not decode
             return value
         if isinstance(value, Real) and self.low <= value <= self.high and value % 1 == 0:
             return int(value).to_bytes(self.size, "little", signed=self.is_signed)
@@ -226,7 +229,7 @@ class DataType(NamedTuple):
             return value.encode(_TEXT_ENCODINGS[self.code])
         if self.code in TIMES and isinstance(value, str):
             return data(value, self.code == TIME_OF_DAY.code)
-        if self.code in TIMES and isinstance(value, int):  # a file has all the bits as one number
+        if self.code in TIMES and isinstance(value, int):  # a file has a time as one number
             return value.to_bytes(self.size, "little")
         raise ValueError(f"{value!r} is not {self.name}")
 
@@ -266,29 +269,28 @@ ACCESS_TYPES = ("ro", "wo", "rw", "rwr", "rww", "const")
 """AccessTypes of an EDS (CiA 306-1, 4.6.3.2); rwr and rww are rw, mappable into TPDOs, or into RPDOs."""
 
 NO_ACCESS = "none"
-"""Access of an object that no SDO reads or writes and a PDO may carry: `noAccess` of an XDD (CiA 311)."""
+"""Access of an object that only PDOs may carry: `noAccess` in an XDD (CiA 311)."""
 
 NO_ACCESS_IN_EDS = "UNKNOWN"
-"""AccessType that CANopenEditor writes into an EDS for such an object; CiA 306 has no word for it."""
+"""CANopenEditor's AccessType for such an object; CiA 306 has none."""
 
 WRITABLE = ("rw", "wo", "rwr", "rww")
-"""Access types that let an SDO write."""
+"""Access types of objects that an SDO may write."""
 
 DUMMIES = range(0x0001, 0x0008)
-"""Data types 1 to 7 stand for bits to be skipped when they are mapped (CiA 301, 7.4.8.2; RPDO only)."""
+"""Indices of dummies: mapped data types 1 to 7, whose bits an RPDO skips (CiA 301, 7.4.8.2)."""
 
 NOT_WRITTEN, NOT_SCANNED = 1, 2
-"""Bits of ObjFlags (CiA 306): who loads a configuration does not write the object, who scans a device does not read
-it."""
+"""Bits of ObjFlags (CiA 306): not written when a configuration is loaded, not read when a device is scanned."""
 
 STRUCTURE = 0xFF
-"""The sub-index that says what an object is, and holds no data of it (CiA 301, 7.4.9)."""
+"""Sub-index with the structure of an object, which is not data (CiA 301, 7.4.9)."""
 
 MOST_SUBS = 254
-"""Highest sub-index of data (CiA 301: 0xFF is the object's structure)."""
+"""Highest sub-index of data."""
 
 FIRST = 0x1000
-"""The first index of an object; what is below describes data types (CiA 301, 7.4.1)."""
+"""First index of an object; lower ones are data types (CiA 301, 7.4.1)."""
 
 PDO_PARAMETERS = range(0x1400, 0x1C00)
 """Indices of the communication and mapping parameters of PDOs (CiA 301, Table 39)."""
@@ -297,7 +299,7 @@ MANUFACTURER = range(0x2000, 0x6000)
 """Indices of manufacturer-specific objects (CiA 301, 7.4.1)."""
 
 NODE_ID_NAMES = ("node-id", "node id", "nodeid", "node_id")
-"""ParameterNames, in lower case, of a manufacturer-specific object that holds the device's own node-ID."""
+"""ParameterNames, in lower case, of a manufacturer-specific object with the device's node-ID."""
 
 # PDOs
 
@@ -310,30 +312,31 @@ class PdoDirection(Enum):
 
 
 MAPPING_OFFSET = 0x200
-"""From a PDO's communication record to its mapping record (CiA 301, 7.5.2.35)."""
+"""Distance from a PDO's communication record to its mapping record (CiA 301, 7.5.2.35)."""
 
 MAX_BITS = 64
-"""Bits of a PDO, and so of anything mapped into one (CiA 301, 7.4.8.2)."""
+"""Largest number of bits of a PDO (CiA 301, 7.4.8.2)."""
 
 PDO_COUNT = 0x200
-"""How many RPDOs, or TPDOs, a device may have (CiA 301)."""
+"""Largest number of RPDOs, or of TPDOs, of a device (CiA 301)."""
 
 COMMUNICATION_RECORDS = {each: range(each.value, each.value + PDO_COUNT) for each in PdoDirection}
 MAPPING_RECORDS = {
     each: range(records[0] + MAPPING_OFFSET, records[-1] + MAPPING_OFFSET + 1)
     for each, records in COMMUNICATION_RECORDS.items()
 }
-"""Indices of the records of all PDOs there may be."""
+"""Indices of the records of all possible PDOs, by direction."""
 
 COMMUNICATIONS = frozenset(index for records in COMMUNICATION_RECORDS.values() for index in records)
 MAPPINGS = frozenset(index for records in MAPPING_RECORDS.values() for index in records)
-"""The same without the direction."""
+"""Indices of the records of all possible PDOs."""
 
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
 
-SYNCHRONOUS, EVENT_DRIVEN = range(241), 255
-"""Transmission types of PDOs that follow a SYNC, and of those that a device profile rules (CiA 301, Table 68)."""
+SYNCHRONOUS = range(241)
+EVENT_DRIVEN = 255
+"""Transmission types of synchronous PDOs, and the event-driven one of device profiles (CiA 301, Table 68)."""
 
 MAPPABLE = {
     PdoDirection.RPDO: ("wo", "rww", "rw", NO_ACCESS),
@@ -342,18 +345,18 @@ MAPPABLE = {
 """Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""
 
 SLICE = re.compile(r"(?P<name>.+) [(\[](?P<high>\d{1,3}):(?P<low>\d{1,3})[)\]]$")
-"""ParameterName of a part of a value: `X position (11:4)` is its bits 11 down to 4; `[11:4]` says the same."""
+"""Pattern of the ParameterName of a slice: `X position (11:4)` or `[11:4]` is bits 11 down to 4 of the value."""
 
 
 class Multiplex(IntEnum):
-    """How a multiplexed PDO names its object: the value of sub-index 0 of its mapping (CiA 301, 7.5.2.36)."""
+    """Addressing of a multiplexed PDO: the value of sub-index 0 of its mapping (CiA 301, 7.5.2.36)."""
 
     SOURCE = 0xFE
     DESTINATION = 0xFF
 
 
 class MappingEntry(NamedTuple):
-    """An entry of a mapping: an object, and how many of its bits the PDO carries (CiA 301, 7.5.2.36)."""
+    """An entry of a mapping: an object, and the number of its bits in the PDO (CiA 301, 7.5.2.36)."""
 
     index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
     sub: int
@@ -361,7 +364,7 @@ class MappingEntry(NamedTuple):
 
     @classmethod
     def of(cls, number: int) -> MappingEntry:
-        """Return what the number of an entry, an UNSIGNED32, says."""
+        """Return the entry for its UNSIGNED32 value."""
         return cls(number >> 16 & 0xFFFF, number >> 8 & 0xFF, number & 0xFF)
 
     @property
@@ -376,14 +379,14 @@ class MappingEntry(NamedTuple):
 
     @property
     def where(self) -> str:
-        """Name the object: `0x2000 sub 1`."""
+        """Address such as `0x2000 sub 1`."""
         return f"0x{self.index:04X} sub {self.sub}"
 
 
 class UnknownEntry(int):
-    """A mapping entry that a device has taken, and nobody knows what it is: a MappingEntry's number without an index.
+    """A mapping entry that was written with unknown data: a MappingEntry's number without an index.
 
-    Its length is that of the entry before; 0 if there was none.
+    Its length is that of the previous entry; 0 if there was none.
     """
 
     @classmethod
@@ -393,13 +396,13 @@ class UnknownEntry(int):
 
 
 def pdo_of(index: int) -> int | None:
-    """Return the index of the communication record of the PDO that a record is of; None for any other object."""
-    # a mapping record's index is the other's with one bit set
+    """Return the index of the communication record for a record of a PDO; None for other objects."""
+    # The two indices differ in one bit.
     return index & ~MAPPING_OFFSET if index in COMMUNICATIONS or index in MAPPINGS else None
 
 
 class PdoRecords:
-    """A PDO by its direction and the `index` of its communication record, however much is known of what it says."""
+    """A PDO by direction and `index` of its communication record."""
 
     direction: PdoDirection
     index: int
@@ -411,12 +414,12 @@ class PdoRecords:
 
     @property
     def title(self) -> str:
-        """Direction and number: `TPDO 1`."""
+        """Direction and number, such as `TPDO 1`."""
         return f"{self.direction.name} {self.number}"
 
     @property
     def key(self) -> str:
-        """The same as a word: `TPDO1`."""
+        """Direction and number as one word, such as `TPDO1`."""
         return f"{self.direction.name}{self.number}"
 
     @property
@@ -426,27 +429,27 @@ class PdoRecords:
 
     @property
     def default_base(self) -> int | None:
-        """Its identifier in the pre-defined connection set without the node-ID; None from the fifth PDO on."""
+        """Its default identifier without the node-ID; None from the fifth PDO on."""
         return next(iter(DEFAULT_PDO_BASES[self.direction][self.number - 1 : self.number]), None)
 
 
 # COB-IDs
 
 NOT_VALID, NO_RTR = 1 << 31, 1 << 30
-"""Bits of a COB-ID entry: the service is off, no remote frames (CiA 301, Tables 67 and 71); EXTENDED is the third."""
+"""Bits of a COB-ID entry: not valid, no remote frames (CiA 301, Tables 67 and 71); EXTENDED is the third."""
 
 BASE_IDENTIFIER = HIGHEST_IDENTIFIER
-"""Bits of a COB-ID entry that hold an 11-bit identifier."""
+"""Bits of a COB-ID entry for an 11-bit identifier."""
 
 
 def base_identifier(entry: Value) -> int | None:
-    """Return the 11-bit identifier of a COB-ID entry; None if the service is off, or has only NMT's 0."""
+    """Return the 11-bit identifier in a COB-ID entry; None if it is not valid, or NMT's 0."""
     usable = isinstance(entry, int) and not entry & (NOT_VALID | EXTENDED)
     return (cast(int, entry) & BASE_IDENTIFIER or None) if usable else None
 
 
 def identifier(entry: int) -> int:
-    """Return the identifier of a COB-ID entry, valid or not; EXTENDED stays, if it has 29 bits."""
+    """Return the identifier in a COB-ID entry, valid or not; with EXTENDED if it has 29 bits."""
     return entry & (EXTENDED | HIGHEST_EXTENDED if entry & EXTENDED else BASE_IDENTIFIER)
 
 
@@ -454,20 +457,20 @@ NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID = 0x000, 0x080, 0x100
 """Broadcast services of the pre-defined connection set (CiA 301, 7.3.3)."""
 
 EMCY_BASE, SDO_RESPONSE_BASE, SDO_REQUEST_BASE, ERROR_CONTROL_BASE = 0x080, 0x580, 0x600, 0x700
-"""COB-IDs of a node's services in the pre-defined connection set are these plus the node-ID (CiA 301, 7.3.3)."""
+"""Default COB-IDs of a node's services without the node-ID (CiA 301, 7.3.3)."""
 
 LSS_COB_IDS = (0x7E4, 0x7E5)
-"""Identifiers of the layer setting services, answer and request (CiA 305)."""
+"""Identifiers of LSS answers and requests (CiA 305)."""
 
 DEFAULT_PDOS = 4
-"""PDOs of a node, in each direction, that have an identifier in the pre-defined connection set."""
+"""Number of PDOs of a node, in each direction, with a default COB-ID."""
 
 DEFAULT_PDO_BASES = {PdoDirection.TPDO: range(0x180, 0x580, 0x100), PdoDirection.RPDO: range(0x200, 0x600, 0x100)}
-"""COB-IDs of a node's first four PDOs in the pre-defined connection set are these plus the node-ID."""
+"""Default COB-IDs of a node's first four PDOs without the node-ID."""
 
 
 class IdentifierRange(NamedTuple):
-    """A range of identifiers, both ends included, and whose it is."""
+    """A range of identifiers, both ends included, and its owner."""
 
     low: int
     high: int
@@ -475,11 +478,11 @@ class IdentifierRange(NamedTuple):
     is_per_node: bool = False
 
     def whose(self, identifier: int) -> str:
-        """Say what an identifier of the range belongs to: SYNC, or EMCY of node 64."""
+        """Return the owner of an identifier in the range: SYNC, or EMCY of node 64."""
         return f"{self.owner} of node {self.node_id(identifier)}" if self.is_per_node else self.owner
 
     def node_id(self, identifier: int) -> int | None:
-        """Return the node that an identifier of the range belongs to; None if the range is not split by nodes."""
+        """Return the node-ID for an identifier in the range; None if the range is not split by nodes."""
         return identifier - self.low + 1 if self.is_per_node else None
 
 
@@ -494,13 +497,13 @@ RESTRICTED = (
     _per_node(ERROR_CONTROL_BASE, "the heartbeat"),
     IdentifierRange(0x780, HIGHEST_IDENTIFIER, "LSS and further services"),
 )
-"""Restricted identifiers under which every device, or every tool, speaks (CiA 301, 7.3.5)."""
+"""Restricted identifiers of services of every network (CiA 301, 7.3.5)."""
 
 CIA_EXTENSIONS = IdentifierRange(0x6E0, 0x6FF, "extensions of CiA")
 
 SRDO_RANGE = IdentifierRange(0x101, 0x180, "safety (SRDO)")
 RESERVED = (IdentifierRange(0x001, 0x07F, "safety (GFC) and flying NMT masters"), SRDO_RANGE, CIA_EXTENSIONS)
-"""Restricted identifiers of services that a network need not have (CiA 301, 7.3.5)."""
+"""Restricted identifiers of optional services (CiA 301, 7.3.5)."""
 
 PREDEFINED = (
     IdentifierRange(SYNC_COB_ID, SYNC_COB_ID, "SYNC"),
@@ -512,35 +515,35 @@ PREDEFINED = (
         for number, base in enumerate(bases, start=1)
     ),
 )
-"""The pre-defined connection set (CiA 301, 7.3.3), as far as it is not restricted."""
+"""Identifiers of the pre-defined connection set that are not restricted (CiA 301, 7.3.3)."""
 
 
 def owner(identifier: int, ranges: tuple[IdentifierRange, ...]) -> IdentifierRange | None:
-    """Return the range an identifier is in, None if it is in none of them."""
+    """Return the range that contains an identifier, or None."""
     return next((each for each in ranges if each.low <= identifier <= each.high), None)
 
 
-EPOCH = datetime(1984, 1, 1)  # a time of day in the place where the network is
+EPOCH = datetime(1984, 1, 1)  # local time of the network
 """Day 0 of TIME_OF_DAY."""
 
 DAY = 24 * 60 * 60 * 1000
-"""Milliseconds."""
+"""Length of a day in ms."""
 
 
 class TimeOfDay(NamedTuple):
-    """`days` since the EPOCH, and `milliseconds` since midnight."""
+    """A time: `days` since EPOCH, and `milliseconds` since midnight."""
 
     days: int
     milliseconds: int
 
     @classmethod
     def of(cls, now: datetime) -> TimeOfDay:
-        """Return the time of day of a moment."""
+        """Return the TIME_OF_DAY for a date and time."""
         return cls(*divmod((now - EPOCH) // timedelta(milliseconds=1), DAY))
 
     @property
     def data(self) -> bytes:
-        """The data of a time stamp message (CiA 301, 7.2.6)."""
+        """Data of a time stamp message (CiA 301, 7.2.6)."""
         return self.milliseconds.to_bytes(4, "little") + self.days.to_bytes(2, "little")
 
 
@@ -549,15 +552,16 @@ class TimeOfDay(NamedTuple):
 SPAN = re.compile(
     r"(?:(?P<days>[0-9]{1,5})d )?(?P<h>[01]?[0-9]|2[0-3]):(?P<m>[0-5][0-9]):(?P<s>[0-5][0-9])(?:\.(?P<ms>[0-9]{1,3}))?"
 )
-"""A time span, `1d 02:03:04.567`."""
+"""Pattern of a time span, such as `1d 02:03:04.567`."""
 
 MOST_DAYS = 0xFFFF
 
 
 def text(data: bytes, is_moment: bool) -> str | bytes:
-    """Write a time for a person, a moment or a time span; bytes that are neither stay bytes."""
-    days, milliseconds = int.from_bytes(data[4:], "little"), int.from_bytes(data[:4], "little")
-    if milliseconds >= DAY:  # the field's 28 bits hold three days
+    """Format a time or, unless `is_moment`, a time span; invalid bytes are returned unchanged."""
+    days = int.from_bytes(data[4:], "little")
+    milliseconds = int.from_bytes(data[:4], "little")
+    if milliseconds >= DAY:  # possible, because the field has 28 bits
         return data
     span = timedelta(milliseconds=milliseconds)
     if is_moment:
@@ -566,7 +570,7 @@ def text(data: bytes, is_moment: bool) -> str | bytes:
 
 
 def data(text: str, is_moment: bool) -> bytes:
-    """Return the bytes of a time as `text` writes it; raises ValueError, OverflowError for what it cannot have."""
+    """Parse a time in the form of `text`; raises ValueError, OverflowError."""
     if not is_moment:
         found = SPAN.fullmatch(text.strip())
         if found is None or int(found["days"] or 0) > MOST_DAYS:
@@ -578,7 +582,7 @@ def data(text: str, is_moment: bool) -> bytes:
         moment = datetime.fromisoformat(text.strip())
     except ValueError:
         raise ValueError(f"{text!r} is not a time such as 2014-05-28 12:00:00.000") from None
-    # CANopen's time has no zone: what is written counts as it stands, whatever offset follows it.
+    # CANopen's time has no zone, so an offset is ignored.
     time = TimeOfDay.of(moment.replace(tzinfo=None))
     if time.days not in range(MOST_DAYS + 1):
         raise ValueError(f"{text!r} is not within 179 years from {EPOCH:%Y} on")

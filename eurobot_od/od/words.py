@@ -1,7 +1,6 @@
-"""What the value of an object says by the device's profile: `Operation enabled, target reached` for 1591.
+"""Texts for values of objects, by the device's profile: `Operation enabled, target reached` for 1591; and for errors.
 
-Whatever prints a value asks here. A value that no profile explains has no words. The end has the words for the error
-codes of emergencies.
+A value that no profile describes has no text.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ if TYPE_CHECKING:
 
 
 READABLE = 2
-"""Most meanings of a bit that are named side by side; with more of them its number says as much."""
+"""Most names of a bit that are shown together; with more, its number is shown."""
 
 
 class ValueMeaning(NamedTuple):
-    """How an object's values are said, by its dictionary; `codes` has a word for each if it is a list of them."""
+    """Function for the texts of an object's values; `codes` lists them if they are a list."""
 
     says: Callable[[ObjectDictionary, int], str]
     codes: Mapping[int, str] = MappingProxyType({})
@@ -44,14 +43,14 @@ def _bits(names: Mapping[int, str], none: str = "none", between: str = ", ", aft
     return ValueMeaning(lambda _, value: (between.join(_set_bits(names, value)) or none) + after)
 
 
-# The two words of a drive
+# Controlword and statusword of a drive
 
 
 def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) -> Mapping[int, str]:
-    """Return what the bits mean whose meaning depends on the mode: the names in the modes that the drive has."""
-    # The frame does not say in which mode the drive is, and another frame's word for it may be out of date.
+    """Return the names of bits that depend on the mode of operation, for the modes that the drive has."""
+    # The frame does not have the mode, and the mode in an earlier frame may be outdated.
     names: dict[int, dict[str, None]] = {}
-    # A drive that does not say in 0x6502 which modes it has may have any.
+    # Without 0x6502, a drive may have any mode.
     for mode in cia402.supported(_default(objects, (cia402.SUPPORTED_MODES, 0)) or 0) or Mode:
         for bit, name in bits.get(mode, {}).items():
             names.setdefault(bit, {})[name] = None
@@ -61,7 +60,7 @@ def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) 
 def _word(
     kind: type[BitPattern], none: str, bits: Mapping[int, str], mode_bits: Mapping[Mode, Mapping[int, str]]
 ) -> ValueMeaning:
-    """Return the meaning of a word: the state or command that it says, and the names of its other bits."""
+    """Return the meaning of a word: its state or command, and the names of its other bits."""
 
     def says(objects: ObjectDictionary, value: int) -> str:
         found = kind.of(value)
@@ -87,7 +86,7 @@ DRIVE: Mapping[Address, ValueMeaning] = {
 }
 
 MODULE: Mapping[int, ValueMeaning] = {
-    # Inputs and outputs count from 1, bits from 0.
+    # Inputs and outputs are numbered from 1, bits from 0.
     **{
         index: _bits({bit: str(bit + 1) for bit in range(bits)}, between=" ", after=f" {cia401.SWITCHED_ON}")
         for index, bits in cia401.BIT_BLOCKS.items()
@@ -98,25 +97,25 @@ MODULE: Mapping[int, ValueMeaning] = {
 
 
 PROFILES: Mapping[int, Callable[[Address], ValueMeaning | None]] = {
-    # Sub-index 0 is the number of blocks (CiA 401-1), and means nothing but itself.
+    # Sub-index 0 is the number of blocks (CiA 401-1).
     cia401.PROFILE: lambda address: MODULE.get(address[0]) if address[1] else None,
-    # Each axis has the first one's objects, 0x800 higher (CiA 402-2, clause 6.2).
+    # Each axis has its objects 0x800 higher (CiA 402-2, clause 6.2).
     cia402.PROFILE: lambda address: DRIVE.get((cia402.on_first_axis(address[0]), address[1])),
 }
-"""What the objects of a device mean, by its profile."""
+"""Functions from an address to its meaning, by profile."""
 
 
 SEVERAL = 0xFFFF
-"""The profile of a device with several of them; each has its own object for it (CiA 301, 7.5.2.1)."""
+"""Profile number of a device with several profiles (CiA 301, 7.5.2.1)."""
 
 
 def profile_of(objects: ObjectDictionary) -> int:
-    """Return the device profile that 0x1000 says (CiA 301, 7.5.2.1); 0: none.
+    """Return the device profile in 0x1000 (CiA 301, 7.5.2.1); 0 for none.
 
-    If it says none, or several, a device with the two words of CiA 402 is a drive: these are mandatory there.
+    Without a single profile, a device with controlword and statusword, which CiA 402 requires, is a drive.
     """
     said = (_default(objects, DEVICE_TYPE) or 0) & 0xFFFF
-    # Of their type: 0x6040 and 0x6041 are in other profiles as well, such as CiA 418.
+    # With their types, because other profiles have 0x6040 and 0x6041, too, such as CiA 418.
     control_and_status = (od.variable_at(objects, (each, 0)) for each in (cia402.CONTROLWORD, cia402.STATUSWORD))
     is_drive = all(each is not None and od.data_type(each) is UNSIGNED16 for each in control_and_status)
     return cia402.PROFILE if is_drive and said in (0, SEVERAL) else said
@@ -129,7 +128,7 @@ def _default(objects: ObjectDictionary, address: Address) -> int | None:
 
 
 def meaning_of(variable: ODVariable) -> ValueMeaning | None:
-    """Return what the maker, or else a profile, says about an object; None if nobody says anything."""
+    """Return the meaning of an object's values, by the manufacturer or else the profile, or None."""
     if variable.value_descriptions or variable.bit_definitions:
         return _of_maker(variable)
     objects = objects_of(variable)
@@ -138,7 +137,7 @@ def meaning_of(variable: ODVariable) -> ValueMeaning | None:
 
 
 def _of_maker(variable: ODVariable) -> ValueMeaning:
-    """Return the words that a maker has for values, and the names of the bits that are set in any other value."""
+    """Return the manufacturer's texts for values, with the names of set bits for other values."""
     codes: Mapping[int, str] = variable.value_descriptions
     names = {bit: name for name, bits in variable.bit_definitions.items() for bit in bits}
 
@@ -149,18 +148,18 @@ def _of_maker(variable: ODVariable) -> ValueMeaning:
 
 
 def words(variable: ODVariable, value: Value) -> str:
-    """Return what a value says by its maker or the device's profile; empty if nobody says anything."""
+    """Return the text for a value, by the manufacturer or the device's profile; empty without one."""
     meaning, objects = meaning_of(variable), objects_of(variable)
     return meaning.says(objects, value) if meaning and objects is not None and isinstance(value, int) else ""
 
 
 def with_words(text: str, said: str) -> str:
-    """Write a value and behind it what it says: `567 (Operation enabled)`."""
+    """Format a value with its text: `567 (Operation enabled)`."""
     return f"{text} ({said})" if said else text
 
 
 def written(variable: ODVariable, value: Value) -> str:
-    """Write a value for a person: the physical one with its unit where there is one, and what it says."""
+    """Format a value: the physical one with its unit if it has one, and its text."""
     return with_words(od.measured(variable, value), words(variable, value))
 
 
@@ -172,12 +171,12 @@ OUTPUT_PHASES = ("U", "V", "W")
 
 
 def _numbered(first: int, what: str, ends: tuple[str, ...] = ("1", "2")) -> dict[int, str]:
-    """Return the codes from `first` on, whose words differ in their ends."""
+    """Return the codes from `first` on, whose texts have different ends."""
     return {code: f"{what} {end}" for code, end in enumerate(ends, first)}
 
 
 def _both(what: str, code: int) -> dict[int, str]:
-    """Return the codes for what is too high and too low."""
+    """Return the codes for "too high" and "too low"."""
     return {code | 0x10: f"{what} too high", code | 0x20: f"{what} too low"}
 
 
@@ -257,11 +256,11 @@ OF_IO_MODULES: Mapping[int, str] = {
 OF_PROFILES: Mapping[int, Mapping[int, str]] = {cia402.PROFILE: OF_DRIVES, cia401.PROFILE: OF_IO_MODULES}
 
 MASKS = (0xFFFF, 0xFFF0, 0xFF00)
-"""The code itself, then the classes that it is in."""
+"""Masks of a code for itself and for its classes."""
 
 
 def profile_words(profile: int, code: int) -> str | None:
-    """Return what an emergency error code means in a device profile; None if the profile does not say."""
+    """Return the text for an emergency error code in a device profile, or None."""
     codes = OF_PROFILES.get(profile, {})
     return next((codes[code & mask] for mask in MASKS if code & mask in codes), None)
 
@@ -269,7 +268,7 @@ def profile_words(profile: int, code: int) -> str | None:
 # Error codes of EMCY
 
 NAMED = frozenset(ErrorCode) - {ErrorCode.VALUE_OUT_OF_RANGE}
-"""The codes that mean the same in any device; what 0xFF00 means in another maker's device, only its maker knows."""
+"""Codes with the same meaning in any device; 0xFF00 is device-specific."""
 
 CLASSES = {
     0x00: "no error", 0x10: "generic error", 0x20: "current", 0x21: "current, device input side",
@@ -283,10 +282,9 @@ CLASSES = {
 
 
 def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
-    """Return an emergency error code in words.
+    """Return the text for an emergency error code.
 
-    They are the device's `own` words, CiA 301's, those of its `profile` (0: none), or else the class that CiA 301 gives
-    the code.
+    It is the device's `own` text, that of CiA 301, that of its `profile` (0: none), or else its class in CiA 301.
     """
     if code in own:
         return own[code]

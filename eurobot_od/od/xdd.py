@@ -1,6 +1,6 @@
-"""Reads a device's file in XML: XDD and XDC (CiA 311), and `_project.xml` of CANopenNode before its version 4.
+"""Reads a device's file in XML: XDD and XDC (CiA 311), and `_project.xml` of CANopenNode before version 4.
 
-Every section and entry has the line of the element that says it.
+Every section and entry has the line of its element.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from eurobot_od.od.xml_tree import XmlElement
 
 
 def read(root: XmlElement) -> Document:
-    """Read the first element of a file."""
+    """Convert the first element of a file into a document."""
     parameters = _Parameters(root)
     objects, lost = _addressed(root.all("CANopenObject"), "index")
     oddities = lost + [oddity for _, each in objects for oddity in _subs(each)[1]]
@@ -29,12 +29,12 @@ def read(root: XmlElement) -> Document:
 
 
 def _keys(*same: str, **others: str) -> dict[str, str]:
-    """Return the keys of an EDS by the names that they have in XML: those with a small letter, and others."""
+    """Return keys of an EDS by names in XML; `same` begin with a small letter in XML, `others` have other names."""
     return {name: name[:1].upper() + name[1:] for name in same} | others
 
 
 BODY_INFO = _keys("fileName", "fileVersion", fileCreator="CreatedBy", fileModifiedBy="ModifiedBy")
-"""Attributes of a profile's body, and their keys in [FileInfo]."""
+"""Keys in [FileInfo] by attribute of a profile's body."""
 
 DATES = {"fileCreationDate": "CreationDate", "fileModificationDate": "ModificationDate"}
 TIMES = {"fileCreationTime": "CreationTime", "fileModificationTime": "ModificationTime"}
@@ -51,7 +51,7 @@ FEATURES = {
     "layerSettingServiceSlave": "LSS_Supported",
     "bootUpMaster": "SimpleBootUpMaster",
 }
-"""Elements of the identity, attributes of general and of a master's features, and their keys in [DeviceInfo]."""
+"""Keys in [DeviceInfo] by attribute of the general and the master's features."""
 
 COMMISSIONED = _keys(
     *("nodeID", "nodeName", "networkName", "cANopenManager"), actualBaudRate="Baudrate", networkNumber="NetNumber"
@@ -59,10 +59,10 @@ COMMISSIONED = _keys(
 DUMMY = re.compile(r"(Dummy[0-9A-Fa-f]{4})=([01])")
 BOOLEANS = {"true": "1", "false": "0"}
 MAPPED_ACCESS = {("rw", "TPDO"): "rwr", ("rw", "RPDO"): "rww"}
-"""Access types of an EDS by access and mapping, which CiA 311 has apart."""
+"""Access types of an EDS by access and mapping, which are separate in CiA 311."""
 
 VALUES = _keys("lowLimit", "highLimit", "defaultValue", actualValue="ParameterValue")
-"""Attributes of an object with its limits and values, and their keys."""
+"""Keys by attribute of an object's limits and values."""
 
 PARAMETER_ACCESS = {
     "const": "const",
@@ -73,11 +73,11 @@ PARAMETER_ACCESS = {
     "readWriteOutput": "rww",
     "noAccess": values.NO_ACCESS_IN_EDS,
 }
-"""Access of a parameter of the application process."""
+"""Access types by `access` of a parameter of the application process."""
 
 BITS = values.OCTET_STRING.code
 MOST_TEMPLATES = 10
-"""Templates, and derived types, of each other; schemas have one or two."""
+"""Most levels of templates, and of derived types; schemas have one or two."""
 
 SIMPLE_TYPES = {
     each: code
@@ -88,7 +88,7 @@ SIMPLE_TYPES = {
     )
     for each in names.split()
 }  # fmt: skip
-"""Data types of the application process (IEC 61131-3), and CANopen's."""
+"""CANopen's data types by those of the application process (IEC 61131-3)."""
 
 
 def _sections(root: XmlElement, objects: Sequence[Addressed], parameters: _Parameters) -> Iterator[Section]:
@@ -102,21 +102,22 @@ def _sections(root: XmlElement, objects: Sequence[Addressed], parameters: _Param
         yield from _object(index, each, parameters)
     commissioning = root.first("deviceCommissioning")
     if commissioning:
-        # The schema has `NodeID` beside `nodeName`; many writers have `nodeID`.
+        # The schema has `NodeID`, many writers have `nodeID`.
         said = {key[:1].lower() + key[1:]: value for key, value in commissioning.attributes.items()}
         yield section_at(cia306.COMMISSIONING, commissioning, _renamed(said, COMMISSIONED))
 
 
 ADDRESS = {name: re.compile(f"(?:0x)?([0-9A-Fa-f]{{1,{most}}})") for name, most in (("index", 4), ("subIndex", 2))}
-"""An object's address in hexadecimal digits; some editors write 0x in front."""
+"""Patterns of index and sub-index in hexadecimal; some editors write 0x in front."""
 
 Addressed: TypeAlias = tuple[int, XmlElement]
-"""An element with the index, or sub-index, that it is at."""
+"""An element with its index or sub-index."""
 
 
 def _addressed(elements: Iterable[XmlElement], name: str) -> tuple[list[Addressed], list[Oddity]]:
-    """Return those of some elements that have an address, and what is to be said of the others: they are lost."""
-    found, lost = list[Addressed](), list[Oddity]()
+    """Return the elements with an address, and oddities about the others, which are lost."""
+    found: list[Addressed] = []
+    lost: list[Oddity] = []
     for each in elements:
         text = each.attributes.get(name, "")
         address = ADDRESS[name].fullmatch(text)
@@ -129,7 +130,7 @@ def _addressed(elements: Iterable[XmlElement], name: str) -> tuple[list[Addresse
 
 
 def _renamed(attributes: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
-    """Return attributes under the keys of an EDS, its 0 and 1 for `false` and `true`."""
+    """Return attributes under the keys of an EDS, with 0 and 1 for `false` and `true`."""
     found = ((key, attributes[name]) for name, key in names.items() if name in attributes)
     return {key: BOOLEANS.get(value, value).removesuffix(" Kbps") for key, value in found}
 
@@ -164,25 +165,25 @@ def _device_info(root: XmlElement) -> Section:
 
 
 def _lists(at: XmlElement, indices: Iterable[int]) -> Iterator[Section]:
-    # below are the data types, which no list of CiA 306 has
+    # Lower indices are data types, which are in no list of CiA 306.
     for name, found in listed(each for each in indices if each >= values.FIRST).items():
         yield section_at(name, at, list_entries(found))
 
 
 def _object(index: int, each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
     """Yield the sections of an object and its sub-indices."""
-    name, subs = f"{index:04X}", _subs(each)[0]
+    name = f"{index:04X}"
+    subs = _subs(each)[0]
     if not subs and "subNumber" not in each.attributes:
         yield section_at(name, each, _entries(each, parameters))
         return
     head = {key: text for key, text in _entries(each, parameters).items() if key in HEAD or key.startswith(PROPERTY)}
-    # SubNumber does not count sub-index 0xFF, the structure (CiA 306-1).
+    # SubNumber does not include sub-index 0xFF, the structure (CiA 306-1).
     yield section_at(name, each, {**head, "SubNumber": str(sum(sub != values.STRUCTURE for sub, _ in subs))})
     inherited = {key: each.attributes[key] for key in INHERITED if key in each.attributes}
     for sub, at in subs:
-        whole = (
-            at._replace(attributes={**inherited, **at.attributes}) if sub and "uniqueIDRef" not in at.attributes else at
-        )
+        is_inheriting = sub and "uniqueIDRef" not in at.attributes
+        whole = at._replace(attributes={**inherited, **at.attributes}) if is_inheriting else at
         yield section_at(f"{name}sub{sub:X}", at, _entries(whole, parameters))
 
 
@@ -191,7 +192,7 @@ def _subs(each: XmlElement) -> tuple[list[Addressed], list[Oddity]]:
 
 
 def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
-    """Return what an object, or a sub-index, says, with what the parameter that it refers to says."""
+    """Return the entries of an object or sub-index, and of the parameter that it refers to."""
     said = each.attributes
     parameter = parameters.said(said.get("uniqueIDRef", ""))
     entries = {"ParameterName": said.get("name", "")}
@@ -209,20 +210,20 @@ def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
     entries |= {key: said[name] for name, key in (VALUES | _keys("denotation")).items() if name in said}
     if "objFlags" in said:
         entries["ObjFlags"] = f"0x{said['objFlags']}"
-    # XML writes true and false; an EDS has no such words.
+    # An EDS has no `true` and `false`.
     if parse_number(entries.get("DataType", "")) == values.Number(values.BOOLEAN.code):
         entries = {key: BOOLEANS.get(text, text) for key, text in entries.items()}
     return entries
 
 
 INHERITED = ("dataType", "accessType", "PDOmapping")
-"""What an array says for its members in `_project.xml`."""
+"""Attributes of an array that its members inherit in `_project.xml`."""
 
 HEAD = ("ParameterName", "ObjectType", "ObjFlags", "Denotation")
-"""What an object with sub-indices says for all of them."""
+"""Keys of an object with sub-indices."""
 
 PROPERTY = "CO_"
-"""Begins the names of CANopenNode's own properties, such as CO_storageGroup."""
+"""Prefix of CANopenNode's own properties, such as CO_storageGroup."""
 
 PARAMETER_VALUES = (("defaultValue", "DefaultValue"), ("actualValue", "ParameterValue"))
 SCALE = {"multiplier": "Factor", "offset": "Offset"}
@@ -230,10 +231,10 @@ PARAMETER_LISTS = ("parameterList", "templateList", "dataTypeList", "unitList")
 
 
 def _limits(parameter: XmlElement) -> dict[str, str]:
-    """Return the lowest and the highest value that a parameter may have.
+    """Return the lowest and the highest value of a parameter.
 
-    `range` stands inside `allowedValues` (CiA 311, schema 1.1), which may have several of them, and single values; some
-    editors write it right below the parameter. An EDS has one range: the one that contains all of them.
+    `allowedValues` may contain several ranges and single values (CiA 311, schema 1.1); some editors write a range
+    directly below the parameter. An EDS has one range, which contains all of them.
     """
     allowed = parameter.child("allowedValues") or parameter
     ranges = [each for each in allowed.children if each.tag == "range"]
@@ -253,7 +254,7 @@ def _disables(each: XmlElement) -> bool:
 
 
 class _Parameters:
-    """The parameters of the application process, each read once, whatever refers to it how often."""
+    """Parameters of the application process, each read once."""
 
     def __init__(self, root: XmlElement) -> None:
         lists = [each for tag in PARAMETER_LISTS for each in root.all(tag)]
@@ -262,16 +263,16 @@ class _Parameters:
         self._disabled = {name for name, each in self._elements.items() if any(map(_disables, each.children))}
 
     def said(self, name: str) -> dict[str, str]:
-        """Return type, access and values of a parameter, also by its template; nothing if there is none."""
+        """Return type, access and values of a parameter, also from its template; empty for an unknown one."""
         if name not in self._said:
             parameter = self._elements.get(name)
-            # Without `access` it is `read` (CiA 311, schema 1.1, t_parameter and t_parameterTemplate).
+            # The default of `access` is `read` (CiA 311, schema 1.1, t_parameter and t_parameterTemplate).
             access = {"AccessType": "ro"} if parameter else {}
             self._said[name] = {**access, **self._written(parameter, MOST_TEMPLATES)} if parameter else {}
         return self._said[name]
 
     def is_disabled(self, each: XmlElement) -> bool:
-        """Return whether an object is one that CANopenEditor keeps for later: it makes no EDS and no device with it."""
+        """Return whether an object is disabled in CANopenEditor, which then omits it from EDS and device."""
         said = each.attributes
         return said.get("disabled") == "true" or said.get("uniqueIDRef", "") in self._disabled
 
@@ -300,19 +301,19 @@ class _Parameters:
         return said
 
     def _scale(self, parameter: XmlElement) -> dict[str, str]:
-        """Return unit, factor and offset of a parameter: its own unit, or one that it refers to."""
+        """Return unit, factor and offset of a parameter, from its own unit or a referenced one."""
         said = {key: parameter.attributes[name] for name, key in SCALE.items() if name in parameter.attributes}
         unit = parameter.child("unit") or self._elements.get(parameter.attributes.get("unitIDRef", ""))
         if unit is None:
             return said
-        # The multiplier is the unit's in the schema's element, and the parameter's as its attribute.
+        # `multiplier` may be an attribute of the unit or of the parameter.
         multiplier = unit.attributes.get("multiplier") or said.get("Factor", "")
         label = unit.child("label")
         text = label.text if label else unit.attributes.get("unitURI", "")
         return said | ({"Factor": multiplier} if multiplier else {}) | ({"Unit": text} if text else {})
 
     def _type(self, each: XmlElement, depth: int) -> int | None:
-        """Return the simple type of a parameter, or of a type that is derived from one."""
+        """Return the simple type of a parameter, or of a derived type."""
         simple = next((SIMPLE_TYPES[one.tag] for one in each.children if one.tag in SIMPLE_TYPES), None)
         named = each.child("dataTypeIDRef")
         derived = self._elements.get(named.attributes.get("uniqueIDRef", "")) if named else None

@@ -1,6 +1,6 @@
-"""The elements of an XML file, with their lines and columns, as expat alone reads them.
+"""Elements of an XML file, with lines and columns, read by expat.
 
-A document type with declarations of its own, and so any entity, is refused; no other file is ever read.
+A document type with declarations, and so any entity, is refused; no other file is ever read.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from eurobot_od.errors import LONGEST_NAME
 from eurobot_od.od.document import WIDE_MARKS
 
 MOST_DEPTH = 200
-"""Elements in each other; a device description has about ten."""
+"""Deepest nesting of elements; a device description has about ten levels."""
 
 
 class XmlElement(NamedTuple):
-    """An element: its name without a namespace, its attributes, its place, what is in it, and its text."""
+    """An element: name without namespace, attributes, place, children and text."""
 
     tag: str
     attributes: Mapping[str, str]
@@ -31,11 +31,11 @@ class XmlElement(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Its text, in one line without blanks around it."""
+        """The text in one line, without outer blanks."""
         return " ".join("".join(self.texts).split())
 
     def all(self, tag: str) -> Iterator[XmlElement]:
-        """Yield all elements of a name in it, in the file's order."""
+        """Yield all descendants with a name, and the element itself, in the file's order."""
         waiting = [self]
         while waiting:
             each = waiting.pop()
@@ -44,16 +44,16 @@ class XmlElement(NamedTuple):
             waiting.extend(reversed(each.children))
 
     def first(self, tag: str) -> XmlElement | None:
-        """Return the first element of a name in it; None without one."""
+        """Return the first descendant with a name, or None."""
         return next(self.all(tag), None)
 
     def child(self, tag: str) -> XmlElement | None:
-        """Return the first element of a name right in it; None without one."""
+        """Return the first child with a name, or None."""
         return next((each for each in self.children if each.tag == tag), None)
 
 
 class XmlError(Exception):
-    """What is no XML, or has what a device description never has: what it is, its line, and its column."""
+    """Malformed XML, or a construct that no device description has: description, line and column."""
 
     def __init__(self, what: str, line: int, column: int = 1) -> None:
         super().__init__(what)
@@ -61,9 +61,9 @@ class XmlError(Exception):
 
 
 def read_xml(data: bytes, document_type: str = "") -> XmlElement:
-    """Read the bytes of an XML file into its first element; raises XmlError.
+    """Parse an XML file and return its first element; raises XmlError.
 
-    `document_type` is the name of the one that a file may have, if the file itself declares nothing.
+    `document_type` is the name of an allowed document type without declarations.
     """
     try:
         return _parsed(*in_known_encoding(data), document_type)
@@ -73,31 +73,31 @@ def read_xml(data: bytes, document_type: str = "") -> XmlElement:
 
 DECLARED_ENCODING = re.compile(rb"""<\?xml\b[^>]*?\bencoding\s*=\s*(["'])([A-Za-z][\w.-]*)\1""")
 EXPATS_ENCODINGS = ("utf-8", "utf-16", "iso8859-1", "ascii")
-"""Encodings that expat reads by itself, by their names in Python."""
+"""Python's names of the encodings that expat reads."""
 
 WIDER = {"gb2312": "gb18030", "gbk": "gb18030", "shift_jis": "cp932"}
-"""Encodings that contain others: Windows' programs declare the smaller one and write the larger one."""
+"""Larger encodings that Windows programs write although they declare the smaller one."""
 
 
 BY_MARK = {BOM_UTF8: "utf-8", **dict.fromkeys(WIDE_MARKS, "utf-16")}
-"""Encodings by the mark at the start of a file: it counts, whatever the file declares after it."""
+"""Encodings by byte order mark, which has priority over the declaration."""
 
 
 def in_known_encoding(data: bytes) -> tuple[bytes, str | None]:
-    """Return XML in an encoding that expat can read, and which that is; None if expat finds out.
+    """Return XML in an encoding that expat can read, and that encoding; None if expat detects it.
 
-    Raises XmlError if an encoding is declared that nobody knows.
+    Raises XmlError for an unknown encoding.
     """
     marked = next((name for mark, name in BY_MARK.items() if data.startswith(mark)), None)
     declared = DECLARED_ENCODING.match(data)
-    if declared is None:  # as behind any mark
+    if declared is None:  # always the case after a byte order mark
         return data, marked
     name = declared[2].decode("ascii")
     try:
         encoding = codecs.lookup(name).name
         if encoding in EXPATS_ENCODINGS:
             return data, None
-        # Only the declaration in its own encoding shows that the rest of the file can be XML in it.
+        # The declaration must be the same in its own encoding.
         if declared[0].decode(encoding).encode() != declared[0]:
             raise LookupError(name)
         text = data.decode(WIDER.get(encoding, encoding), "replace")
@@ -107,7 +107,7 @@ def in_known_encoding(data: bytes) -> tuple[bytes, str | None]:
 
 
 def _parsed(data: bytes, encoding: str | None, document_type: str) -> XmlElement:
-    """Read XML into its elements, in an encoding that counts before the declared one."""
+    """Parse XML into elements; `encoding` has priority over the declared one."""
     parser = expat.ParserCreate(encoding)
     root = XmlElement("", {}, 1, 1, [], [])
     stack = [root]
@@ -122,7 +122,7 @@ def _parsed(data: bytes, encoding: str | None, document_type: str) -> XmlElement
         stack.append(each)
 
     def check_type(name: str, _system: str | None, _public: str | None, has_declarations: int) -> None:
-        # Entities can grow a small file into gigabytes, or name other files: there is no reason to have any.
+        # Entities could expand to gigabytes, or refer to other files.
         if name != document_type or has_declarations:
             raise XmlError("a document type, which no device description has", parser.CurrentLineNumber)
 

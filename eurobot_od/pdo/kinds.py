@@ -144,7 +144,7 @@ class Kind:
         return made
 
     def _refuse_others(self, codes: Mapping[str, int]) -> None:
-        """Raise MeaningError for a code of the table that is not one of the kind's own with the same number."""
+        """Check that each code of the table is the kind's own, with the same number; raises MeaningError."""
         own = {plain_name(name): raw for raw, name in self.named_values().items()}
         if self.unknown_as_a_whole is not None:
             own[UNKNOWN] = self.unknown_as_a_whole

@@ -231,7 +231,7 @@ class Protocol:
 
 
 def _refuse_difference(known: Binding, dictionary: Dictionary, other: Binding, renamed: bool) -> None:
-    """Raise MappingError if two dictionaries map a message differently; with `renamed` the fields' names may differ.
+    """Check that two dictionaries map a message equally, except for names if `renamed`; raises MappingError.
 
     Outside the catalogue, a message is identified only by its COB-ID.
     """

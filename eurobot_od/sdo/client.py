@@ -378,13 +378,13 @@ def _segment(requests: list[bytes], specifier: ServerCommand, toggle: int) -> Cl
 
 
 def _check_end(answer: bytes, moved: int, most: int) -> None:
-    """Raise OddAnswer if more than `most` bytes were moved."""
+    """Check that at most `most` bytes were moved; raises OddAnswer."""
     if moved > most:
         raise OddAnswer(answer, f"the end of an object of at most {most} bytes", AbortCode.TOO_LONG)
 
 
 def _check_size(answer: bytes, content: bytearray, size: int | None, complete: bool) -> None:
-    """Raise OddAnswer for content that is longer than announced, or shorter once it is complete."""
+    """Check that content is not longer than announced, nor shorter once it is complete; raises OddAnswer."""
     if size is None or len(content) == size or (len(content) < size and not complete):
         return
     code = AbortCode.TOO_LONG if len(content) > size else AbortCode.TOO_SHORT

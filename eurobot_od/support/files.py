@@ -158,7 +158,7 @@ def _folder(file: Path) -> Iterator[None]:
 
 
 def check_writable(path: Path) -> None:
-    """Raise the OSError that `write_whole` would raise, as far as it can be predicted without writing."""
+    """Check that a file can be written, as far as possible without writing; raises OSError as `write_whole`."""
     wrong = {
         errno.ENOENT: not path.parent.is_dir(),
         errno.EISDIR: path.is_dir(),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.od.description import ObjectCode
-from eurobot_od.od.normal import Change, Dropped, in_normal_form, normal
+from eurobot_od.od.normal import CanopenAttribute, Change, in_normal_form, normal
 
 LISTS = Change(1, "lists of objects added")
 VARIABLE = "ParameterName=x\nDataType=7\nAccessType=ro\n"
@@ -33,21 +33,26 @@ def test_a_change_says_where_it_is_and_whether_the_file_was_right(
 
 
 @pytest.mark.parametrize(
-    ("text", "dropped"),
+    ("text", "canopen_attributes"),
     [
-        (f"[2000]\nObjectType=6\nSubNumber=2\n{SUBS}", [Dropped(0x2000, None, "object_code", ObjectCode.DEFSTRUCT)]),
-        ("[2000]\nObjectType=2\nAccessType=ro\n", [Dropped(0x2000, None, "object_code", ObjectCode.DOMAIN)]),
+        (
+            f"[2000]\nObjectType=6\nSubNumber=2\n{SUBS}",
+            [CanopenAttribute(0x2000, None, "object_code", ObjectCode.DEFSTRUCT)],
+        ),
+        ("[2000]\nObjectType=2\nAccessType=ro\n", [CanopenAttribute(0x2000, None, "object_code", ObjectCode.DOMAIN)]),
         (f"[2000]\nObjectType=9\nSubNumber=2\n{SUBS}", []),
         (f"[2000]\nObjectType=7\nSubNumber=2\n{SUBS}", []),
     ],
 )
-def test_what_canopen_does_not_get_from_the_text_is_listed(text: str, dropped: list[Dropped]) -> None:
-    assert normal(text.encode()).dropped == dropped
+def test_what_canopen_does_not_get_from_the_text_is_listed(
+    text: str, canopen_attributes: list[CanopenAttribute]
+) -> None:
+    assert normal(text.encode()).canopen_attributes == canopen_attributes
 
 
 def test_a_file_in_its_normal_form_stays_as_it_is() -> None:
     made = normal(normal(f"[2000]\nObjectType=9\nSubNumber=2\n{SUBS}".encode()).text.encode())
-    assert (made.changes, made.refusals, made.dropped) == ([], [], [])
+    assert (made.changes, made.refusals, made.canopen_attributes) == ([], [], [])
     assert made.text == normal(made.text.encode()).text
 
 

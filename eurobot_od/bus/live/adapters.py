@@ -1,11 +1,11 @@
-"""What this machine has for CAN: the interfaces of Linux (SocketCAN), and the adapters on USB.
+"""CAN hardware of this machine: the interfaces of Linux (SocketCAN), and USB adapters.
 
-Of an interface: what state it is in, and the command that fixes it. What `ip -details -json link` and `/sys/class/net`
-say is read by functions of a text and a folder; only `links` asks the machine.
+For an interface: its state, and the command that repairs it. The output of `ip -details -json link` and the folder
+`/sys/class/net` are parsed by separate functions; only `links` reads them from the machine.
 
-Of an adapter: what drives it, and what is still to be installed. It is known by its vendor and product on USB; one that
-is not in the table is not mentioned. Linux shows them as files. Elsewhere pyserial finds those that are serial ports,
-if it is installed.
+For an adapter: its driver, and what has to be installed. Adapters are recognised by USB vendor and product; others are
+not listed. Linux shows USB devices as files. On other systems, pyserial finds adapters that are serial ports, if it is
+installed.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ SOCKETCAN = "socketcan"
 """python-can's name of Linux's own CAN interfaces."""
 
 BITRATE = 500_000
-"""Bit/s, where neither the caller nor python-can's configuration nor the interface gives another."""
+"""Default bit rate in bit/s, if neither caller, python-can's configuration nor interface has one."""
 
 NETWORK = Path("/sys/class/net")
-"""Where the kernel shows its network interfaces; nothing is there on other systems."""
+"""The kernel's folder of network interfaces; missing on other systems."""
 
 COMMAND = ("ip", "-details", "-json", "link")
 
@@ -46,7 +46,7 @@ INSTEAD = (
     "instead: -i virtual (one program), -i remote (several programs, extra `remote`), "
     "or an adapter with its maker's driver"
 )
-"""What does without SocketCAN."""
+"""Alternatives to SocketCAN."""
 
 BUS_OFF = "BUS-OFF"
 """State of a controller that has left the bus."""
@@ -56,9 +56,9 @@ ERRORS = ("ERROR-WARNING", "ERROR-PASSIVE")
 
 
 class CanLink(NamedTuple):
-    """An interface: `virtual` without a wire; `state` and `bit_rate` (bit/s) of the controller, as far as known.
+    """A CAN interface; `virtual` without a wire, `state` and `bit_rate` (bit/s) of the controller if known.
 
-    `restart` says whether the kernel restarts a controller that is bus-off, None if unknown.
+    `restart` is whether the kernel restarts a controller that is bus-off, None if unknown.
     """
 
     name: str
@@ -74,17 +74,17 @@ class CanLink(NamedTuple):
 
 
 class Trouble(NamedTuple):
-    """What is wrong with an interface, and the command that is the `fix`, or shows more."""
+    """A problem of an interface, and the command that fixes it or shows more."""
 
     what: str
     fix: str
 
 
-# Their state
+# State of interfaces
 
 
 def without_socketcan() -> str:
-    """Return why this machine has no SocketCAN, and what may bring it; empty if it has SocketCAN."""
+    """Return why this machine has no SocketCAN, and how to get it; empty if it has SocketCAN."""
     if not hasattr(socket, "AF_CAN"):
         return ONLY_LINUX
     try:
@@ -104,7 +104,7 @@ def links() -> list[CanLink]:
 
 
 def of_ip(text: str) -> list[CanLink]:
-    """Read the output of `ip -details -json link`; raises ValueError if it is not that."""
+    """Parse the output of `ip -details -json link`; raises ValueError for another text."""
     found = []
     for said in (each for each in json.loads(text) if each.get("link_type") == "can"):
         info: dict[str, Any] = said.get("linkinfo", {})
@@ -137,11 +137,11 @@ def _said(file: Path) -> str:
     return ""
 
 
-# How to fix them
+# Remedies
 
 
 def troubles(link: CanLink) -> Iterator[Trouble]:
-    """Yield what is wrong with an interface."""
+    """Yield the problems of an interface."""
     rate = link.bit_rate or BITRATE
     if not link.up:
         yield Trouble(f"{link.name} is down", set_up(link.name, rate, link.virtual))
@@ -164,7 +164,7 @@ def set_up(name: str, bit_rate: int = BITRATE, virtual: bool = False) -> str:
 
 
 def remedy(number: int | None, name: str) -> str:
-    """Return what helps against an error of the operating system with a SocketCAN interface; empty if unknown."""
+    """Return the remedy for an operating system error with a SocketCAN interface; empty if unknown."""
     virtual = "vcan" in name
     makes = f"`sudo ip link add dev {name} type vcan; {set_up(name, virtual=True)}` makes it"
     remedies = {
@@ -180,11 +180,11 @@ def remedy(number: int | None, name: str) -> str:
 
 
 USB = Path("/sys/bus/usb/devices")
-"""Where Linux shows what is plugged in; nothing is there on other systems."""
+"""Linux's folder of USB devices; missing on other systems."""
 
 
 class Adapter(NamedTuple):
-    """A make: its `kernel` module on Linux, empty without one, python-can's `interface`, and what that needs."""
+    """A kind of adapter: `kernel` module on Linux, empty without one, python-can's `interface`, and its driver."""
 
     name: str
     kernel: str
@@ -192,7 +192,7 @@ class Adapter(NamedTuple):
     needs: str
 
     def advice(self, with_socketcan: bool) -> str:
-        """Say how to use it, on a machine with or without SocketCAN."""
+        """Return how to use it, with or without SocketCAN."""
         if with_socketcan and self.kernel:
             return f"-i socketcan, by the kernel's {self.kernel}; no can0? `sudo modprobe {self.kernel}`"
         return f"-i {self.interface}, which needs {self.needs}"
@@ -206,7 +206,7 @@ PEAK = "PEAK's driver with PCAN-Basic"
 KVASER = "Kvaser's driver with CANlib"
 
 ANY = ""
-"""In place of a product: all of a vendor's."""
+"""Matches all products of a vendor."""
 
 ADAPTERS = {
     # (vendor, product), as in the kernel's drivers/net/can/usb and the makers' pages
@@ -234,20 +234,20 @@ DRIVERS = {each.interface: each.needs for each in ADAPTERS.values()} | {
     "robotell": _pip("serial"),
     "neovi": _pip("neovi"),
 }
-"""What each interface of python-can needs to be installed."""
+"""Software to install for each interface of python-can."""
 
 
 NO_CHANNEL = re.compile(r"argument: 'channel'|specify a serial port", re.IGNORECASE)
-"""What drivers of python-can say without a channel."""
+"""Pattern of errors of python-can's drivers about a missing channel."""
 
 
 def driver_remedy(interface: str | None, error: BaseException) -> str:
-    """Return what helps if an interface of python-can has no channel, or its driver is missing; `` if neither."""
+    """Return the remedy for a missing channel or driver of a python-can interface; empty for other errors."""
     from can import CanInterfaceNotImplementedError
 
     if NO_CHANNEL.search(str(error)):
         return "name its channel: -c; `doctor` lists what is here"
-    # Kvaser's driver without its library is a NameError, PEAK's an OSError that no system has a number for.
+    # Without its library, Kvaser's driver raises NameError, PEAK's an OSError without a number.
     absent = isinstance(error, (ImportError, NameError, CanInterfaceNotImplementedError))
     if interface in DRIVERS and (absent or (isinstance(error, OSError) and error.errno is None)):
         return f"it needs {DRIVERS[interface]}"
@@ -256,14 +256,12 @@ def driver_remedy(interface: str | None, error: BaseException) -> str:
 
 def plugged_in(folder: Path = USB) -> list[Adapter]:
     """Return the adapters of this machine, in the order of the table."""
-    seen = set(_of_sys(folder) if folder.is_dir() else _of_pyserial())
+    if folder.is_dir():  # hubs' ports have neither file
+        seen = {(_said(device / "idVendor"), _said(device / "idProduct")) for device in folder.iterdir()}
+    else:
+        seen = set(_of_pyserial())
     seen |= {(vendor, ANY) for vendor, _ in seen}
     return [each for key, each in ADAPTERS.items() if key in seen]
-
-
-def _of_sys(folder: Path) -> Iterator[tuple[str, str]]:
-    # Nothing is said of a hub's ports, which have neither, and of what was unplugged just now.
-    return ((_said(device / "idVendor"), _said(device / "idProduct")) for device in folder.iterdir())
 
 
 def _of_pyserial() -> Iterator[tuple[str, str]]:
@@ -277,11 +275,11 @@ def _of_pyserial() -> Iterator[tuple[str, str]]:
 
 
 NOT_ASKED = ("virtual", "udp_multicast", "socketcand", SOCKETCAN)
-"""What python-can finds anywhere, what it listens for in the network for seconds, and what `links` describes better."""
+"""Interfaces that always exist, take seconds to search, or are better described by `links`."""
 
 
 class Attached(NamedTuple):
-    """An interface of python-can, its channel, and how it `is`, as far as that is known."""
+    """An interface of python-can, its channel, and its state (`is_`) if known."""
 
     interface: str
     channel: str
@@ -293,7 +291,7 @@ class Attached(NamedTuple):
 
 
 PORTS = ("ttyUSB*", "ttyACM*")
-"""Serial ports, as slcan adapters have."""
+"""Names of serial ports of slcan adapters."""
 
 
 def refused(folder: Path = Path("/dev")) -> list[str]:
@@ -303,27 +301,27 @@ def refused(folder: Path = Path("/dev")) -> list[str]:
 
 
 def silence_logs() -> None:
-    """Keep drivers' log lines off the terminal unless the program has set up logging: errors are raised anyway."""
+    """Suppress drivers' log lines unless the program has set up logging; errors are still raised."""
     for name in ("can", "can_remote", "seeedbus"):
         if not logging.getLogger(name).handlers:
             logging.getLogger(name).addHandler(logging.NullHandler())
 
 
 def drivers() -> dict[str, bool]:
-    """Return whether the driver of each interface of python-can can be loaded; what it drives may still be missing."""
+    """Return whether python-can's driver for each interface can be loaded; its library may still be missing."""
     from can.interfaces import BACKENDS
 
     silence_logs()
     loaded = dict.fromkeys(sorted(BACKENDS), False)
     for interface in loaded:
-        with suppress(Exception):  # whatever a driver raises while it looks for its library
+        with suppress(Exception):  # drivers raise anything while they look for their library
             import_module(BACKENDS[interface][0])
             loaded[interface] = True
     return loaded
 
 
 def here() -> list[Attached]:
-    """Return the interfaces of this machine; what a driver that is not installed would find is not among them."""
+    """Return the interfaces of this machine, as far as their drivers are installed."""
     import can
     from can.interfaces import BACKENDS
 

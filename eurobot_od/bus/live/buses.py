@@ -1,9 +1,8 @@
-"""python-can's buses: opening one, what its driver can do, the connection to it, and sending to it.
+"""python-can's buses: opening, capabilities of drivers, connection, and sending.
 
-Rules of this file: whatever a driver raises becomes a BusError of one line. A sender sends in whatever thread has
-something to send, from the queue to the driver, most urgent first: one thread at a time has the turn and sends what
-others submit meanwhile; no lock is held while the driver has a frame; and the turn is given back however its owner
-leaves.
+Any exception of a driver becomes a BusError of one line. A sender passes frames from the queue to the driver, by
+priority, in the thread that has submitted one: one thread at a time has the turn, and also sends the frames of others;
+no lock is held during the driver's `send`; and the turn is always returned.
 """
 
 from __future__ import annotations
@@ -33,57 +32,59 @@ if TYPE_CHECKING:
 LIVE_LOG = logging.getLogger("eurobot_od.live")
 
 INTERFACE_KEYS = {"interface", "bustype"}
-"""What python-can's configuration calls the interface."""
+"""Keys of the interface in python-can's configuration."""
 
 DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
-"""The in-process bus, where neither caller nor python-can's configuration names one."""
+"""The in-process bus, used if neither caller nor python-can's configuration names one."""
 
 ONLY_HERE = "127.0.0.1"
-"""Where a shared bus is to be had: it has neither passwords nor encryption."""
+"""Address of a shared bus: only this machine, because it has neither passwords nor encryption."""
 
 RETRY = 0.001
-"""Seconds that a driver may take to accept a frame; one that does not is given the frame again later."""
+"""Time for a driver to accept a frame, in s, before the frame is retried later."""
 
 FILTERING = (SOCKETCAN, "etas")
-"""Interfaces with a driver that takes as many receive filters as there are identifiers."""
+"""Interfaces whose driver accepts any number of receive filters."""
 
 PROMPT = (SOCKETCAN, "virtual")
-"""Interfaces whose `send` really does not wait when its timeout is 0."""
+"""Interfaces whose `send` does not block with timeout 0."""
 
 SERIAL = ("slcan",)
-"""Interfaces that write to a serial port: it has room for hundreds of frames, but a write that took longer than it may
-counts as failed even when all is written."""
+"""Interfaces that write to a serial port, where a write that exceeds its timeout fails even if it was complete."""
 
 SERIAL_WAIT = 0.2
-"""Seconds that a write to a serial port may take: on a busy machine a thread may have to wait for its turn."""
+"""Timeout of a write to a serial port, in s; long enough for a busy machine."""
 
 FULL = (errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK, errno.ETIMEDOUT)
-"""What an operating system says when there is no room for a frame; any other error of it means that the bus is lost."""
+"""Errors of an operating system for a full buffer; any other error means that the bus is lost."""
 
-SO_MEMINFO, DROPS = 55, slice(32, 36)
-"""A socket's counters (Linux 4.12), and where among them is how many frames have found no room in its receive queue.
+SO_MEMINFO = 55
+DROPS = slice(32, 36)
+"""Socket option with a socket's counters (Linux 4.12), and the bytes with the number of dropped received frames.
 
-SO_RXQ_OVFL gives the same count with each frame, which python-can neither reads nor copes with.
+SO_RXQ_OVFL adds the number to each frame, which python-can does not support.
 """
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.001, 0.1
-"""Seconds until a frame that the driver has not taken is tried again; doubled each time, as a full buffer empties
-within a frame or two, but a dead adapter stays dead. The longest is what a stop waits at most when the driver is back.
+"""First and longest pause before a refused frame is retried, in s; doubled each time.
+
+A full buffer is free again within a frame or two. The longest pause is also the delay of a stop message once the
+driver works again.
 """
 
 STUCK_AFTER = 1.0
-"""Seconds without a frame that is taken, after which the driver has failed: a full buffer empties in milliseconds."""
+"""Time without an accepted frame after which the driver has failed, in s."""
 
-# python-can has no way to ask a bus for either. So its documentation and its code (4.6) were asked once, and
-# these are the answers; an interface that is not listed still works. Kvaser, Vector and Systec filter in the driver as
-# long as there is one filter; with more of them python-can compares each frame with each filter, in our thread, for
-# what the controller finds by one look into a dictionary. `send(timeout=0)` is left to each driver, and few keep to it.
+# python-can cannot report these capabilities; they were taken from its documentation and code (4.6). An interface that
+# is not listed still works. Kvaser, Vector and Systec filter in the driver only with a single filter; with more,
+# python-can compares each frame with each filter in our thread, which is slower than the controller's look-up. Few
+# drivers respect `send(timeout=0)`.
 
 
 def open_bus(interface: str | None = None, channel: str | int | None = None, bitrate: int | None = None) -> can.BusABC:
-    """Open a python-can bus; what is not given comes from python-can's own configuration files and variables.
+    """Open a python-can bus; omitted parameters come from python-can's configuration files and variables.
 
-    Raises BusError in one line, whatever the driver had to say.
+    Raises BusError in one line.
     """
     import can
     from can import util
@@ -96,11 +97,11 @@ def open_bus(interface: str | None = None, channel: str | int | None = None, bit
     given = {key: value for key, value in asked.items() if value is not None}
     try:
         said = _named(given)
-        # Our bus by default goes with our channel: neither completes an interface that somebody else has named.
+        # Our default channel is only for our default interface.
         defaults = {key: value for key, value in DEFAULT_BUS.items() if key not in said}
         config = util.load_config(config=({} if said & INTERFACE_KEYS else defaults) | given)
-        bus = can.Bus(ignore_config=True, **({"bitrate": BITRATE} | dict(config)))  # it has been read just now
-        if bus.channel_info == can.BusABC.channel_info:  # "unknown": slcan's, for one, does not say where it is
+        bus = can.Bus(ignore_config=True, **({"bitrate": BITRATE} | dict(config)))
+        if bus.channel_info == can.BusABC.channel_info:  # "unknown", for example for slcan
             bus.channel_info = f"{config.get('interface')} {config.get('channel')}"
         LIVE_LOG.info("%s is open", bus.channel_info)
         return bus
@@ -118,10 +119,10 @@ def open_bus(interface: str | None = None, channel: str | int | None = None, bit
 
 
 def share(port: int) -> str:
-    """Let other programs of this machine join an in-process bus by python-can-remote, until this process ends.
+    """Share an in-process bus with other programs of this machine by python-can-remote, until this process ends.
 
-    Returns the channel: for `virtual` in here, and for `remote` everywhere else. Raises LocalError without the extra
-    `remote`, BusError for a port that cannot be had.
+    Returns the channel: of `virtual` in this process, of `remote` in others. Raises LocalError without the extra
+    `remote`, BusError for an unavailable port.
     """
     with extras.needed("remote"):
         from can_remote.server import RemoteServer
@@ -136,18 +137,18 @@ def share(port: int) -> str:
 
 
 def _with_remedy(error: BaseException, helps: str) -> str:
-    """Return an error in one line, with what helps, if that is known."""
+    """Return an error in one line, with its remedy if known."""
     return f"{_one_line(error)}; {helps}" if helps else _one_line(error)
 
 
 def _number(error: BaseException) -> int | None:
-    """Return the operating system's number of an error, its own, python-can's or its cause's."""
+    """Return the operating system's number of an error, from itself or its cause."""
     known: int | None = getattr(error, "error_code", None) or getattr(error, "errno", None)
     return known if known or error.__cause__ is None else _number(error.__cause__)
 
 
 def is_named(interface: str | None) -> bool:
-    """Return whether a caller or python-can's configuration names an interface, so that it is not our default."""
+    """Return whether the caller or python-can's configuration names an interface."""
     return bool(_named({"interface": interface} if interface else {}) & INTERFACE_KEYS)
 
 
@@ -164,13 +165,13 @@ def _one_line(error: BaseException) -> str:
 
 
 CLOSED = (errno.EBADF, errno.ENOTCONN, errno.ECONNRESET, errno.EPIPE)
-"""What the system says of a connection that the other end has closed already."""
+"""Errors of a connection that the other end has closed."""
 
 
 def shut_down(bus: can.BusABC) -> None:
-    """Shut a bus down; raises whatever its driver raises, and python-can does not try again when the bus is deleted.
+    """Shut a bus down once, also if its driver raises, so that python-can does not retry when the bus is deleted.
 
-    A bus server that has gone first, such as by the same Ctrl-C, is nothing to complain of.
+    A bus server that exits first (same Ctrl-C) is not an error.
     """
     import can
 
@@ -183,9 +184,9 @@ def shut_down(bus: can.BusABC) -> None:
 
 
 class Driver:
-    """A bus, and what its driver can do: whether it `filters`, and whether its `send` returns `prompt`ly.
+    """A bus and its driver's capabilities: whether it `filters`, and whether its `send` is `prompt`.
 
-    `refusal` is what the driver said when it did not take a frame. `bus` changes when a lost one is opened again.
+    `refusal` is the driver's last reason for not accepting a frame. `bus` changes when it is reopened.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -199,23 +200,27 @@ class Driver:
         self.bus = bus
         self.filters = any(_is_of(bus, interface) for interface in FILTERING)
         self.prompt = any(_is_of(bus, interface) for interface in PROMPT)
-        serial = any(_is_of(bus, interface) for interface in SERIAL)
-        self._wait = 0.0 if self.prompt else SERIAL_WAIT if serial else RETRY
+        self._wait = RETRY
+        if self.prompt:
+            self._wait = 0.0
+        elif any(_is_of(bus, interface) for interface in SERIAL):
+            self._wait = SERIAL_WAIT
         self._socket = getattr(bus, "socket", None) if _is_of(bus, SOCKETCAN) else None
 
     def replace(self, opener: Callable[[], can.BusABC]) -> None:
-        """Shut the bus down, which has failed, and open it again; raises BusError."""
-        with suppress(Exception):  # of a bus that has failed, what its end has to say is only a consequence
+        """Shut the failed bus down, and open it again; raises BusError."""
+        with suppress(Exception):  # only a consequence of the failure
             shut_down(self.bus)
         self._adopt(opener())
 
     def send(self, frame: Frame, timeout: float | None = None) -> bool:
-        """Hand over a frame; False if the driver does not take it in `timeout` seconds. Raises BusError if it failed.
+        """Send a frame; return whether the driver has accepted it in `timeout` s. Raises BusError if it has failed.
 
-        Without a timeout it is as short as the driver allows. A driver that is not `prompt` may wait longer.
+        The default timeout is as short as the driver allows. A driver that is not `prompt` may block longer.
         """
-        # by their places: by their names the arguments take half as long again
-        identifier, extended = frame.cob_id & HIGHEST_EXTENDED, frame.cob_id >= EXTENDED
+        # Positional arguments are faster than keywords.
+        identifier = frame.cob_id & HIGHEST_EXTENDED
+        extended = frame.cob_id >= EXTENDED
         message = self._message(0.0, identifier, extended, frame.is_remote, False, None, len(frame.data), frame.data)
         bus = self.bus
         try:
@@ -226,14 +231,14 @@ class Driver:
             self.refusal = _one_line(error)
             return False
         except Exception as error:  # OSError, ctypes' errors, ...: unlike CanError, they do not mean "try again"
-            if bus is not self.bus:  # it was opened again meanwhile: that the old one failed is known
+            if bus is not self.bus:  # it was reopened meanwhile
                 return False
             raise failure(bus, error) from error
         return True
 
     @property
     def overflow(self) -> int:
-        """How many received frames have found no room since the bus was opened; only SocketCAN tells."""
+        """Number of received frames that the driver has dropped since the bus was opened; only for SocketCAN."""
         if not isinstance(self._socket, socket.socket):
             return 0
         try:
@@ -243,12 +248,12 @@ class Driver:
         return int.from_bytes(counters[DROPS], sys.byteorder)
 
     def stuck(self, seconds: float) -> BusError:
-        """Return the error for a driver that has taken no frame for some seconds."""
+        """Return the error about a driver that has accepted no frame for some seconds."""
         return BusError(f"the bus {self.bus.channel_info} has taken no frame for {seconds:.1f} s: {self.refusal}")
 
 
 def _is_of(bus: can.BusABC, interface: str) -> bool:
-    """Return whether a bus is of an interface of python-can, without importing the drivers of the others."""
+    """Return whether a bus belongs to an interface of python-can, without importing other drivers."""
     from can.interfaces import BACKENDS
 
     module, name = BACKENDS[interface]
@@ -256,29 +261,29 @@ def _is_of(bus: can.BusABC, interface: str) -> bool:
 
 
 def failure(bus: can.BusABC, error: BaseException) -> BusError:
-    """Return an error of a driver in one line."""
+    """Return a driver's error in one line."""
     helps = remedy(_number(error), str(getattr(bus, "channel", ""))) if _is_of(bus, SOCKETCAN) else ""
     return BusError(f"the bus {bus.channel_info} failed: {_with_remedy(error, helps)}")
 
 
 Opener: TypeAlias = "Callable[[], can.BusABC]"
-"""Opens a bus as it was opened before; raises BusError."""
+"""Function that reopens a bus; raises BusError."""
 
 
 class Gaps(NamedTuple):
-    """How often a bus was lost and came back, and for how many seconds in all."""
+    """Number of times that a bus was lost and came back, and the total time in s."""
 
     number: int = 0
     seconds: float = 0.0
 
 
 class Connection:
-    """The bus of a `driver`, opened again by `opener` when it fails; without one, reading ends with its failure.
+    """The bus of a `driver`, reopened by `opener` when it fails; without one, reading ends with the failure.
 
-    `lost` is called with the error when the bus fails, and whether it will be opened again, in the thread that noticed.
-    The reader calls `opened` when it is open again, which may raise BusError like opening it, and `back` when it works,
-    with the length of the gap in seconds of `clock`. `failure` is why it is lost, None while all is well. The reader
-    reads while it is `up`. `overflow` counts frames that have found no room in the driver's receive queue.
+    When the bus fails, `lost` is called with the error and whether it will be reopened, in the thread that noticed it.
+    The reader calls `opened` after reopening, which may raise BusError, and `back` with the length of the gap in s once
+    the bus works. `failure` is the reason why it is lost, or None. The reader reads while it is `up`. `overflow` is the
+    number of received frames that the driver has dropped.
     """
 
     def __init__(
@@ -303,26 +308,26 @@ class Connection:
         self._backoff = Backoff()
 
     def fail(self, why: BusError) -> None:
-        """Note that the bus has failed; from any thread."""
+        """Note that the bus has failed; may be called from any thread."""
         if self._closing.is_set():
             return  # it is being shut down
         with self._lock:
             first = self.failure is None
             self.failure = self.failure or why
-            self.up = self._opener is None  # nobody opens it again: reading goes on until it fails itself
+            self.up = self._opener is None  # without an opener, reading continues until it fails itself
             if first:
                 self._since = self._clock()
                 LIVE_LOG.info("%s is lost: %s", self.driver.bus.channel_info, why)
-        if first:  # without the lock: it takes the `Live`'s, whose owner may just be in here with a failed filter
+        if first:  # without the lock, because `lost` takes the lock of the `Live`, whose owner may be waiting here
             self._lost(why, self._opener is not None)
 
     def reopen(self) -> bool:
-        """Open the bus again, and wait until that succeeds; False if the connection is to end instead."""
+        """Reopen the bus, retrying until it succeeds; return False if the connection has to end."""
         if self._opener is None:
             return False
         while not self._closing.wait(self._backoff.pause(self._clock())):
             try:
-                self.count_overflow()  # the last chance: the count goes with the socket
+                self.count_overflow()  # before the socket with the count is closed
                 self.driver.replace(self._opener)
                 self._of_this_bus = 0  # a new socket counts from 0
                 self._opened()
@@ -337,31 +342,33 @@ class Connection:
         if self.failure is None:
             return
         with self._lock:
-            if not self.up or self._opener is None:  # a sender has seen the next failure meanwhile
+            if not self.up or self._opener is None:  # a sender has noted another failure meanwhile
                 return
-            gap, self.failure = self._clock() - self._since, None
+            gap = self._clock() - self._since
+            self.failure = None
             self.gaps = Gaps(self.gaps.number + 1, self.gaps.seconds + gap)
         LIVE_LOG.info("%s is back after %.1f s", self.driver.bus.channel_info, gap)
         self._back(gap)
 
     def count_overflow(self) -> bool:
-        """Ask the driver how many frames it has lost; return whether the number has doubled since the last report."""
-        now, before = self.driver.overflow, self.overflow
+        """Update `overflow`; return whether it has doubled since the last report."""
+        now = self.driver.overflow
+        before = self.overflow
         self.overflow += max(now - self._of_this_bus, 0)
         self._of_this_bus = now
-        return self.overflow.bit_length() > before.bit_length()  # at 1, 2, 4, ...: many lost frames, few reports
+        return self.overflow.bit_length() > before.bit_length()  # reported at 1, 2, 4, ...
 
     def close(self) -> None:
-        """End reading, and any attempt to open the bus again."""
+        """End reading and reopening."""
         self._closing.set()
         self.up = False
 
 
 class Sender:
-    """Hands waiting frames to a driver. `lock` guards the `queue`; `failed` is called when that fails or is stuck.
+    """Passes queued frames to a driver. `lock` guards the `queue`; `failed` is called if the driver fails or is stuck.
 
-    `blocked` says that the driver has not taken the last frame. `wake` is called then: the thread that keeps the time
-    has to call `retry` after `pause` seconds, and until then no other tries.
+    `blocked` is set if the driver has not accepted the last frame. `wake` is called then: the keeper has to call
+    `retry` after `pause` s, and no other thread tries before.
     """
 
     def __init__(
@@ -386,17 +393,14 @@ class Sender:
         return self._turn is not None
 
     def retry(self) -> None:
-        """Send although the driver has not taken the last frame."""
+        """Send again after the driver has refused a frame."""
         self.blocked = False
         self.pump()
 
     def pump(self) -> None:
-        """Send until no frame is left or the driver takes no more.
-
-        Does nothing if another thread has the turn, which sends what is here as well.
-        """
-        # Ctrl-C may raise between any two lines. A token tells the owner by one assignment, within the `try`: there is
-        # no moment in which the turn is taken and would never be given back.
+        """Send until no frame is left or the driver accepts no more; does nothing if another thread has the turn."""
+        # Ctrl-C may raise between any two lines. The owner's token is set by one assignment within the `try`, so that
+        # the turn is always returned.
         token = object()
         try:
             frame = self._begin(token)
@@ -414,8 +418,8 @@ class Sender:
             return self._next()
 
     def _hand_over(self, frame: Frame) -> bool:
-        """Hand a frame to the driver; False if that has not taken it."""
-        # Not written out in `pump`: CPython 3.11 does not guard the line of an inner `try` by the outer one.
+        """Pass a frame to the driver; return whether it has accepted it."""
+        # Separate from `pump`, because CPython 3.11 does not guard the line of an inner `try` by the outer one.
         try:
             return self._driver.send(frame)
         except BusError as failure:
@@ -423,7 +427,7 @@ class Sender:
             return False
 
     def _after(self, frame: Frame, taken: bool) -> Frame | None:
-        """Return the frame after one that the driver has `taken`; otherwise give up, and wait longer each time."""
+        """Return the next frame if this one was `taken`; else return the turn, and lengthen the pause."""
         with self._lock:
             if taken:
                 self._queue.complete(frame)
@@ -440,7 +444,7 @@ class Sender:
         return None
 
     def _next(self) -> Frame | None:
-        """Return the most urgent frame; without one, give the turn back before anyone can submit another."""
+        """Return the frame with the highest priority; without one, return the turn in the same step."""
         frame = self._queue.next(self._clock())
         if frame is None:
             self._turn = None

@@ -1,7 +1,4 @@
-"""Runs coroutines of users to their end, whatever they do, and then the tasks that they leave behind.
-
-A watchdog sees whether the code of a coroutine hangs, says where, and ends it.
-"""
+"""Runs users' coroutines and their remaining tasks to the end; a watchdog detects code that blocks, and ends it."""
 
 from __future__ import annotations
 
@@ -24,23 +21,22 @@ from typing import Any, TypeVar
 
 from eurobot_od.errors import ProgramFailed
 
-# SIGTERM as an exception, so that a program that is terminated cleans up as usual
+# SIGTERM as an exception, so that a terminated program cleans up
 
 
 TERMINATED = 128 + signal.SIGTERM
-"""Exit status of a program that SIGTERM has ended, as shells write it."""
+"""Exit status of a program ended by SIGTERM, as in shells."""
 
 
 class Terminated(SystemExit):
-    """Raised when SIGTERM has come, by which it differs from a program that calls `sys.exit`."""
+    """Raised by SIGTERM, to distinguish it from `sys.exit`."""
 
 
 class EndedBySigterm:
-    """A context manager: SIGTERM raises Terminated in the block, unless the program has a handler of its own.
+    """A context manager: SIGTERM raises Terminated in the block, unless the program has its own handler.
 
-    It does so once, and no longer after `hold`: what the program does at its end is not to be cut short. One that
-    comes then raises it at the end of the block. Outside the main thread, where Python takes no signals, it does
-    nothing.
+    It raises once, and after `hold` only at the end of the block, so that the program's clean-up is not interrupted.
+    Outside the main thread, which alone gets signals, it does nothing.
     """
 
     def __init__(self) -> None:
@@ -54,7 +50,7 @@ class EndedBySigterm:
         return self
 
     def hold(self) -> None:
-        """Raise nothing before the end of the block."""
+        """Defer Terminated to the end of the block."""
         self._held = True
 
     def _on_sigterm(self, _signal: int, _frame: FrameType | None) -> None:
@@ -74,41 +70,41 @@ class EndedBySigterm:
 Result = TypeVar("Result")
 
 TIMES = 5
-"""How often a task that is left over is cancelled before it is given up."""
+"""Number of times that a remaining task is cancelled before it is given up."""
 
 LONGEST = 0.1
-"""Longest single wait of a loop, s: what is raised in its thread from outside arrives only after a wait."""
+"""Longest single wait of a loop, in s; exceptions raised in its thread from outside arrive after a wait."""
 
 GRACE = 0.2
-"""Seconds that it has to end in, each time."""
+"""Time for a cancelled task to end, in s."""
 
 
 def run(main: Coroutine[Any, Any, Result], tell: Callable[[str], object] = lambda _: None) -> Result:
     """Run a coroutine to its end in real time; raises ProgramFailed if it hangs or calls `sys.exit`.
 
-    `tell` is that of the watchdog.
+    `tell` is called with the watchdog's lines.
     """
     loop, watchdog = watched_loop(tell)
     with watchdog:
         result = run_in(loop, main)
-    if watchdog.hang:  # in a task that nobody has awaited
+    if watchdog.hang:  # in a task that was not awaited
         raise ProgramFailed(watchdog.hang)
     return result
 
 
 def watched_loop(tell: Callable[[str], object]) -> tuple[asyncio.AbstractEventLoop, Watchdog]:
-    """Return a loop in real time, and the watchdog of the thread that runs it.
+    """Return a loop in real time, and the watchdog of its thread.
 
-    Unlike `asyncio.run` it leaves Ctrl-C to Python, which raises KeyboardInterrupt at once and wherever the program is.
+    Unlike in `asyncio.run`, Ctrl-C raises KeyboardInterrupt at once, wherever the program is.
     """
     waits = _Waits()
     return asyncio.SelectorEventLoop(waits), Watchdog(waits.has_moved, tell)
 
 
 def apart(function: Callable[[], Result]) -> Result:
-    """Call a function that runs an event loop: in a thread of its own where one is running already, as in a notebook.
+    """Call a function that runs an event loop; in another thread if one is running already, as in a notebook.
 
-    Whoever is interrupted while they wait, by Ctrl-C or the notebook's button, interrupts the function.
+    An interrupt of the caller, by Ctrl-C or the notebook's button, also interrupts the function.
     """
     try:
         asyncio.get_running_loop()
@@ -133,7 +129,7 @@ def apart(function: Callable[[], Result]) -> Result:
 
 
 def run_in(loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, Result]) -> Result:
-    """Run a coroutine to its end in a loop, which is closed then; raises ProgramFailed as `run` does."""
+    """Run a coroutine to its end in a loop, and close the loop; raises ProgramFailed as `run` does."""
     try:
         return loop.run_until_complete(main)
     except Hang as hang:
@@ -147,12 +143,12 @@ def run_in(loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, Result]) -
 
 
 def exited(end: SystemExit) -> str:
-    """Say what a program did that called `sys.exit`."""
+    """Return the error about a program that called `sys.exit`."""
     return f"sys.exit({'' if end.code is None else repr(end.code)}) ends the whole program: write `return`"
 
 
 def _wind_up(loop: asyncio.AbstractEventLoop) -> None:
-    """Have the tasks that are left clean up and end; one that does not is given up."""
+    """Cancel the remaining tasks, wait for their end, and give up those that do not end."""
     for _ in range(TIMES):
         tasks = asyncio.all_tasks(loop)
         if not tasks:
@@ -161,8 +157,8 @@ def _wind_up(loop: asyncio.AbstractEventLoop) -> None:
             task.cancel()
         done, _ = loop.run_until_complete(asyncio.wait(tasks, timeout=GRACE))
         for task in done:
-            _ = task.cancelled() or task.exception()  # retrieved, as asyncio complains about an exception that never is
-    loop.set_exception_handler(lambda *_: None)  # of tasks that are given up
+            _ = task.cancelled() or task.exception()  # otherwise asyncio logs an unretrieved exception
+    loop.set_exception_handler(lambda *_: None)  # for tasks that are given up
     loop.run_until_complete(loop.shutdown_asyncgens())
     for task in asyncio.all_tasks(loop):
         give_up(task.get_coro())
@@ -170,10 +166,10 @@ def _wind_up(loop: asyncio.AbstractEventLoop) -> None:
 
 
 class _Waits(selectors.DefaultSelector):
-    """Notices whether the loop waits for anything.
+    """Notes whether the loop waits for anything.
 
-    While it does not, it is not asked for files either: Python would give the other threads their turn there and
-    nowhere else, and the watchdog would never come upon the program.
+    While it does not wait, files are not polled either: Python would switch threads only there, and the watchdog would
+    never see the program's own code.
     """
 
     def __init__(self) -> None:
@@ -187,36 +183,38 @@ class _Waits(selectors.DefaultSelector):
         try:
             return super().select(LONGEST if timeout is None else min(timeout, LONGEST))
         finally:
-            self._waited, self._waiting = self._waited or self._waiting, False
+            self._waited = self._waited or self._waiting
+            self._waiting = False
 
     def has_moved(self) -> bool:
         """Return whether it is waiting, or has waited since the last call."""
-        waited, self._waited = self._waited or self._waiting, False
+        waited = self._waited or self._waiting
+        self._waited = False
         self._spins = not waited
         return waited
 
 
 PERIOD = 0.05
-"""Seconds between two checks whether the loop has moved."""
+"""Time between two checks of the loop, in s."""
 
 PATIENCE = 1.0
-"""How long a program may keep the loop from moving: s that it computes, or waits at a line that is known to block."""
+"""Longest time that a program may compute, or wait at a line that is known to block, in s."""
 
 STALLED = 30.0
-"""How long it may do so at any other line without computing, s: the disk may stall, the machine be loaded."""
+"""Longest time that a program may wait at any other line, in s; disk or machine may be slow."""
 
 AGAIN = 0.002
-"""Seconds from one try to end a program to the next."""
+"""Time between two tries to end a program, in s."""
 
 ARRIVAL = 100
-"""Turns of a loop, at each of which Python looks whether another thread has raised something."""
+"""Loop iterations that give Python time to deliver an exception from another thread."""
 
 SLOWEST = 0.1
-"""A simulated clock that goes on by less in the seconds of `PATIENCE` stands still, s."""
+"""Least advance of a simulated clock that counts as movement, in s."""
 
 PACKAGE = str(Path(__file__).resolve().parents[2]) + os.sep
 OWN_CODE = (PACKAGE, sysconfig.get_path("stdlib") + os.sep, "<frozen ", "<generated ", "<string>")
-"""Prefixes of file names whose code is not the watched program; named tuples and dataclasses are made in `<string>`."""
+"""Prefixes of files that are not the watched program; named tuples and dataclasses are made in `<string>`."""
 
 DEBUGGERS = {"bdb", "pdb"}
 
@@ -232,15 +230,15 @@ HINTS = (
         "nothing goes on while it waits for a thread or a program, await it in `asyncio.to_thread(...)`",
     ),
 )
-"""What to write instead of a line that blocks."""
+"""Patterns of blocking lines, and what to write instead."""
 
 IN_GENERAL = "nothing else can go on, await something that takes time, such as `await asyncio.sleep(0.05)`"
 
 
 class Hang(BaseException):
-    """Raised in a program that hangs; it is not an Exception, which a program in a loop may well catch.
+    """Raised in a program that hangs; not an Exception, which the program may catch.
 
-    Python makes it from its class alone, so each has a class of its own, with the `text` that says where.
+    Python creates it from its class alone, so each hang has its own class with the `text`.
     """
 
     text = ""
@@ -250,7 +248,7 @@ class Hang(BaseException):
 
 
 def hint(line: str) -> str:
-    """Say what to write instead of a source line that hangs."""
+    """Return what to write instead of a source line that hangs."""
     for pattern, text in HINTS:
         if found := pattern.search(line):
             return text.format_map(found.groupdict())
@@ -258,15 +256,16 @@ def hint(line: str) -> str:
 
 
 def place(frame: FrameType) -> tuple[str, str]:
-    """Return the file with the line that a program is in, and what stands there."""
-    file, number = frame.f_code.co_filename, frame.f_lineno
+    """Return file and line number of a frame, and the line's text."""
+    file = frame.f_code.co_filename
+    number = frame.f_lineno
     return f"{file}:{number}", linecache.getline(file, number).strip()
 
 
 def innermost(frame: FrameType | None) -> FrameType | None:
-    """Return the innermost call of the program at this place, None if it is not there, or in a debugger."""
+    """Return the innermost frame of the program, None if there is none, or a debugger is active."""
     found = None
-    # Frames outside asyncio's call of what is ready are not the program's.
+    # Frames outside asyncio's call of a handle are not the program's.
     while frame is not None and frame.f_code is not asyncio.Handle._run.__code__:
         if frame.f_globals.get("__name__") in DEBUGGERS:
             return None
@@ -276,7 +275,7 @@ def innermost(frame: FrameType | None) -> FrameType | None:
 
 
 def caller() -> str:
-    """Return the file with the line in which a program calls this package; raises nothing."""
+    """Return file and line number of a program's call of this package; raises nothing."""
     frame = sys._getframe()
     while frame.f_back is not None and frame.f_code.co_filename.startswith(OWN_CODE):
         frame = frame.f_back
@@ -284,15 +283,15 @@ def caller() -> str:
 
 
 def raise_in(thread: threading.Thread, kind: type[BaseException]) -> None:
-    """Raise an exception in another thread, as soon as it runs Python again.
+    """Make another thread raise an exception as soon as it runs Python code.
 
-    It cannot be taken back: Python would look for it at each instruction from then on, and never trace a line again.
+    It is never revoked: Python would then check for it at each instruction, and never trace a line again.
     """
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(kind))
 
 
 def cpu_time_of(thread: threading.Thread) -> Callable[[], float]:
-    """Return a clock of the CPU time of a running thread, in s; of real time, where the system does not count it."""
+    """Return a clock of a thread's CPU time in s; of real time if the system does not measure it."""
     if not hasattr(time, "pthread_getcpuclockid"):
         return time.monotonic
     clock = time.pthread_getcpuclockid(thread.ident or 0)
@@ -300,13 +299,13 @@ def cpu_time_of(thread: threading.Thread) -> Callable[[], float]:
 
 
 class Watchdog:
-    """Watches the thread that enters this context; `has_moved` says whether anything happened since the last call.
+    """Watches the thread that enters this context; `has_moved` returns whether the loop has moved since its last call.
 
-    A program hangs if it computes, or waits at a line that is known to block, for `PATIENCE`. While it does neither,
-    the machine lets it wait, for `STALLED` at most.
+    A program hangs if it computes, or waits at a line that is known to block, for `PATIENCE`, or waits elsewhere for
+    `STALLED`.
 
-    `hang` is the line at which the program was ended, and what to write instead; empty if it did not hang. `warn` gets
-    a line about each place that blocks for a shorter time.
+    `hang` is the line where the program was ended, and what to write instead; empty if it did not hang. `warn` is
+    called with a line about each place that blocks for a shorter time.
     """
 
     def __init__(self, has_moved: Callable[[], bool], warn: Callable[[str], object] = lambda _: None) -> None:
@@ -332,7 +331,7 @@ class Watchdog:
             signal.signal(signal.SIGURG, self._before)
 
     def _is_over(self) -> bool:
-        """End the watching thread; False if what it has raised last arrived only now."""
+        """End the watching thread; return False if its exception arrived only now."""
         try:
             self._ended.set()
             self._thread.join()
@@ -344,18 +343,21 @@ class Watchdog:
 
     def _watch(self) -> None:
         cpu_time = cpu_time_of(self._watched)
-        still, moved_at = 0, cpu_time()
+        still = 0
+        moved_at = cpu_time()
         while not self._ended.wait(PERIOD):
             if self._has_moved():
-                still, moved_at = 0, cpu_time()
+                still = 0
+                moved_at = cpu_time()
                 continue
             still += 1
-            # Before the loop is called still, a line may just take its time.
+            # The first time, the line may just be slow.
             blocks = still > 1 and self._blocks()
-            waited = still * PERIOD  # not by a clock: a machine that is suspended lets nobody wait
+            waited = still * PERIOD  # not from a clock, because the machine may have been suspended
             if cpu_time() - moved_at >= PATIENCE or waited >= (PATIENCE if blocks else STALLED):
                 self._end_program()
-                still, moved_at = 0, cpu_time()
+                still = 0
+                moved_at = cpu_time()
 
     def _blocks(self) -> bool:
         """Return whether the program is at a line that is known to block, and warn of it once."""
@@ -370,7 +372,7 @@ class Watchdog:
 
     def _end_program(self) -> None:
         if not self.hang:
-            self._hang = None  # a program that has gone on by itself may hang elsewhere now
+            self._hang = None  # the program may now hang elsewhere
         while not (self._ended.wait(AGAIN) or self._has_moved()):
             if self._hang is None:
                 self._look()
@@ -381,7 +383,7 @@ class Watchdog:
                 raise_in(self._watched, self._hang)
 
     def _look(self) -> None:
-        """Note at which line the program hangs, if it is there."""
+        """Note the line at which the program hangs."""
         frame = self._program()
         if frame is not None:
             where, line = place(frame)
@@ -389,29 +391,29 @@ class Watchdog:
             self._hang = type(Hang.__name__, (Hang,), {"text": text})
 
     def _end(self, frame: FrameType | None) -> None:
-        """End the program, if it is there now; called by the signal in the watched thread."""
+        """End the program if it is still there; called by the signal in the watched thread."""
         if self._hang is not None and innermost(frame) is not None:
             self.hang = self._hang.text
             raise self._hang
 
     def _program(self) -> FrameType | None:
-        """Return where the program is in the watched thread, as `innermost` does."""
+        """Return the innermost frame of the program in the watched thread."""
         return innermost(sys._current_frames().get(self._watched.ident or 0))
 
 
 def give_up(program: object) -> None:
-    """Keep a coroutine that swallows its cancellation for as long as the process lasts.
+    """Keep a coroutine that ignores its cancellation alive until the process ends.
 
-    Python would close it when it collects it, in the middle of anything, and it would swallow that as well: for ever.
+    Otherwise garbage collection would close it, which it would ignore as well, without end.
     """
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(program))
 
 
-# What moves
+# Simulated clocks
 
 
 def passing(clock: Callable[[], float]) -> Callable[[], bool]:
-    """Return a function that says whether a simulated clock has advanced."""
+    """Return a function that returns whether a simulated clock has advanced since its last call."""
     seen = clock()
 
     def has_moved() -> bool:

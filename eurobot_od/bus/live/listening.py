@@ -1,4 +1,4 @@
-"""Finds out the bit rate of a bus by listening: no frame is sent, and none is acknowledged or destroyed."""
+"""Detects the bit rate of a bus by listening; no frame is sent, acknowledged or destroyed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from eurobot_od.errors import BusError, LocalError
 
 BIT_RATES = (500_000, 250_000, 1_000_000, 125_000, 800_000, 50_000, 20_000, 10_000)
-"""The bit rates of CiA 301, in bit/s, the usual ones first."""
+"""Bit rates of CiA 301 in bit/s, the most common ones first."""
 
 SILENTLY: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -20,14 +20,14 @@ SILENTLY: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "seeedstudio": {"operation_mode": "silent"},
     }
 )
-"""What has the driver of an interface of python-can listen without acknowledging frames."""
+"""Options of python-can's interfaces for listening without acknowledging frames."""
 
 WAIT = 0.7
-"""Time in s to listen at one bit rate; most nodes send something twice a second."""
+"""Time to listen at one bit rate, in s; most nodes send twice a second."""
 
 
 def check_silent(interface: str) -> None:
-    """Raise LocalError for an interface whose driver cannot listen silently: at a wrong rate it would disturb a bus."""
+    """Check that an interface can listen silently; a wrong bit rate would disturb the bus. Raises LocalError."""
     if interface == "socketcan":
         raise LocalError("the bit rate of a SocketCAN interface is the system's: `ip -details link` shows it")
     if interface not in SILENTLY:
@@ -36,7 +36,7 @@ def check_silent(interface: str) -> None:
 
 
 def frames_at(interface: str, channel: str, bit_rate: int, wait: float = WAIT) -> int:
-    """Return how many frames are heard at a bit rate, 0 if anything is wrong with one. Raises LocalError, BusError."""
+    """Return the number of frames heard at a bit rate, 0 after an error frame; raises LocalError, BusError."""
     import can
 
     check_silent(interface)

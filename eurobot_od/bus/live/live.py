@@ -1,8 +1,6 @@
-"""A controller and its node on a python-can bus, with real time and real threads; or a group of nodes in one thread.
+"""A controller and its node on a python-can bus, in real time with threads; or a group of nodes in one thread.
 
-The package's docstring explains the threads, the locks and who wakes whom.
-
-Rule of this file: submitting a frame never waits for the bus.
+The package's docstring explains threads and locks. Submitting a frame never waits for the bus.
 """
 
 from __future__ import annotations
@@ -32,25 +30,25 @@ if TYPE_CHECKING:
     from eurobot_od.device.station import NodeGroup, Station
 
 PATIENCE = 1.0
-"""Seconds that the end waits for each thread."""
+"""Longest wait for each thread at the end, in s."""
 
 
 TAKEN_WITHIN = 1.0
-"""Seconds in which a driver has to take a frame."""
+"""Time for a driver to accept a frame, in s."""
 
 ERROR_FRAMES = (
     (0x004, 0x03, ErrorCode.OVERRUN),
     (0x004, 0x30, ErrorCode.ERROR_PASSIVE),
     (0x100, 0x00, ErrorCode.RECOVERED_FROM_BUS_OFF),
 )
-"""Error frames that become an EMCY, in the form of Linux's `can/error.h`, which python-can's drivers pass on.
+"""Error frames that cause an EMCY, in the format of Linux's `can/error.h`, which python-can's drivers use.
 
-Each has a class bit in the identifier, bits of data byte 1 of which one is set (0: any or none), and our error code.
+Each row has a class bit of the identifier, bits of data byte 1 (0: any), and our error code.
 """
 
 
 BUS_OFF = 1 << 6
-"""Class bit of the error frame that says that the controller is bus-off."""
+"""Class bit of the error frame for bus-off."""
 
 BUS_OFF_HINT = (
     "the controller has left the bus; SocketCAN restarts it with `ip link set CHANNEL type can restart-ms 100`"
@@ -58,7 +56,7 @@ BUS_OFF_HINT = (
 
 
 class _NoThreads:
-    """Takes the place of the lock in a forked child, which has none of the threads that would do the work."""
+    """Replaces the lock in a forked child, which has none of the threads."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -67,23 +65,23 @@ class _NoThreads:
         raise StateError(f"{self._name}: belongs to the process that has forked; open a bus of your own after the fork")
 
     def __exit__(self, *_: object) -> None:
-        """Nothing was entered."""
+        """Do nothing: `__enter__` always raises."""
 
 
 def _refuse(started: weakref.ref[Live]) -> None:
-    """Have every call to a `Live` and its node refused in a forked child."""
+    """Make all calls of a `Live` and its node raise in a forked child."""
     live = started()
     if live is not None:
         live.refuse()
 
 
 class Live:
-    """A controller, and the node of a station if there is one, running on a bus; a context manager.
+    """A controller, and a station with its node if there is one, running on a bus; a context manager.
 
-    `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what came from the bus and is not a
-    classic base data frame, `missed` what came while the process stood still and is not acted on. A bus that fails is
-    opened again by `opener`, if there is one; `gaps` says how often and for how long. `failure` is why it
-    cannot go on, None while it can. All this is reported, too. The bus is shut down at the end.
+    `clock` returns the time in s for nodes and listeners. `foreign` is the number of received frames that are not
+    classic base data frames, `missed` the number of frames ignored because they came while the process stood still. A
+    bus that fails is reopened by `opener`; `gaps` has their number and length. `failure` is the reason for its end, or
+    None. All of these are also reported. The bus is shut down at the end.
     """
 
     def __init__(
@@ -133,28 +131,28 @@ class Live:
 
     @property
     def bus(self) -> can.BusABC:
-        """The bus as it is opened now."""
+        """The present bus."""
         return self._driver.bus
 
     @property
     def gaps(self) -> Gaps:
-        """How often the bus was lost and came back, and for how long."""
+        """Number and total length of the bus's interruptions."""
         return self._connection.gaps
 
     @property
     def overflow(self) -> int:
-        """How many received frames have found no room in the driver's queue; 0 if it does not tell."""
+        """Number of received frames that the driver has dropped; 0 if it does not report them."""
         return self._connection.overflow
 
     @property
     def failure(self) -> BusError | NodeFailed | None:
-        """Why it cannot go on: the bus has failed and is not opened again, or the node has ended."""
+        """Reason for its end: the bus has failed and is not reopened, or the node has ended; else None."""
         return self._failure or (None if self.station is None else self.station.failure)
 
     # Life
 
     def start(self) -> Live:
-        """Hand the receive filters to the bus, switch the node on, start reading."""
+        """Set the receive filters, switch the node on, and start the threads."""
         self._running = True
         self.controller.rerouted = self._refilter
         self.controller.start()
@@ -170,10 +168,7 @@ class Live:
         return self
 
     def _filter(self) -> None:
-        """Hand the receive filters to the bus if its driver filters: python-can's own filtering saves nothing.
-
-        Raises BusError.
-        """
+        """Set the bus's receive filters if its driver filters; raises BusError."""
         try:
             self.bus.set_filters(self.controller.filters() if self._driver.filters else None)
         except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
@@ -186,16 +181,16 @@ class Live:
             self._connection.fail(error)
 
     def stop(self) -> None:
-        """Let the node say goodbye, end the threads and shut the bus down.
+        """Switch the node off, end the threads and shut the bus down.
 
-        Frames still waiting are sent first if the bus takes them. Waits for a function that does not return no longer
-        than `PATIENCE`. Raises what the node could not bring to its end; BusError if the bus fails only now; NodeFailed
-        if the node has failed meanwhile and no `report` of its owner's was told, even if it was restarted.
+        Queued frames are sent first if the bus accepts them. A function that does not return is awaited for `PATIENCE`.
+        Raises the error of the node's last action; BusError if the bus fails only now; NodeFailed if the node has
+        failed before and the owner had no `report`, even if it was restarted.
         """
         if self._forked:
-            return  # the bus is the other process's
+            return  # the bus belongs to the parent process
         try:
-            # First: what a node does before it is switched off, such as to stop, needs the threads.
+            # First, because the node's last actions, such as stopping, need the threads.
             goodbye = self.station.node.leave() if self.station and not self.station.failure and self._running else None
             if goodbye is not None:
                 goodbye.result()
@@ -209,9 +204,9 @@ class Live:
             raise self.station.last_failure
 
     def _end(self) -> None:
-        """End the threads and shut the bus down, whatever became of the leave."""
+        """End the threads and shut the bus down."""
         try:
-            self._functions.stop()  # first: what the last functions send still needs the other two threads
+            self._functions.stop()  # first, because the last functions may send by the other two threads
             self._sender.retry()
             self._connection.close()
             with self._changed:
@@ -242,13 +237,14 @@ class Live:
         except (BusError, NodeFailed) as error:
             if cause is None:
                 raise
-            # The error that has ended the block is the one to be seen. A robot that does not stand is worse than that.
+            # The error that has ended the block has priority, but a robot that does not stop must be reported.
             self.controller.report(Report(Event.END_FAILED, self.name, str(error), self.clock(), error))
 
     def refuse(self) -> None:
-        """Raise StateError for every send and every call of the node: for a process without its threads."""
+        """Make every send and every call of the node raise StateError, in a process without the threads."""
         refusal: Any = _NoThreads(self.name)
-        self._lock, self._forked = refusal, True
+        self._lock = refusal
+        self._forked = True
         if self.station is not None:
             self.station.node.guard = refusal
 
@@ -257,10 +253,7 @@ class Live:
             self._changed.notify_all()
 
     def _lost(self, why: BusError, opened_again: bool) -> None:
-        """Report that the adapter was pulled out, the server went away, the driver failed, and let the node stand.
-
-        Until the bus is back, only stops are kept for it.
-        """
+        """Report the failure of the bus, and notify the node; until it is back, only stop messages are queued."""
         if not self._running:
             return
         now = self.clock()
@@ -291,30 +284,29 @@ class Live:
     # Sending
 
     def send(self, message: Message) -> None:
-        """Encode a message and leave it to the queue; never waits. Raises FieldError for a value out of range.
+        """Encode a message and queue it; never blocks. Raises FieldError for a value out of range.
 
-        With a node, the node sends it: raises StateError if it has no such TPDO or its NMT state does not allow it; and
-        in any case when the `Live` has ended, or in a forked child.
+        With a node, the node sends it, and StateError is raised if it has no such TPDO or its NMT state does not allow
+        it. StateError is also raised after the end of the `Live`, or in a forked child.
         """
         with self._lock:
             if self._ended:
                 raise StateError(f"{self.name}: the bus is closed; nothing is sent any more")
             if self.station is not None:
-                self.station.node.send(message)  # and that wakes the keeper
+                self.station.node.send(message)  # wakes the keeper
                 return
             self.controller.send(message, self.clock())
         if self._driver.prompt:
-            self._sender.pump()  # here and now: to wake the keeper takes as long as the frame on the bus
+            self._sender.pump()  # in this thread, because waking the keeper takes as long as a frame on the bus
         else:
             self._wake()
 
     # The reader's thread
 
     def _receive(self, cob_id: int, data: Data, now: float) -> None:
-        """Deliver a frame, let the keeper know when to look again, and send the answers.
+        """Deliver a frame, wake the keeper if needed, and send the answers.
 
-        In this order: as soon as an answer is out, the thread that waited for it competes with this one for the
-        interpreter, and what is left to do here takes twice as long.
+        The answers come last, because the thread that waits for one then competes for the interpreter.
         """
         self.controller.receive_data(cob_id, data, now)
         self._answered()
@@ -325,11 +317,11 @@ class Live:
         self._sender.pump()
 
     def _note_foreign(self, message: can.Message | None) -> None:
-        """Count what is not a classic base data frame; the node gets remote frames and what the controller reports."""
+        """Count a frame that is not a classic base data frame; remote and error frames are passed to the node."""
         self.foreign += 1
         if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
             now = self.clock()
-            if self.station is not None:  # it cannot be commanded now; its recovery is an error frame, too
+            if self.station is not None:  # its recovery is an error frame, too
                 self.station.bus_lost(now)
             self.controller.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
         if self.station is None or message is None:
@@ -344,7 +336,7 @@ class Live:
             self._answered()
 
     def _note_missed(self, count: int) -> None:
-        """Report frames that waited while the process stood still: an old goto must not be carried out now."""
+        """Report frames that came while the process stood still; old commands must not be executed now."""
         self.missed += count
         text = f"{count} frames came while the process stood still, and are ignored"
         self.controller.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
@@ -370,7 +362,7 @@ class Live:
                     self._changed.wait(pause)
 
     def _next_look(self) -> float:
-        """Return when there is something to do again; called with the lock held, so that no wake-up is missed."""
+        """Return when the keeper has to check again; called with the lock held, so that no wake-up is missed."""
         now = self.clock()
         looks = [now + POLL]
         if self.station is not None:
@@ -378,15 +370,15 @@ class Live:
         if self._sender.blocked:
             looks += [now + self._sender.pause, self.controller.queue.next_expiry]
         elif self.controller.queue.waiting and not self._sender.busy:
-            return now  # frames wait that no thread is at: submitted after the sender has looked
+            return now  # frames were queued after the sender's last check
         return min(looks)
 
 
 class LiveGroup:
-    """A group of nodes on one bus, in one thread: a whole network of simulated devices.
+    """A group of nodes on one bus in one thread, such as a network of simulated devices; a context manager.
 
-    A bus that fails is opened again by `opener`, if there is one, and the nodes go on; `report` is told. `sent` and
-    `received` count frames. A context manager, which shuts the bus down.
+    A bus that fails is reopened by `opener`, if there is one, and the nodes continue; `report` is called. `sent` and
+    `received` are numbers of frames. The bus is shut down at the end.
     """
 
     def __init__(
@@ -397,13 +389,18 @@ class LiveGroup:
         opener: Opener | None = None,
         report: Callable[[Report], object] = lambda _: None,
     ) -> None:
-        self.group, self.clock, self.name = group, clock, str(bus.channel_info)
-        self._opener, self._report, self._backoff = opener, report, Backoff()
+        self.group = group
+        self.clock = clock
+        self.name = str(bus.channel_info)
+        self._opener = opener
+        self._report = report
+        self._backoff = Backoff()
         self.sent = self.received = 0
-        self._driver, self._silence = Driver(bus), BusSilence()
+        self._driver = Driver(bus)
+        self._silence = BusSilence()
 
     def run(self, end: float) -> None:
-        """Switch the nodes on, and run them until a time of the clock. Raises BusError."""
+        """Switch the nodes on, and run them until a time of the clock; raises BusError."""
         first: Callable[[float], list[Frame]] = self.group.start
         while self.clock() < end:
             try:
@@ -416,7 +413,7 @@ class LiveGroup:
                 first = self.group.bus_back
 
     def _exchange(self, end: float) -> None:
-        """Run the nodes until the end or the bus's failure, which raises BusError."""
+        """Run the nodes until the end, or until the bus fails, which raises BusError."""
         while (now := self.clock()) < end:
             self._silence.watch(self.name, self._report, now)
             if self.group.next_wakeup <= now:
@@ -428,7 +425,7 @@ class LiveGroup:
                 self._send(self.group.receive(frame, self.clock()))
 
     def _reopen(self, why: BusError, opener: Opener, end: float) -> None:
-        """Open the bus again, trying until the end."""
+        """Reopen the bus, retrying until the end."""
         lost_at = self.clock()
         self._report(Report(Event.BUS_FAILED, self.name, f"{why}; it is opened again", lost_at))
         self.group.bus_lost(lost_at)
@@ -443,7 +440,7 @@ class LiveGroup:
             return
 
     def _received(self, wait: float) -> Frame | None:
-        """Wait for a frame up to some seconds; None for none, and for one that is not classic CAN with 11 bits."""
+        """Wait up to `wait` s for a frame; None if none came, or not a classic frame with 11 bits."""
         bus = self._driver.bus
         try:
             message = bus.recv(max(wait, 0.0))
@@ -460,7 +457,7 @@ class LiveGroup:
     def _send(self, frames: list[Frame]) -> None:
         for frame in frames:
             tried = self.clock()
-            while not self._driver.send(frame):  # its queue is full until the bus has taken a frame
+            while not self._driver.send(frame):  # the driver's queue may be full
                 if self.clock() - tried > TAKEN_WITHIN:
                     raise self._driver.stuck(TAKEN_WITHIN)
             self.sent += 1

@@ -1,4 +1,4 @@
-"""Reading a bus in a thread: the loop that every received frame goes through, and the thread that calls functions."""
+"""Threads that read a bus and call users' functions."""
 
 from __future__ import annotations
 
@@ -22,28 +22,27 @@ if TYPE_CHECKING:
 
 
 POLL = 0.1
-"""Longest time in seconds that a thread waits before it looks whether it is to end."""
+"""Longest time that a thread waits before it checks whether it has to end, in s."""
 
 
 MALFORMED = (ValueError, TypeError, LookupError, AssertionError, StructError)
-"""What drivers raise about a frame that makes no sense to them; about a bus they raise other errors."""
+"""Exceptions of drivers for a malformed frame; a failed bus raises others."""
 
 ENDURED = 100
-"""This many in a row are no longer garbled frames: the bus has failed."""
+"""Number of malformed frames in a row after which the bus has failed."""
 
 
 OLD = 1.0
-"""Seconds that a frame may have waited in the driver's queue."""
+"""Longest time that a frame may wait in the driver's queue, in s."""
 
 
 class Backlog:
-    """Finds old frames by the driver's time stamps; `ended` gets their number after each standstill.
+    """Detects old frames by the driver's time stamps; `ended` is called with their number after each standstill.
 
-    Frames that came while the process stood still (SIGSTOP, a suspended computer) are too old to be acted on. Only
-    after a standstill can a frame be old, until one is fresh or none is waiting: so setting the clock does not make a
-    node deaf.
+    Frames that came while the process stood still (SIGSTOP, a suspended computer) are too old to be used. Frames are
+    old only after a standstill, until one is fresh or none is waiting, so that setting the clock does not drop frames.
 
-    `longest` is the longest time in seconds that a running reader takes from one call to the next.
+    `longest` is the longest time in s between two calls by a running reader.
     """
 
     def __init__(self, longest: float, ended: Callable[[int], object]) -> None:
@@ -52,7 +51,7 @@ class Backlog:
         self._waits, self._count = False, 0
 
     def is_old(self, now: float, stamp: float) -> bool:
-        """Return whether a frame read `now` has waited too long; `stamp` is 0.0 if the driver gives none."""
+        """Return whether a frame read `now` is too old; `stamp` is 0.0 if the driver gives none."""
         self._waits = self._waits or now - self._last > self._longest
         self._last = now
         if self._waits and stamp:
@@ -68,21 +67,23 @@ class Backlog:
         stood_still = now - self._last > self._longest
         self._last = now
         if stood_still:
-            self._waits = True  # the wait for a frame has run out meanwhile: those that have come are still to be read
+            self._waits = True  # frames that came meanwhile are still to be read
         elif self._waits:
             self._end()
 
     def _end(self) -> None:
-        self._waits, count, self._count = False, self._count, 0
+        self._waits = False
+        count = self._count
+        self._count = 0
         if count:
             self._ended(count)
 
 
 SILENT_AFTER = 5.0
-"""Seconds without a frame after which a bus with regular heartbeats is silent."""
+"""Time without a frame after which a bus with regular heartbeats is silent, in s."""
 
 REGULAR = SILENT_AFTER / 3
-"""Longest time in seconds between two heartbeats, of anybody, that are regular."""
+"""Longest time between two heartbeats, of any nodes, that are regular, in s."""
 
 NOTHING_HEARD = (
     "nothing has been heard for {:.0f} s, not even a heartbeat; all others are off, or what is between does not deliver"
@@ -91,9 +92,9 @@ HEARD_AGAIN = "frames are heard again"
 
 
 class BusSilence:
-    """Notices that nothing more is heard, when nothing has failed: as if a bus server had forgotten its clients.
+    """Detects that no frames arrive although nothing has failed, such as after a bus server has lost its clients.
 
-    Times are in seconds. Only where heartbeats were regular does silence mean anything.
+    Times are in s. A bus is silent only if heartbeats were regular before.
     """
 
     def __init__(self) -> None:
@@ -108,10 +109,11 @@ class BusSilence:
             self._beat = now
 
     def watch(self, bus: str, report: Reporter, now: float, is_open: bool = True) -> None:
-        """Report what is new about a bus of that name, mostly nothing; one that is not open is not silent."""
-        if not is_open or now - self._looked > SILENT_AFTER / 2:  # or this process itself has stood still
+        """Report if a bus has become silent, or is heard again; one that is not open is not silent."""
+        if not is_open or now - self._looked > SILENT_AFTER / 2:  # this process may have stood still
             self._last = now
-        self._looked, quiet = now, now - self._last
+        self._looked = now
+        quiet = now - self._last
         if self._is_regular and (quiet > SILENT_AFTER) is not self._is_told:
             self._is_told = not self._is_told
             text = NOTHING_HEARD.format(quiet) if self._is_told else HEARD_AGAIN
@@ -119,12 +121,12 @@ class BusSilence:
 
 
 class Reader:
-    """Gives each classic data frame with an 11-bit identifier to `receive`, and any other frame to `foreign`.
+    """Passes each classic data frame with an 11-bit identifier to `receive`, and any other frame to `foreign`.
 
-    `receive` takes the COB-ID, the data in the driver's buffer, and when the frame was read, in seconds of `clock`;
-    without one the driver's time stamps count, which start anywhere. `foreign` gets None for a frame of which the
-    driver can make no sense. `missed` gets how many frames were passed over because they came while the process stood
-    still; those whose COB-ID `lasts` are never. `idle` is called whenever no frame has come for a while.
+    `receive` is called with COB-ID, the data in the driver's buffer, and the time in s by `clock`, or else by the
+    driver's time stamps. `foreign` is called with None for a malformed frame. `missed` is called with the number of
+    frames that were dropped because they came while the process stood still; frames whose COB-ID `lasts` are kept.
+    `idle` is called when no frame has come for a while.
     """
 
     def __init__(
@@ -144,8 +146,9 @@ class Reader:
         self.silence = BusSilence()
 
     def read(self) -> None:
-        """Read in this thread until the connection is closed, or lost for good."""
-        connection, going_on = self._connection, True
+        """Read in this thread until the connection is closed, or has failed for good."""
+        connection = self._connection
+        going_on = True
         while going_on:
             bus = connection.driver.bus
             try:
@@ -155,9 +158,12 @@ class Reader:
             going_on = connection.reopen()
 
     def _read(self, bus: can.BusABC) -> None:
-        """Read as long as the connection is up; raises whatever the driver raises."""
+        """Read while the connection is up; raises any exception of the driver."""
         connection, recv, receive, clock = self._connection, bus.recv, self._receive, self._clock
-        nonsense, backlog, heard, now = 0, self._backlog, self.silence.heard, 0.0
+        nonsense = 0
+        backlog = self._backlog
+        heard = self.silence.heard
+        now = 0.0
         while connection.up:
             try:
                 message = recv(POLL)
@@ -167,7 +173,7 @@ class Reader:
                     raise
                 self._foreign(None)
                 continue
-            nonsense = 0  # garbled frames are not a failure unless nothing else comes
+            nonsense = 0
             if connection.failure is not None:
                 connection.works()
             now = clock() if clock else 0.0
@@ -180,7 +186,7 @@ class Reader:
             if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
                 self._foreign(message)
             elif len(message.data) > MOST_BYTES or not 0 <= message.arbitration_id <= HIGHEST_IDENTIFIER:
-                self._foreign(message)  # what an adapter cannot receive, a peer behind a network can send
+                self._foreign(message)  # impossible from an adapter, but not from a network peer
             elif backlog is None or not backlog.is_old(now, message.timestamp) or self._lasts(message.arbitration_id):
                 receive(message.arbitration_id, message.data, now if clock else message.timestamp)
 
@@ -188,7 +194,7 @@ class Reader:
 class FrameReader:
     """Calls `seen` with the time and every classic base data frame on a bus; a context manager.
 
-    `clock`, `foreign` and `idle` are those of the Reader, `opener`, `failed` and `back` the Connection's.
+    `clock`, `foreign` and `idle` are those of Reader; `opener`, `failed` and `back` those of Connection.
     """
 
     def __init__(
@@ -205,23 +211,26 @@ class FrameReader:
         def receive(cob_id: int, data: Data, now: float) -> None:
             seen(now, Frame(cob_id, bytes(data)))
 
-        driver, lost = Driver(bus), lambda why, _: failed(why)
+        def lost(why: BusError, _: bool) -> None:
+            failed(why)
+
+        driver = Driver(bus)
         self._connection = Connection(driver, opener, time.monotonic, lost, lambda: None, back)
         reader = Reader(self._connection, receive, clock, foreign, idle=idle)
         self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
     @property
     def bus(self) -> can.BusABC:
-        """The bus as it is opened now."""
+        """The present bus."""
         return self._connection.driver.bus
 
     @property
     def name(self) -> str:
-        """What the driver calls the bus."""
+        """The driver's name of the bus."""
         return str(self.bus.channel_info)
 
     def send(self, frame: Frame, timeout: float | None = None) -> bool:
-        """Hand a frame to the driver, as `Driver.send` does; when that fails, the bus is opened again as well."""
+        """Send a frame as `Driver.send` does; after a failure the bus is reopened."""
         try:
             return self._connection.driver.send(frame, timeout)
         except BusError as failed:
@@ -229,7 +238,7 @@ class FrameReader:
             raise
 
     def overflow(self) -> int:
-        """Return how many frames have found no room in the driver's queue so far; 0 if it does not tell."""
+        """Return the number of received frames that the driver has dropped; 0 if it does not report them."""
         self._connection.count_overflow()
         return self._connection.overflow
 
@@ -241,23 +250,23 @@ class FrameReader:
         self._connection.close()
         self._connection.count_overflow()  # while there is a socket to ask
         self._thread.join(10 * POLL)
-        # The end of a bus that has failed can only fail for the same reason.
+        # Shutting down a failed bus fails for the same reason.
         with suppress(Exception) if self._connection.failure else nullcontext():
             shut_down(self._connection.driver.bus)
 
 
 BACKLOG = 1000
-"""Calls that wait: with a message every 10 ms, a function that takes 10 s loses none."""
+"""Largest number of queued calls: with a message every 10 ms, a function may take 10 s."""
 
 STUCK_AFTER = 0.25
-"""Seconds after which a call that has not returned is reported."""
+"""Time after which a call that has not returned is reported, in s."""
 
 PATIENCE = 1.0
-"""Seconds that the end waits for the calls that are left."""
+"""Longest wait for the remaining calls at the end, in s."""
 
 
 class DueCall(NamedTuple):
-    """A call that is due."""
+    """A queued call."""
 
     listener: FunctionListener[Any]
     message: Any
@@ -265,25 +274,25 @@ class DueCall(NamedTuple):
 
 
 class FunctionThread:
-    """Makes calls in the order in which they are submitted; when `backlog` of them wait, the oldest makes room.
+    """Makes calls in the order of their submission; with `backlog` queued calls, the oldest is dropped.
 
-    `clock` is the controller's, by which slow calls are measured too.
+    `clock` is the controller's, and also measures slow calls.
     """
 
     def __init__(self, name: str, report: Reporter, clock: Callable[[], float], backlog: int = BACKLOG) -> None:
         self._report, self._clock, self._backlog = report, clock, backlog
         self._waiting: SimpleQueue[DueCall | None] = SimpleQueue()
         self._running: tuple[DueCall, float] | None = None
-        """The call under way and since when; one value, as another thread reads it."""
+        """The present call and its start; one value, because another thread reads it."""
         self._reported: DueCall | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Start the thread. It is a daemon: a function that never returns must not keep the process."""
+        """Start the thread, a daemon, so that a function that never returns does not keep the process alive."""
         self._thread.start()
 
     def submit(self, listener: FunctionListener[Any], message: Any, timestamp: float) -> None:
-        """Have a function called soon; never waits."""
+        """Queue the call of a function; never blocks."""
         if self._waiting.qsize() >= self._backlog and (oldest := self._take()) is not None:
             oldest.listener.has_lost(oldest.timestamp)
         self._waiting.put(DueCall(listener, message, timestamp))
@@ -304,7 +313,7 @@ class FunctionThread:
             self._running = None
 
     def watch(self) -> None:
-        """Report a call that does not return, once; for the thread that keeps the time."""
+        """Report a call that does not return, once; called by the keeper."""
         running = self._running
         if running is None or running[0] is self._reported or self._clock() - running[1] <= STUCK_AFTER:
             return
@@ -313,7 +322,7 @@ class FunctionThread:
         self._report(Report(Event.LISTENER_STUCK, call.listener.name, text, call.timestamp))
 
     def stop(self) -> None:
-        """Make the calls that are left, for at most `PATIENCE` seconds, and count those not made as lost."""
+        """Make the remaining calls for at most `PATIENCE`, and count the others as lost."""
         self._waiting.put(None)
         if self._thread.is_alive() and self._thread is not threading.current_thread():  # a function may end the program
             self._thread.join(PATIENCE)

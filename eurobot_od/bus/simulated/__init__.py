@@ -1,4 +1,4 @@
-"""Simulated time: a CAN bus, an asyncio event loop on its clock, and the world around the robot.
+"""Simulated time: a CAN bus, and an asyncio event loop on its clock.
 
-Rule of this package: the same seed gives the same frames to the byte; nothing reads the real clock.
+The same seed always gives the same frames; nothing reads the real clock.
 """

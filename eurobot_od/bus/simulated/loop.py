@@ -1,8 +1,7 @@
-"""An asyncio event loop whose clock is the simulated bus's: `await asyncio.sleep(90)` takes no time at all.
+"""An asyncio event loop on the clock of a simulated bus: `await asyncio.sleep(90)` takes no real time.
 
-The loop never waits. Where an ordinary loop would sleep, events of the network are run until one of them wakes a task,
-or the time has come that the loop would have slept to. `Several` buses may share a clock, such as those of two robots
-that play each other.
+The loop never waits: instead of sleeping, it runs events of the network until one of them wakes a task, or the end of
+the sleep. `Several` buses may share a clock, such as those of two robots in one match.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ Arguments = TypeVarTuple("Arguments")
 
 
 class Several:
-    """Some networks, advanced together: always the one with the next event, so that none is ahead of another."""
+    """Networks that advance together: the one with the next event is always first."""
 
     def __init__(self, *networks: Simulation) -> None:
         self._networks = networks
@@ -35,26 +34,26 @@ class Several:
         return min(network.next_event for network in self._networks)
 
     def advance(self, until: float) -> bool:
-        """Run the next event of any bus if it is due by `until`; otherwise let the time pass and return False."""
+        """Run the next event of any bus if it is due by `until`; else advance to `until` and return False."""
         first = min(self._networks, key=lambda network: network.next_event)
         happened = first.advance(until)
         self.now = first.now
         for network in self._networks:
-            # Nothing happens on the others before that time, so their clocks may simply follow.
+            # The others have no event before that time.
             network.now = max(network.now, self.now)
         return happened
 
 
 Simulated: TypeAlias = Simulation | Several
-"""What has a simulated clock, and events on it."""
+"""Anything with a simulated clock and events."""
 
 
 class NothingHappens(EurobotError):
-    """Every task waits and no node has anything planned: in simulated time that would last for ever."""
+    """Every task waits, and no node has planned anything: simulated time would advance for ever."""
 
 
 class _Selector(selectors.DefaultSelector):
-    """Runs the network instead of sleeping, until it is `woken` or a file that somebody registered is ready."""
+    """Runs the network instead of sleeping, until it is `woken` or a registered file is ready."""
 
     def __init__(self, network: Simulated) -> None:
         super().__init__()
@@ -63,11 +62,11 @@ class _Selector(selectors.DefaultSelector):
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         until = inf if timeout is None else self._network.now + timeout
-        # Asyncio's own pipe alone is not asked for: that would cost a system call for each event.
+        # asyncio's own pipe alone is not polled, which would be a system call for each event.
         is_watched = len(self.get_map()) > 1
         ready = super().select(0) if is_watched else []
         while not (ready or self.woken) and self._network.now < until:
-            # Refused rather than waited for: no event is left that could end the wait.
+            # No event could end the wait.
             if timeout is None and self._network.next_event == inf:
                 raise NothingHappens("every task waits, and no node has anything to do")
             self._network.advance(until)
@@ -87,13 +86,12 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
     def call_soon(
         self, callback: Callable[[*Arguments], object], *args: *Arguments, context: Context | None = None
     ) -> asyncio.Handle:
-        """Have a callback run before the next event, as the nodes do with those who await them."""
-        # A node's answer wakes its task within the same event: another event first would put a time between the two
-        # that no real program has.
+        """Schedule a callback before the next event."""
+        # A node's answer wakes its task within the same event, without a delay that no real program has.
         self._simulated.woken = True
         return super().call_soon(callback, *args, context=context)
 
-    call_soon_threadsafe = call_soon  # nothing has to be woken from a system call
+    call_soon_threadsafe = call_soon  # no system call has to be interrupted
 
     def time(self) -> float:
         """Return the simulated time in seconds."""
@@ -103,6 +101,6 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
 def run(network: Simulated, main: Coroutine[Any, Any, Result]) -> Result:
     """Run a coroutine to its end in simulated time, as `live.event_loop.run` does in real time.
 
-    Raises ProgramFailed if it calls `sys.exit`; whether it hangs is for a watchdog to see.
+    Raises ProgramFailed if it calls `sys.exit`; a watchdog has to detect hangs.
     """
     return run_in(SimulatedLoop(network), main)

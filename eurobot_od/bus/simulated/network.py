@@ -1,19 +1,18 @@
-"""Stations on a simulated CAN bus: who hears what and when, what goes wrong on demand, and the order of all events.
+"""Stations on a simulated CAN bus: delivery of frames, faults on demand, and the order of all events.
 
-Events happen one after the other, each at its time. Of the frames that wait for a `Bus`, the lowest COB-ID of
-all transceivers wins, and frames that are equal to the bit go out as one.
+Events happen one after the other, each at its time. Of all frames waiting for a `Bus`, the one with the lowest COB-ID
+wins the arbitration; equal frames are sent as one.
 
-A frame's way: its node leaves it to the queue; it wins the arbitration; after its bits it has ended. At that moment
-it has left its senders' queues and the observers are called, whatever becomes of it next; the bus is free after
-the intermission. Then `disturb` says when it reaches the stations that have received it, and each of them looks at it
-after its own `processing` time. A station that is silent at any of these times has lost it.
+The way of a frame: its node puts it into the queue; it wins the arbitration; it ends after its last bit. It then leaves
+its senders' queues, the observers are called, and the bus is free after the intermission. `disturb` returns when it
+reaches the receiving stations, and each of them processes it after its `processing` time. A station that is silent at
+any of these times loses it.
 
-What is to come stands in one queue: looks, starts, and the moments at which somebody may send again. Only what is under
-way on the bus, which `cut` may take back, and the nodes' own wake-ups, which stand in their plans and may change at any
-time, are looked up each time. Ties go: the bus, the queue in the order of planning, the stations in the order of
-attaching.
+Future events are in one queue: processing, starts, and times at which a station may send again. Two kinds are looked up
+each time instead: the frame on the bus, which `cut` may cancel, and the nodes' wake-ups, which may change at any time.
+The order of simultaneous events is: the bus, the queue in order of planning, the stations in order of attaching.
 
-A bus that is cut in two is two buses (`split`) until they are joined; all other stations are on the whole one.
+A bus that is cut in two is two buses (`split`) until they are joined.
 """
 
 from __future__ import annotations
@@ -36,18 +35,18 @@ from eurobot_od.frame import Frame
 
 
 class FrameSource(Protocol):
-    """Where a transceiver's frames come from; `controller.TransmitQueue` is one."""
+    """Source of a transceiver's frames, such as `controller.TransmitQueue`."""
 
     def urgent(self) -> Frame | None:
-        """Return the frame to be sent first, None without one; asked as often as anybody likes."""
+        """Return the frame with the highest priority, or None, without removing it."""
 
     def complete(self, frame: Frame) -> object:
-        """Take note that a frame is through."""
+        """Note that a frame was sent."""
 
 
 @dataclass
 class Repeated:
-    """A source that has the same frame again and again, as a node that babbles; or none, for one that only listens."""
+    """A source of the same frame again and again, as of a babbling node; without a frame it only listens."""
 
     frame: Frame | None = None
 
@@ -55,19 +54,19 @@ class Repeated:
         return self.frame
 
     def complete(self, frame: Frame) -> None:
-        """Do nothing: there is always one more."""
+        """Do nothing, so that the frame is sent again."""
 
 
 @dataclass(eq=False)
 class Transceiver:
-    """A CAN transceiver that takes its frames from `source`; until `silent_until`, in s, it stays off the bus."""
+    """A CAN transceiver with frames from `source`; it is off the bus until `silent_until`, in s."""
 
     source: FrameSource
     silent_until: float = 0.0
 
 
 class Attempt(NamedTuple):
-    """A frame that is being sent: by whom (several may send the same bits), and who hears it."""
+    """A frame that is being sent, its senders (several may send equal frames), and its receivers."""
 
     frame: Frame
     senders: Sequence[Transceiver]
@@ -75,29 +74,30 @@ class Attempt(NamedTuple):
 
 
 Ended: TypeAlias = Callable[[Frame, Sequence[Transceiver], Sequence[Transceiver]], None]
-"""Takes a frame that has ended: who has sent it, and whom it has reached."""
+"""Called with a frame that has ended, its senders and its receivers."""
 
 
 class Bus:
-    """Transceivers that hear each other, at `bitrate` bit/s; `ended` is called with each frame that is through.
+    """Transceivers that hear each other, at `bitrate` bit/s; `ended` is called with each complete frame.
 
-    All methods take the time in seconds. `next_event` is when `advance` has something to do, infinite if nothing is
-    under way. Nothing is sent before `off_until`.
+    All times are in s. `next_event` is the time for the next `advance`, infinite if no frame is being sent. Nothing is
+    sent before `off_until`.
     """
 
     def __init__(self, bitrate: int, ended: Ended) -> None:
-        self.bitrate, self.transceivers = bitrate, list[Transceiver]()
+        self.bitrate = bitrate
+        self.transceivers = list[Transceiver]()
         self.off_until = 0.0
         self.next_event = inf
         self._ended = ended
         self._attempt: Attempt | None = None  # None in the intermission
 
     def is_free(self, now: float) -> bool:
-        """Return whether an attempt may begin."""
+        """Return whether a frame may begin."""
         return self.next_event == inf and self.off_until <= now
 
     def arbitrate(self, now: float) -> None:
-        """Let those who have frames begin, if the bus is free."""
+        """Begin the frame with the highest priority, if the bus is free."""
         if not self.is_free(now):
             return
         offers = {
@@ -107,49 +107,51 @@ class Bus:
         }
         if offers:
             here = [each for each in self.transceivers if each.silent_until <= now]
-            # Frames compare by their identifier first, so the least one wins the arbitration.
+            # Frames compare by their identifier first, so the lowest one wins the arbitration.
             frame = min(offers.values())
-            # Two nodes with the same identifier and data win together, and nobody notices: their bits are equal.
+            # Two nodes with the same identifier and data win together.
             senders = [each for each, offer in offers.items() if offer == frame]
             self._attempt = Attempt(frame, senders, [each for each in here if each not in senders])
             self.next_event = now + (frame_bits(frame) - INTERMISSION) / self.bitrate
 
     def advance(self, now: float) -> None:
-        """Do what is due by now: end the frame under way, and free the bus after the intermission behind it."""
+        """End the frame that is complete by `now`, and free the bus after its intermission."""
         while self.next_event <= now:
-            attempt, self._attempt = self._attempt, None
-            # Before anybody is called: an observer may cut the bus.
+            attempt = self._attempt
+            self._attempt = None
+            # Before observers are called, because they may cut the bus.
             self.next_event = inf if attempt is None else self.next_event + INTERMISSION / self.bitrate
-            if attempt and attempt.receivers:  # a frame that nobody acknowledges is sent again
+            if attempt and attempt.receivers:  # an unacknowledged frame is repeated
                 self._ended(*attempt)
 
     def drop(self) -> None:
-        """Have what is under way come to nothing; it is sent again."""
-        self._attempt, self.next_event = None, inf
+        """Abort the present frame, which is sent again."""
+        self._attempt = None
+        self.next_event = inf
 
 
 PROCESSING_TIMES = (50e-6, 100e-6, 150e-6, 200e-6)
-"""How long a node may take until it looks at a frame, s: about as long as a frame takes at 500 kbit/s.
+"""Possible processing times of nodes in s, about the length of a frame at 500 kbit/s.
 
-Two nodes that give the same answer to one message, as the robot's drive and navigation confirm a start configuration,
-are two frames on the bus if their times differ, and one merged frame if not. With so few times both are frequent, and
-the node that asks has to cope with either."""
+If two nodes give the same answer to a message, their frames merge if their times are equal. With so few times, both
+cases are frequent, and the asking node must handle both.
+"""
 
 ON_TIME = (0.0,)
-"""What `Simulation.disturb` says for a frame that reaches everyone as it should."""
+"""Result of `Simulation.disturb` for an undisturbed frame."""
 
 Disturb: TypeAlias = Callable[[float, Frame], Sequence[float]]
-"""Says for a frame that has ended at a time, s, after which delays, s, it reaches the receivers: once for each."""
+"""Function from time in s and frame to the delays in s after which it reaches the receivers, once for each."""
 
 
 def processing_time(seed: int, name: str) -> float:
-    """Return how long a node takes until it looks at a frame, in seconds, from the seed of all chance."""
+    """Return a node's processing time in s, chosen by the seed."""
     return Random(f"{seed} processing {name}").choice(PROCESSING_TIMES)
 
 
 @dataclass
 class Attachment:
-    """A station's place on the bus; it looks at a frame `processing` seconds after that came."""
+    """A station's place on the bus; it processes a frame `processing` s after its arrival."""
 
     station: Station
     plan: Plan
@@ -159,21 +161,20 @@ class Attachment:
 
     @property
     def wakeup(self) -> float:
-        """When the station may want to tick, in seconds: not before it says, and not while it is silent."""
+        """Earliest time of the station's next tick in s; not while it is silent."""
         return max(self.plan.soonest, self.transceiver.silent_until)
 
     def ask(self) -> float:
-        """Ask the node when it wants to tick, which holds until something comes or it plans something sooner."""
+        """Ask the node for its next wake-up, which holds until a frame comes or it plans something earlier."""
         return self.station.next_wakeup
 
 
 class Simulation:
     """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
 
-    `reports` are the transceivers' reports. `observers` are called with each frame and the time, in seconds, at which
-    its transmission ended. `disturb` may be set to lose, double and delay frames. A `monitored` bus has a transceiver
-    that only listens, and acknowledges what it hears, so that the first node that boots is not alone. Without it, one
-    that is alone sends its frame again and again.
+    `reports` are the stations' reports. `observers` are called with each frame and the time in s of its end. `disturb`
+    may be set to lose, double and delay frames. A `monitored` bus has a transceiver that only listens and acknowledges,
+    so that the first booting node is not alone; a node that is alone repeats its frame without end.
     """
 
     def __init__(self, bitrate: int = 500_000, *, monitored: bool = True) -> None:
@@ -181,7 +182,7 @@ class Simulation:
         self.now = 0.0
         self.observers: list[Callable[[float, Frame], None]] = []
         self.reports: list[Report] = []
-        # What a driver or a program loses, of which the sender's transceiver knows nothing.
+        # For losses in a driver or program, which the sender does not notice.
         self.disturb: Disturb = lambda _now, _frame: ON_TIME
         self._places: dict[Station, Attachment] = {}
         self._stations: dict[Transceiver, Station] = {}
@@ -197,15 +198,15 @@ class Simulation:
     def attach(
         self, node: Node, start: float = 0.0, processing: float = 0.0, on_error: OnError | None = None
     ) -> Station:
-        """Connect a node that is switched on at `start` and looks at a frame `processing` after it came, in seconds.
+        """Connect a node that is switched on at `start` and processes a frame `processing` after its arrival, in s.
 
-        Without `on_error`, what the node raises in a timer is raised; else it is in the `reports`.
+        Without `on_error`, exceptions of the node's timers are raised; else they are in the `reports`.
         """
         station = Station(node, report=self.reports.append, clock=lambda: self.now, on_error=on_error, is_logged=False)
         station.controller.start()
-        node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
+        node.wake = partial(station.plan.at, -inf)  # a call from outside may change its wake-up
         queue = station.controller.queue
-        # Silent until it has started: a node that is off does not acknowledge either.
+        # Silent until its start, because a node without power does not acknowledge.
         transceiver = Transceiver(queue, silent_until=inf)
         self._places[station] = Attachment(station, station.plan, queue, transceiver, processing)
         self._stations[transceiver] = station
@@ -214,33 +215,32 @@ class Simulation:
         return station
 
     def detach(self, station: Station) -> None:
-        """End a station's life: it neither receives, ticks nor sends any more. A frame of it on the wire ends."""
+        """Remove a station, which neither receives, ticks nor sends any more; its frame on the bus is completed."""
         transceiver = self._places.pop(station).transceiver
         del self._stations[transceiver]
         self._remove(transceiver)
 
     def freeze(self, station: Station, until: float) -> None:
-        """Have a station neither receive, tick nor send until a time in seconds; what comes meanwhile is lost for it.
+        """Freeze a station until a time in s: it neither receives, ticks nor sends, and loses all frames.
 
-        A frame of it on the wire ends. Afterwards it goes on with what it had, its queue as well.
+        Its frame on the bus is completed. Afterwards it continues with its state and queue.
         """
         transceiver = self._places[station].transceiver
-        # The longer one counts: a node that hangs twice at once is not back sooner for the second time.
+        # With two overlapping freezes, the later end applies.
         transceiver.silent_until = max(transceiver.silent_until, until)
         self.plan(until, _look_around)
 
     def cut(self, until: float) -> None:
-        """Switch the bus off until a time in seconds: a frame on the wire is lost, and begins anew afterwards."""
+        """Switch the bus off until a time in s; a frame on the bus is lost, and sent again afterwards."""
         for bus in self._buses:
             bus.drop()
             bus.off_until = max(bus.off_until, until)
         self.plan(until, _look_around)
 
     def split(self, stations: Iterable[Station], until: float = inf) -> None:
-        """Cut the bus in two until a time in seconds: these stations, and the others with the monitor.
+        """Cut the bus in two until a time in s: these stations, and the others with the monitor.
 
-        Neither part hears the other; a frame on the wire is lost, and begins anew. One station alone has been pulled
-        off, and is plugged in again at that time.
+        A frame on the bus is lost, and sent again. A single station is thereby unplugged, and plugged in again.
         """
         moved = [self._places[station].transceiver for station in stations]
         for bus in self._buses:
@@ -253,38 +253,37 @@ class Simulation:
         self.plan(until, partial(self._join, part))
 
     def babble(self, frame: Frame, until: float) -> None:
-        """Have one more transceiver send the same frame again and again until a time in seconds."""
+        """Add a transceiver that sends the same frame again and again until a time in s."""
         transceiver = Transceiver(Repeated(frame))
         self._whole.transceivers.append(transceiver)
         self.plan(self.now, _look_around)
         self.plan(until, partial(self._remove, transceiver))
 
     def join(self, source: FrameSource) -> Callable[[], None]:
-        """Connect a source of frames that is not a station; call what is returned when it has a new frame."""
+        """Connect a source of frames other than a station; the returned function must be called for a new frame."""
         self._whole.transceivers.append(Transceiver(source))
         return lambda: self.plan(self.now, _look_around)
 
     def request(self, frame: Frame) -> None:
-        """Have a remote frame reach all stations; it takes as long as on a free bus, and part in no arbitration."""
-        # CiA 301 advises against remote frames (7.2.2.5.2), and few transceivers are alike in them; what a device
-        # answers is what matters here, not who wins the bus against its question.
+        """Deliver a remote frame to all stations, without arbitration, after its length on a free bus."""
+        # Only the devices' answers matter, as CiA 301 advises against remote frames (7.2.2.5.2).
         heard = self.now + frame_bits(Frame(frame.cob_id)) / self.bitrate
         for station, place in self._places.items():
             self.plan(heard + place.processing, partial(self._reach, station, partial(station.requested, frame.cob_id)))
 
     def _add_bus(self) -> Bus:
         bus = Bus(self.bitrate, self._has_ended)
-        # A part that is split off a bus without power has no power either.
+        # A part of a bus that is off is off, too.
         bus.off_until = max((each.off_until for each in self._buses), default=0.0)
         self._buses.append(bus)
         return bus
 
     def _join(self, part: Bus) -> None:
-        """Have a part of the bus, and the whole, hear each other again."""
+        """Rejoin a part of the bus with the whole."""
         self._buses.remove(part)
         self._whole.drop()
         self._whole.transceivers += part.transceivers
-        # In the order of attaching, so that a cut leaves no trace in the order of later events.
+        # In the order of attaching, so that a cut does not change the order of later events.
         order = {each: number for number, each in enumerate(self._stations)}
         self._whole.transceivers.sort(key=lambda each: order.get(each, -1))
 
@@ -295,8 +294,7 @@ class Simulation:
 
     def _start(self, station: Station) -> None:
         if station in self._places:
-            # From now on it acknowledges: until then its transceiver is without power, and one neighbour alone on the
-            # bus repeats its boot-up message for ever.
+            # It acknowledges from now on; before, its transceiver had no power.
             self._places[station].transceiver.silent_until = self.now
             station.start(self.now)
             self._places[station].ask()
@@ -306,8 +304,9 @@ class Simulation:
     @property
     def next_event(self) -> float:
         """Time of the next event, infinite if nothing will ever happen."""
-        # Asked at each event, so in one loop, and without a call for each place that has nothing to do.
-        soonest, waiting = self._queue[0][0] if self._queue else inf, list[Attachment]()
+        # One loop with few calls, because this runs at each event.
+        soonest = self._queue[0][0] if self._queue else inf
+        waiting = list[Attachment]()
         for place in self._places.values():
             if place.plan.soonest < soonest:
                 soonest = min(soonest, place.wakeup)
@@ -318,25 +317,25 @@ class Simulation:
                 soonest = bus.next_event
             if not waiting:  # nearly always
                 continue
-            # A frame was submitted from outside, between two events, and may be sent now.
+            # A frame that was submitted between two events may be sent now.
             awake = [place.transceiver for place in waiting if place.transceiver.silent_until <= self.now]
             if bus.is_free(self.now) and not set(awake).isdisjoint(bus.transceivers):
                 soonest = self.now
         return max(soonest, self.now)
 
     def advance(self, until: float) -> bool:
-        """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
+        """Run the next event if it is due by `until`; else advance to `until` and return False."""
         event = self.next_event
         if event > until or event == inf:
             self.now = max(self.now, until)
             return False
         self.now, stirred = event, False
-        # A copy: an observer of a frame that ends may split the bus, or join it.
+        # A copy, because observers may split or join the bus.
         for bus in tuple(self._buses):
             if bus.next_event <= event:
                 stirred = True
                 bus.advance(event)
-        while self._queue and self._queue[0][0] <= event:  # also what becomes due meanwhile
+        while self._queue and self._queue[0][0] <= event:  # actions may plan others for now
             stirred = True
             heapq.heappop(self._queue)[-1]()
         for place in tuple(self._places.values()):
@@ -347,8 +346,8 @@ class Simulation:
             if place.queue.waiting and place.transceiver.silent_until <= event:
                 stirred = True
                 place.queue.load(event)
-        if stirred:  # most events are a node's own, which sends nothing
-            # Last of all, so that what the nodes have just sent takes part in this arbitration.
+        if stirred:  # most events are wake-ups of nodes that send nothing
+            # Last, so that frames sent just now take part in the arbitration.
             for bus in self._buses:
                 bus.arbitrate(event)
         return True
@@ -359,38 +358,38 @@ class Simulation:
             pass
 
     def plan(self, time: float, action: Callable[[], None]) -> None:
-        """Have something done at a time, in seconds, before what the stations do then."""
-        # The number breaks ties by the order of planning, and keeps the heap from comparing functions.
+        """Plan an action at a time in s, before the stations' wake-ups at that time."""
+        # The number keeps the order of planning, so that functions are never compared.
         heapq.heappush(self._queue, (time, next(self._order), action))
 
     # The bus
 
     def _is_awake(self, station: Station) -> bool:
-        """Return whether a station takes part."""
+        """Return whether a station is on the bus and not silent."""
         return station in self._places and self._places[station].transceiver.silent_until <= self.now
 
     def _has_ended(self, frame: Frame, senders: Sequence[Transceiver], receivers: Sequence[Transceiver]) -> None:
-        """Take a frame that has ended out of its senders' queues, and plan when who looks at it."""
+        """Remove a complete frame from its senders' queues, and plan its processing by the receivers."""
         for transceiver in senders:
-            # Several may have sent the same bits at once; for each of them it is transmit-complete.
+            # The frame is complete for each sender of equal frames.
             transceiver.source.complete(frame)
         for observer in self.observers:
             observer(self.now, frame)
-        # What a station does not listen to stops at its receive filters.
+        # Receive filters drop other frames.
         reached = (self._stations[each] for each in receivers if each in self._stations)
         stations = [each for each in reached if each.controller.hears(frame.cob_id)]
-        # The frame is through for its senders, whatever the receivers then make of it: a program may be slow or frozen.
+        # A receiver may be slow or frozen, which the senders do not notice.
         for delay in self.disturb(self.now, frame):
             for station in filter(self._is_awake, stations):
                 look = self.now + delay + self._places[station].processing
                 self.plan(look, partial(self._reach, station, partial(station.controller.receive, frame)))
 
     def _reach(self, station: Station, act: Callable[[float], object]) -> None:
-        """Have a station act on a frame that has come, if it still can: it may have been detached meanwhile."""
+        """Deliver a frame to a station, unless it was detached or frozen meanwhile."""
         if self._is_awake(station):
             act(self.now)
             self._places[station].ask()
 
 
 def _look_around() -> None:
-    """Do nothing but be an event: after each one the bus is arbitrated, and now someone may send again."""
+    """Do nothing; as an event, it triggers an arbitration."""

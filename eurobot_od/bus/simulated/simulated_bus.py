@@ -1,6 +1,6 @@
-"""A python-can bus in simulated time: whoever waits for a frame lets the devices live until it comes.
+"""A python-can bus in simulated time, which advances while a program waits for a frame.
 
-This bus has neither threads nor a real clock. Time passes only in `recv`; `simulation.now` is the time in seconds.
+There are neither threads nor a real clock. Time advances only in `recv`; `simulation.now` is the time in s.
 """
 
 from __future__ import annotations
@@ -19,10 +19,12 @@ from eurobot_od.frame import Frame
 
 
 class SimulatedBus(can.BusABC):
-    """A participant of a simulated bus; its frames have to win the arbitration as all others."""
+    """A participant of a simulated bus; its frames take part in the arbitration."""
 
     def __init__(self, simulation: Simulation) -> None:
-        self.simulation, self.channel_info, self.channel = simulation, "simulated bus", "simulated"
+        self.simulation = simulation
+        self.channel_info = "simulated bus"
+        self.channel = "simulated"
         self._waiting: deque[Frame] = deque()
         self._heard: deque[can.Message] = deque()
         self._is_own = False
@@ -30,20 +32,20 @@ class SimulatedBus(can.BusABC):
         simulation.observers.append(self._observed)
         super().__init__(self.channel)
 
-    # What it sends
+    # Sending
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Leave a frame to the controller; remote frames, which nothing simulated answers, are not sent."""
+        """Queue a frame; remote frames are dropped, because no simulated device answers them."""
         if not msg.is_remote_frame:
             self._waiting.append(Frame(msg.arbitration_id, bytes(msg.data)))
             self._has_new()
 
     def urgent(self) -> Frame | None:
-        """Return the frame to be sent first."""
+        """Return the first queued frame, or None."""
         return self._waiting[0] if self._waiting else None
 
     def complete(self, frame: Frame) -> None:
-        """Take note that a frame is through; it is observed next, as every frame is."""
+        """Note that a frame was sent; it is observed next, like every frame."""
         self._waiting.popleft()
         self._is_own = True
 
@@ -53,7 +55,7 @@ class SimulatedBus(can.BusABC):
         messages = [msgs] if isinstance(msgs, can.Message) else msgs
         return SimulatedTask(self, messages, period)
 
-    # What it hears
+    # Receiving
 
     def _observed(self, now: float, frame: Frame) -> None:
         if self._is_own:
@@ -63,9 +65,9 @@ class SimulatedBus(can.BusABC):
         self._heard.append(can.Message(timestamp=now, arbitration_id=cob_id, data=data, is_extended_id=False))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Let simulated time pass until a frame comes, for at most `timeout` seconds.
+        """Advance simulated time until a frame comes, for at most `timeout` s.
 
-        Raises LocalError if without an end none ever would. Python-can's own `recv` would wait in real time as well.
+        Raises LocalError if no frame would ever come. Unlike python-can's own `recv`, it takes no real time.
         """
         end = inf if timeout is None else self.simulation.now + timeout
         while not self._heard:
@@ -76,18 +78,20 @@ class SimulatedBus(can.BusABC):
         return self._heard.popleft()
 
     def shutdown(self) -> None:
-        """Let go of the bus."""
+        """Leave the bus."""
         if not self._is_shutdown:
             self.simulation.observers.remove(self._observed)
         super().shutdown()
 
 
 class SimulatedTask(can.broadcastmanager.CyclicSendTaskABC):
-    """Messages in simulated time, one after the other, at a fixed period in seconds."""
+    """Messages that are sent in turn with a fixed period in s of simulated time."""
 
     def __init__(self, bus: SimulatedBus, messages: Sequence[can.Message], period: float) -> None:
         super().__init__(messages, period)
-        self._bus, self._next, self._runs = bus, cycle(self.messages), True
+        self._bus = bus
+        self._next = cycle(self.messages)
+        self._runs = True
         self._due = bus.simulation.now
         self._send()
 
@@ -98,5 +102,5 @@ class SimulatedTask(can.broadcastmanager.CyclicSendTaskABC):
             self._bus.simulation.plan(self._due, self._send)
 
     def stop(self) -> None:
-        """End it."""
+        """Stop sending."""
         self._runs = False

@@ -1,9 +1,7 @@
-"""The protocol table, of which the EDS files and the network file are made: what `protocol.yaml` says, as values.
+"""The protocol table in `protocol.yaml`, from which the EDS files and the network file are made.
 
-The shape of the YAML is that of the dataclasses: their annotations make its readers. The rules between its parts are a
-table of checks. A check yields problems and repairs nothing, so that one run shows everything that has to be changed.
-
-`text` makes the files of the table: it alone touches the disk.
+The dataclasses' annotations define the YAML. The rules between its parts are a table of checks; all their problems are
+reported in one run. Only `text`, which makes the files, writes to the disk.
 """
 
 from __future__ import annotations
@@ -46,9 +44,9 @@ from eurobot_od.support.yaml_shapes import (
 )
 
 SERVICES = ("EMCY", "SDO")
-"""CANopen services that may have a row in the traffic, for all nodes."""
+"""CANopen services of all nodes that may have a row in the traffic."""
 FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
-"""How the values of a kind are written in problems, if not as they are."""
+"""Formats of values in problems, by kind."""
 
 Bits: TypeAlias = Annotated[PlacedNumber, Within(1, 32)]
 Milliseconds: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFF, "ms")]
@@ -56,11 +54,11 @@ Number32: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFFFFFF)]
 Unit: TypeAlias = Annotated[PlacedText, matching(f"[^{RESERVED_SIGNS}]*", f"a unit without {RESERVED_SIGNS}")]
 CodeName: TypeAlias = Annotated[PlacedText, matching(f"[^{RESERVED_SIGNS}]+", f"a name without {RESERVED_SIGNS}")]
 FileName: TypeAlias = Annotated[PlacedText, matching(r"[A-Za-z0-9_-]+", "a name of letters, digits, _ and -")]
-"""What names a folder or a file, on any system."""
+"""Name of a folder or file that is valid on any system."""
 
 
 NOWHERE = Place(0, 0)
-"""The place of what is not written."""
+"""Place of a value that is not in the file."""
 NO_UNIT = PlacedText("", NOWHERE)
 
 
@@ -68,7 +66,7 @@ NO_UNIT = PlacedText("", NOWHERE)
 
 
 class FieldType(Enum):
-    """What the bits of a field are."""
+    """Data type of a field."""
 
     INTEGER = "INTEGER"
     REAL32 = "REAL32"
@@ -76,11 +74,10 @@ class FieldType(Enum):
 
 @dataclass(frozen=True)
 class TableField:
-    """A field of an object: `bits` wide, with plain values in `range`, and values that mean something else in `codes`.
+    """A field of an object: `bits` wide, with plain values in `range`, and `codes` for values with a meaning.
 
-    A field with a value below 0 is signed. One of the `type` REAL32 has 32 bits, and neither range nor codes.
-    `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
-    Only that of a REAL32 has a fraction.
+    A field with a value below 0 is signed. A REAL32 has 32 bits, and neither range nor codes. `default` is a number, a
+    code or, for a setting, `$NODEID`; only a REAL32 may have a fraction.
     """
 
     bits: Bits
@@ -88,37 +85,37 @@ class TableField:
     range: tuple[PlacedInteger, PlacedInteger] | None = None
     codes: dict[CodeName, PlacedInteger] = field(default_factory=dict)
     type: FieldType = FieldType.INTEGER
-    unit: Unit = NO_UNIT  # with the size of a step where that is not 1: `0.1 N`
+    unit: Unit = NO_UNIT  # may have a step: `0.1 N`
 
     @property
     def limits(self) -> tuple[int, ...]:
-        """The lowest and the highest value, plain or coded (EDS LowLimit, HighLimit); neither for a REAL32."""
+        """Lowest and highest value, plain or coded (LowLimit, HighLimit in an EDS); empty for a REAL32."""
         values = (*(self.range or ()), *self.codes.values())
         return (min(values), max(values)) if values else ()
 
     @property
     def meaning(self) -> ObjectMeaning:
-        """What an EDS has no keys for: unit, plain values and codes."""
+        """Unit, plain values and codes, for which an EDS has no keys."""
         plain = Limits(*map(int, self.range)) if self.range and (self.unit or self.codes) else None
         return ObjectMeaning(str(self.unit), plain, {str(name): int(number) for name, number in self.codes.items()})
 
     @property
     def is_signed(self) -> bool:
-        """Whether it has a value below 0."""
+        """Whether the field has a value below 0."""
         return bool(self.limits) and self.limits[0] < 0
 
 
 def always_zero(bits: PlacedNumber) -> TableField:
-    """Make a field that is always 0."""
+    """Return a field that is always 0."""
     zero = PlacedInteger(0, bits.place)
     return TableField(bits, zero, (zero, zero))
 
 
 @dataclass(frozen=True)
 class Record:
-    """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order.
+    """An object of the dictionary: its index, and its fields as sub-indices 1, 2, ...
 
-    From the field `optional` on a frame may leave them out.
+    A frame may omit fields from `optional` on.
     """
 
     index: Annotated[PlacedNumber, Within(0x2000, 0x2FFF, form="0x{:04X}")]
@@ -128,9 +125,9 @@ class Record:
 
 @dataclass(frozen=True)
 class MessageRow:
-    """A message: one PDO in each of its nodes; `object` is its data, None without any.
+    """A message: a PDO in each of its nodes; `object` has its data, None if it has none.
 
-    With an `event_timer` its senders send it by themselves after each such time, with what its object holds then.
+    With an `event_timer`, its senders repeat it with that period.
     """
 
     identifier: Annotated[PlacedNumber, Within(1, BASE_IDENTIFIER, form="0x{:03X}")]
@@ -139,7 +136,7 @@ class MessageRow:
     listeners: tuple[PlacedText, ...] = ()
     object: PlacedText | None = None
     event_timer: Milliseconds | None = None
-    # for readers of the table; an EDS has no keys for them
+    # For readers of the table; not in the EDS.
     priority: str = ""
     protocol: str = ""
     command: str = ""
@@ -147,11 +144,10 @@ class MessageRow:
 
 @dataclass(frozen=True)
 class NodeRow:
-    """A node: its identity, the nodes whose heartbeats it watches and whose SDO servers it asks, its own settings.
+    """A node: its identity, the nodes that it watches by heartbeat and asks by SDO, and its own settings.
 
-    `readings` are objects that it measures and that cannot be written. `orders` are messages that it is told to send by
-    writing their objects, which are read-only otherwise. `heartbeat` and `heartbeat_timeout` are this
-    node's own times, in place of the table's.
+    `readings` are measured, read-only objects. `orders` are messages that it sends when their objects are written; such
+    objects of other messages are read-only. `heartbeat` and `heartbeat_timeout` override the table's times.
     """
 
     node_id: Annotated[PlacedNumber, Within(NODE_IDS[0], NODE_IDS[-1])]
@@ -170,10 +166,10 @@ class NodeRow:
 
 @dataclass(frozen=True)
 class DialectRow:
-    """How one dialect differs: its number in the identity, further fields, other widths, reserved bits, its bit order.
+    """The differences of one dialect: revision, further fields, other widths, reserved bits, bit order.
 
-    `reserved` says about an object how many bits of its PDO carry nothing, by the field that they stand before.
-    `defaults` are those of settings where they differ.
+    `reserved` has the numbers of unused bits of an object's PDO, by the field after them. `defaults` has the settings'
+    defaults that differ.
     """
 
     revision_number: Number32
@@ -184,7 +180,7 @@ class DialectRow:
     most_significant_first: tuple[PlacedText, ...] = ()
 
     def form_of(self, name: PlacedText, plain: Record) -> Record:
-        """Return the object `name` with the further fields, the widths and, behind its fields, the reserved bits."""
+        """Return an object with this dialect's fields, widths and, after its fields, reserved bits."""
         widths, reserved = self.widths.get(name, {}), self.reserved.get(name, {})
         every = {**plain.fields, **self.fields.get(name, {})}
         fields = {key: replace(f, bits=widths.get(key, f.bits)) for key, f in every.items()}
@@ -192,13 +188,13 @@ class DialectRow:
         return replace(plain, fields=fields)
 
     def setting_of(self, name: PlacedText, plain: Record) -> Record:
-        """Return the settings `name` with the defaults that they have in this dialect."""
+        """Return settings with this dialect's defaults."""
         own = self.defaults.get(name, {})
         fields = {key: replace(f, default=own.get(key, f.default)) for key, f in plain.fields.items()}
         return replace(plain, fields=fields)
 
     def reserved_before(self, name: PlacedText) -> dict[PlacedText, PlacedText]:
-        """Return the names of the reserved bits of the object `name`, by the field that they stand before."""
+        """Return the names of an object's reserved bits, by the field after them."""
         fields = self.reserved.get(name, {})
         return {
             each: PlacedText(f"{RESERVED} {n}" if n > 1 else RESERVED, each.place)
@@ -208,9 +204,9 @@ class DialectRow:
 
 @dataclass(frozen=True)
 class TrafficRow:
-    """How often a message, or a CANopen service of every node, is sent: `every` so often, or when it `answers` another.
+    """When a message, or a service of every node, is sent: periodically (`every`), or as an answer.
 
-    `every`, `jitter` and `deadline` are a duration, or the name `Record.Member` of a setting in ms.
+    `every`, `jitter` and `deadline` are durations, or the name `Record.Member` of a setting in ms.
     """
 
     every: PlacedText | None = None
@@ -230,7 +226,7 @@ class Vendor:
 
 @dataclass(frozen=True)
 class FileData:
-    """The fixed [FileInfo] of every EDS file: `time` hh:mmAM or PM, `date` mm-dd-yyyy, `comment` who made it."""
+    """The fixed [FileInfo] of every EDS file: `time` as hh:mmAM or PM, `date` as mm-dd-yyyy."""
 
     version: PlacedNumber
     revision: PlacedNumber
@@ -262,11 +258,11 @@ class Table:
 
     @property
     def by_identifier(self) -> dict[PlacedText, MessageRow]:
-        """The messages in the order of their identifiers, the most urgent first."""
+        """Messages ordered by identifier, highest priority first."""
         return dict(sorted(self.messages.items(), key=lambda item: item[1].identifier))
 
     def objects_in(self, dialect: DialectRow) -> dict[PlacedText, Record]:
-        """Return the objects with the fields, widths and reserved bits of `dialect`."""
+        """Return the objects in a dialect."""
         return {name: dialect.form_of(name, each) for name, each in self.objects.items()}
 
 
@@ -276,14 +272,14 @@ SINGLE_VALUES: Plain = {
     PlacedInteger | PlacedReal: ANY_NUMBER,
     PlacedInteger | PlacedReal | PlacedText: NUMBER_OR_ASCII,
 }
-"""How the table's single values are read: an EDS holds ASCII only."""
+"""Shapes of the table's single values; an EDS holds only ASCII."""
 
 
-# The rules between its parts
+# Rules between the parts of the table
 
 
 def unknown_names(table: Table) -> Iterator[Problem]:
-    """Check that the nodes and objects that are named are there, and the fields of which a dialect says something."""
+    """Yield problems for unknown nodes, objects and fields."""
     for message in table.messages.values():
         yield from unknown("node", [*message.senders, *message.receivers, *message.listeners], table.nodes)
         yield from unknown("object", [message.object] if message.object else [], table.objects)
@@ -301,7 +297,7 @@ def unknown_names(table: Table) -> Iterator[Problem]:
 
 
 def unknown_settings(table: Table, dialect: DialectRow) -> Iterator[Problem]:
-    """Check that the settings are there whose defaults a dialect changes."""
+    """Yield problems for defaults of a dialect whose settings do not exist."""
     known: dict[str, set[str]] = {}
     for name, each in named_records(table):
         known.setdefault(name, set()).update(each.fields)
@@ -311,12 +307,12 @@ def unknown_settings(table: Table, dialect: DialectRow) -> Iterator[Problem]:
 
 
 def unknown(kind: str, names: Iterable[PlacedText], known: Container[str]) -> Iterator[Problem]:
-    """Yield a problem for each of the `names` that is not among the `known` ones."""
+    """Yield a problem for each of the `names` that is not in `known`."""
     yield from (Problem(name.place, f"unknown {kind} '{name}'") for name in names if name not in known)
 
 
 def repeated_values(table: Table) -> Iterator[Problem]:
-    """Check that identifiers, node-IDs and, within one node, indices and names of settings and readings occur once."""
+    """Yield problems for repeated identifiers and node-IDs and, within a node, indices and names."""
     yield from repeated("identifier", (each.identifier for each in table.messages.values()))
     yield from repeated("node_id", (each.node_id for each in table.nodes.values()))
     for node in table.nodes.values():
@@ -326,10 +322,10 @@ def repeated_values(table: Table) -> Iterator[Problem]:
 
 
 def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[PlacedText]) -> Iterator[Problem]:
-    """Yield a problem for each value that occurred at an earlier place."""
+    """Yield a problem for each value that occurred before."""
     first: dict[int | str, Place] = {}
     for each in values:
-        # an alias of YAML, or a setting that all nodes share, comes again with its first place: not a repetition
+        # A YAML alias, or a setting of all nodes, has the same place and is not a repetition.
         if first.setdefault(each, each.place) != each.place:
             value = FORMS.get(kind, "{}").format(each)
             where = getattr(first[each], "file", "")
@@ -338,7 +334,7 @@ def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[PlacedText]) -
 
 
 def bit_rates_that_no_node_has(table: Table) -> Iterator[Problem]:
-    """Check that CiA 306 knows the bit rates, and that nodes have the network's."""
+    """Yield problems for bit rates that CiA 306 does not have, or no node."""
     for known, rates in ((BIT_RATES, table.bit_rates), (table.bit_rates, [table.bit_rate])):
         for each in rates:
             if each not in known:
@@ -346,7 +342,7 @@ def bit_rates_that_no_node_has(table: Table) -> Iterator[Problem]:
 
 
 def data_records(table: Table) -> Iterator[Record]:
-    """Return the objects of every dialect, and what single nodes measure."""
+    """Yield the objects of every dialect, and the readings of all nodes."""
     for dialect in table.dialects.values():
         yield from table.objects_in(dialect).values()
     for node in table.nodes.values():
@@ -354,13 +350,13 @@ def data_records(table: Table) -> Iterator[Record]:
 
 
 def named_records(table: Table) -> Iterator[tuple[PlacedText, Record]]:
-    """Return the settings with the names of their objects."""
+    """Yield the settings with the names of their objects."""
     for settings in (table.settings, *(node.settings for node in table.nodes.values())):
         yield from settings.items()
 
 
 def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
-    """Check every field by itself. Only a setting is one node's, and so may have that node's ID as default."""
+    """Yield problems of single fields; only a setting may have the node-ID as default."""
     settings = (each for _, each in named_records(table))
     for records, names in ((data_records(table), ()), (settings, (NODE_ID,))):
         for each in (entry for record in records for entry in record.fields.values()):
@@ -368,7 +364,7 @@ def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
 
 
 def number_problems(each: TableField) -> Iterator[Problem]:
-    """Check that a field's width holds its values, and that it has values."""
+    """Yield problems if a field has no values, or a width that does not hold them."""
     is_real = each.type is FieldType.REAL32
     if is_real and (each.range or each.codes or each.bits != REAL32.bits):
         yield Problem(each.bits.place, f"a REAL32 has {REAL32.bits} bits, and neither range nor codes")
@@ -377,7 +373,7 @@ def number_problems(each: TableField) -> Iterator[Problem]:
     lowest = -(1 << each.bits - 1) if each.is_signed else 0
     for value in each.limits:
         if not 0 <= value - lowest < 1 << each.bits:
-            signed = "signed " * each.is_signed
+            signed = "signed " if each.is_signed else ""
             yield Problem(each.bits.place, f"{value} does not fit into {each.bits} {signed}bits")
     if each.range and each.range[0] > each.range[1]:
         low, high = each.range
@@ -385,7 +381,7 @@ def number_problems(each: TableField) -> Iterator[Problem]:
 
 
 def default_problems(each: TableField, names: list[str]) -> Iterator[Problem]:
-    """Check that a field's default is one of its values or one of the `names` that stand for values."""
+    """Yield problems if a field's default is neither one of its values nor one of `names`."""
     if isinstance(each.default, PlacedText) and each.default not in names:
         yield Problem(each.default.place, f"unknown default '{each.default}'; known: {', '.join(names) or 'none'}")
     if isinstance(each.default, PlacedText) or not each.limits:
@@ -399,7 +395,7 @@ def default_problems(each: TableField, names: list[str]) -> Iterator[Problem]:
 
 
 def fields_that_would_carry_nothing(table: Table) -> Iterator[Problem]:
-    """Check that no field of a message has a name by which a mapped object carries nothing."""
+    """Yield problems for fields with a name that is reserved for unused bits."""
     own = (each.fields for each in table.objects.values())
     further = (each for dialect in table.dialects.values() for each in dialect.fields.values())
     for name in (name for each in (*own, *further) for name in each):
@@ -408,7 +404,7 @@ def fields_that_would_carry_nothing(table: Table) -> Iterator[Problem]:
 
 
 def messages_too_long(table: Table) -> Iterator[Problem]:
-    """Check that every message fits into a PDO in every dialect."""
+    """Yield problems for messages that do not fit a PDO in some dialect."""
     for objects in map(table.objects_in, table.dialects.values()):
         for name in (each.object for each in table.messages.values() if each.object in objects):
             bits = sum(each.bits for each in objects[name].fields.values())
@@ -417,7 +413,7 @@ def messages_too_long(table: Table) -> Iterator[Problem]:
 
 
 def traffic_that_does_not_hold(table: Table) -> Iterator[Problem]:
-    """Check that every row of the traffic is one of a message or service, with a time that is one."""
+    """Yield problems for rows of the traffic without a message, or with an invalid time."""
     names = {*table.messages, *SERVICES}
     settings = {f"{record}.{name}" for record, each in named_records(table) for name in each.fields}
     yield from unknown("message", table.traffic, names)
@@ -431,7 +427,7 @@ def traffic_that_does_not_hold(table: Table) -> Iterator[Problem]:
 
 
 def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
-    """Parse a table, and the one that it extends; raises ReadError, with the problems noted."""
+    """Parse a table and the one that it extends; raises ReadError after noting the problems."""
     own = yaml_places.compose(source, problems)
     entries = own.value if isinstance(own, yaml.MappingNode) else ()
     named = next(((key, value) for key, value in entries if key.value == EXTENDS), None)
@@ -447,7 +443,7 @@ def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
 
 
 def fingerprints_without_room(table: Table) -> Iterator[Problem]:
-    """Check that no object of the table is where the fingerprints are, and that these have room for all messages."""
+    """Yield problems for objects at the index of the fingerprints, and for too many messages."""
     settings = (each for _, each in named_records(table))
     for each in (*table.objects.values(), *settings, *(r for n in table.nodes.values() for r in n.readings.values())):
         if each.index == FINGERPRINTS:
@@ -457,7 +453,7 @@ def fingerprints_without_room(table: Table) -> Iterator[Problem]:
 
 
 def identifiers_of_services(table: Table) -> Iterator[Problem]:
-    """Check that no message has an identifier under which CANopen's own services speak (CiA 301, 7.3.5)."""
+    """Yield problems for messages with an identifier of CANopen's own services (CiA 301, 7.3.5)."""
     emergencies = {EMCY_BASE + each.node_id: name for name, each in table.nodes.items()}
     for each in table.messages.values():
         number = each.identifier
@@ -468,7 +464,7 @@ def identifiers_of_services(table: Table) -> Iterator[Problem]:
 
 
 def codes_with_one_number(table: Table) -> Iterator[Problem]:
-    """Check that no number of a field stands for two codes."""
+    """Yield problems for codes of a field with the same number."""
     settings = (each for _, each in named_records(table))
     for entry in (each for record in (*data_records(table), *settings) for each in record.fields.values()):
         first: dict[int, str] = {}
@@ -478,9 +474,9 @@ def codes_with_one_number(table: Table) -> Iterator[Problem]:
 
 
 def tails_that_begin_within_a_byte(table: Table) -> Iterator[Problem]:
-    """Check that a frame may end before an object's optional fields: they begin on a byte.
+    """Yield problems for optional fields that do not begin on a byte, where a frame may end.
 
-    Bytes in the other order are those of a robot that there was; its table says what it was like.
+    Dialects with the most significant byte first describe an existing robot, and are not checked.
     """
     for dialect in table.dialects.values():
         for name, each in table.objects.items():
@@ -489,7 +485,8 @@ def tails_that_begin_within_a_byte(table: Table) -> Iterator[Problem]:
 
 
 def _within_a_byte(dialect: DialectRow, name: PlacedText, plain: Record, optional: PlacedText) -> Iterator[Problem]:
-    fields, reserved = dialect.form_of(name, plain).fields, dialect.reserved.get(name, {})
+    fields = dialect.form_of(name, plain).fields
+    reserved = dialect.reserved.get(name, {})
     if optional not in fields:
         yield Problem(optional.place, f"unknown field '{optional}'")
         return
@@ -523,16 +520,15 @@ CHECKS = (
 
 
 FindTable: TypeAlias = Callable[[str], "Path | None"]
-"""Finds the table that another one `extends`, by its name; None if there is none."""
+"""Function from the name after `extends` to the table's file, None if there is none."""
 
 EXTENDS = "extends"
 
 
 def read_table(source: str, file: str | Path, find: FindTable = lambda _: None) -> Table:
-    """Read the table from the text of `file`; raises YamlError with all problems, if there are any.
+    """Parse a table; raises YamlError with all its problems.
 
-    A table may build on another one, which it `extends`: `find` finds that. What it says itself comes beside it, or in
-    its place.
+    A table may extend another one, which `find` finds; its own entries are added, or replace those of the other.
     """
     with yaml_places.telling(file) as problems:
         table: Table = shape_of(Table, SINGLE_VALUES).read(_composed(source, find, problems), problems)

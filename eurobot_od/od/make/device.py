@@ -1,4 +1,4 @@
-"""The EDS of one device from a small table: who it is, the profiles that it follows, its own objects, its PDOs.
+"""The EDS of one device from a small table: identity, profiles, own objects, PDOs.
 
     device: {product: Thermometer, vendor: Example, vendor_number: 0x5F, product_number: 1}
     profiles: [301, 401]
@@ -7,8 +7,8 @@
     pdos:
       TPDO1: [0x6401:1]
 
-Objects are written as in a patch (see `patches`), and say something of a profile's object, or are new ones. The same
-table gives the same bytes.
+Objects are written as in a patch (see `patches`); they change objects of a profile, or are new. The same table always
+makes the same bytes.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_shapes import PLAIN, SCALAR, converted, read_yaml, shape_of
 
 DEVICE_TYPES = {"401": 0x000F0191, "402": 0x00020192}
-"""0x1000 of a module with inputs and outputs of each kind, and of a servo drive (CiA 401, CiA 402)."""
+"""Value of 0x1000 for a module with all kinds of inputs and outputs, and for a servo drive (CiA 401, CiA 402)."""
 
 Number32 = Annotated[int, Within(0, 0xFFFFFFFF, form="0x{:X}")]
 
 
 class DeviceRow(NamedTuple):
-    """Who a device is: 0x1018, 0x1000 (by its profiles if not said), and what [FileInfo] and [DeviceInfo] say."""
+    """A device: 0x1018, 0x1000 (by its profiles if omitted), and entries of [FileInfo] and [DeviceInfo]."""
 
     product: str
     vendor: str = ""
@@ -47,7 +47,7 @@ class DeviceRow(NamedTuple):
 
 
 class DeviceTable(NamedTuple):
-    """A device, its profiles by number, what its objects say beyond those, and which objects its PDOs carry."""
+    """A device, its profiles by number, entries of its objects, and the objects mapped into its PDOs."""
 
     device: DeviceRow
     profiles: Sequence[str] = ("301",)
@@ -56,12 +56,12 @@ class DeviceTable(NamedTuple):
 
 
 def is_device_table(text: str) -> bool:
-    """Return whether a table describes one device, and not the nodes of a network."""
+    """Return whether a table describes one device, not the nodes of a network."""
     return re.search(r"^device:", text, re.MULTILINE) is not None
 
 
 def read_device_table(text: str, file: str) -> DeviceTable:
-    """Read a table; `file` is its path. Raises YamlError with each problem's line."""
+    """Parse a table; `file` is its path. Raises YamlError with each problem's line."""
     number = replace(converted(SCALAR, _number), whole=True)
     table: DeviceTable = read_yaml(text, shape_of(DeviceTable, {**PLAIN, str: SCALAR, int: number}), file)
     return table
@@ -75,7 +75,7 @@ def _number(text: str) -> int:
 
 
 def device_eds(table: DeviceTable, file_name: str) -> bytes:
-    """Return the EDS that a table makes; raises DictionaryError, LocalError for an object that cannot be as it says."""
+    """Return the EDS for a table; raises DictionaryError, LocalError for an impossible object."""
     device = table.device
     identity = (device.vendor_number, device.product_number, device.revision_number)
     by_profile = (DEVICE_TYPES[each] for each in table.profiles if each in DEVICE_TYPES)
@@ -91,7 +91,7 @@ def device_eds(table: DeviceTable, file_name: str) -> bytes:
 
 
 def _head(table: DeviceTable, file_name: str) -> str:
-    """Write the sections that are about the file and the device, and no object yet."""
+    """Return the sections about the file and the device."""
     device = table.device
     moment = {"Time": "12:00PM", "Date": device.date}
     info = {
@@ -117,7 +117,7 @@ def _head(table: DeviceTable, file_name: str) -> str:
         "SimpleBootUpSlave": 1,
         "Granularity": 8,
         "NrOfRXPDO": 0,
-        "NrOfTXPDO": 0,  # an edit counts the PDOs that it adds
+        "NrOfTXPDO": 0,  # the edits count the PDOs that they add
     }
     sections: dict[str, Mapping[str, object]] = {
         "FileInfo": info,

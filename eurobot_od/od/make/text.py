@@ -1,23 +1,22 @@
-"""The files that a protocol table makes: the EDS of each node, as every CANopen tool accepts it, and a network file.
+"""The files made from a protocol table: a network file, and for each node an EDS that every CANopen tool accepts.
 
-The same table gives the same bytes: no clock, no random number, no order that may change. So a file in a repository
-can be checked against its table, and a difference is a change of the protocol.
+The same table always makes the same bytes, so that a committed file can be checked against its table.
 
-CiA 306 leaves room, and tools differ in what they take. They all take this: dcf-tools, objdictgen, EDSSharp, Lely,
-CANopenNode, CanFestival, canmatrix and canopen.
+Tools differ in what they accept of CiA 306. All of dcf-tools, objdictgen, EDSSharp, Lely, CANopenNode, CanFestival,
+canmatrix and canopen accept this:
 
-- The number of PDOs as `NrOfRXPDO` and `NrOfTXPDO`, in that spelling.
+- The number of PDOs is spelled `NrOfRXPDO` and `NrOfTXPDO`.
 - A value that depends on the node-ID begins with it: `$NODEID+0x80`.
-- All of Dummy0001 to Dummy0007, and in [Comments] as many lines as `Lines` says.
-- A DefaultValue in sub-index 0 of every record, too.
-- No Unit, no Factor, no Description of an object and no section of our own: checkers refuse what they do not know.
-  Units and codes stand in [Comments] (see `meanings`).
-- A field has the type of exactly as many bytes as it touches in its frame: canopen reads and writes it through these.
-- Every PDO has all five communication parameters. Every mapping record, even that of a message without data, has the
-  same number of entries, filled up with zeros: a master can write only entries that are there.
-- Data that is received is `rww`, data that is sent `ro`, or `rwr` if the node's `orders` have it; all has limits.
+- All of Dummy0001 to Dummy0007 are there, and [Comments] has as many lines as `Lines` says.
+- Sub-index 0 of every record has a DefaultValue.
+- Objects have no Unit, Factor or Description, and there are no sections of our own, which checkers would refuse. Units
+  and codes are in [Comments] (see `meanings`).
+- A field's type has as many bytes as the field touches in its frame, because canopen reads and writes these.
+- Every PDO has all five communication parameters. Every mapping record has the same number of entries, padded with
+  zeros, because a master can write only existing entries.
+- Received data is `rww`, sent data `ro`, or `rwr` if it is in the node's `orders`; all data has limits.
 
-Each row of a standard's object names its clause (CiA 301 version 4.2.0, CiA 302-2).
+Rows of standard objects name their clause (CiA 301 version 4.2.0, CiA 302-2).
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ Fields = dict[PlacedText, TableField]
 
 
 def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> str:
-    """Return the whole EDS file of a node in a dialect."""
+    """Return the EDS file of a node in a dialect."""
     dialect = table.dialects[dialect_name]
     objects = object_dictionary(table, dialect, node_name)
     indices = listed(each.index for each in objects)
@@ -68,7 +67,7 @@ def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> s
 
 
 def comments(table: Table, dialect: DialectRow, node_name: PlacedText) -> EdsSection:
-    """Return [Comments]: who has made the file, and the units and codes of its objects."""
+    """Return [Comments]: the origin of the file, and the units and codes of its objects."""
     said = [
         field.meaning.line((each.index, sub))
         for each in all_records(table, dialect, node_name)
@@ -80,15 +79,16 @@ def comments(table: Table, dialect: DialectRow, node_name: PlacedText) -> EdsSec
 
 
 def all_records(table: Table, dialect: DialectRow, node_name: PlacedText) -> list[Record]:
-    """Return the data, settings and readings that a node has, in the order of their indices."""
-    node, names = table.nodes[node_name], data_names(table, node_name)
+    """Return the data, settings and readings of a node, ordered by index."""
+    node = table.nodes[node_name]
+    names = data_names(table, node_name)
     data = (each for name, each in table.objects_in(dialect).items() if name in names)
     own = (*table.settings.values(), *node.settings.values(), *node.readings.values())
     return sorted((*data, *own), key=lambda each: each.index)
 
 
 def file_info(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> EdsSection:
-    """Return [FileInfo]; creation and modification are the table's fixed date."""
+    """Return [FileInfo]; creation and modification have the table's fixed date."""
     file = table.file
     return "FileInfo", [
         ("FileName", f"{node_name}.eds"),
@@ -106,7 +106,7 @@ def file_info(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> 
 
 
 def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[MadeObject]) -> EdsSection:
-    """Return [DeviceInfo]. `RevisionNumber` is the dialect's, for people: nodes compare fingerprints."""
+    """Return [DeviceInfo]; `RevisionNumber` is the dialect's, for people: nodes compare fingerprints."""
     indices = {each.index for each in objects}
     return "DeviceInfo", [
         ("VendorName", table.vendor.name),
@@ -127,22 +127,21 @@ def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[Ma
     ]
 
 
-# Where the bits of an object lie in its PDO: whole fields, or slices of them, in CiA 301's order.
+# Places of an object's bits in its PDO: whole fields, or slices of them, in CiA 301's order.
 #
-# CiA 301 fills a frame from the least significant bit of its first byte on, and cannot say anything else (7.5.2.36). A
-# device with another bit order is described in these words all the same: its fields are cut into slices, each a run of
-# bits that are neighbours both in the value and in the frame, and the slices are mapped in the order that gives the
-# device's bytes. What loads such an EDS joins the slices again by their names, `X position (11:4)`.
+# CiA 301 fills a frame from the least significant bit of its first byte (7.5.2.36). For a device with another bit
+# order, fields are cut into slices of bits that are adjacent both in the value and in the frame, and the slices are
+# mapped in the device's order. Loading such an EDS joins the slices by their names, such as `X position (11:4)`.
 
 
 PADDING = PlacedText(PADDING_NAME, NOWHERE)
 BYTE = 8
 FIRST_SLICES = 0x3000
-"""The object of the first cut object's slices; the next ones follow."""
+"""Index of the slices of the first cut object; the next ones follow."""
 
 
 class Slice(NamedTuple):
-    """The bits `high` down to `low` of a field of the object; bit 0 is the value's least significant one."""
+    """Bits `high` down to `low` of a field of an object; bit 0 is the least significant one."""
 
     field: PlacedText
     high: int
@@ -150,22 +149,22 @@ class Slice(NamedTuple):
 
     @property
     def bits(self) -> int:
-        """How many bits the slice has."""
+        """Number of bits."""
         return self.high - self.low + 1
 
     @property
     def name(self) -> str:
-        """The slice's ParameterName, `X position (11:4)`; padding has no value whose bits could be named."""
+        """ParameterName, such as `X position (11:4)`; padding has no bit numbers."""
         return PADDING if self.field == PADDING else f"{self.field} ({self.high}:{self.low})"
 
 
 def whole_fields(fields: Fields) -> tuple[Slice, ...]:
-    """Lay out the fields as CiA 301 does, each one whole, the least significant bit first (7.5.2.36)."""
+    """Return the layout of CiA 301: each field whole, the least significant bit first (7.5.2.36)."""
     return tuple(Slice(name, each.bits - 1, 0) for name, each in fields.items())
 
 
 def most_significant_first(fields: Fields) -> tuple[Slice, ...]:
-    """Lay out the fields from the first byte's most significant bit on; left-over bits of the last byte are padding."""
+    """Return the layout from the first byte's most significant bit on; the rest of the last byte is padding."""
     bits = [(name, bit) for name, each in fields.items() for bit in reversed(range(each.bits))]
     bits += [(PADDING, bit) for bit in reversed(range(-len(bits) % BYTE))]
     frame = [bit for start in range(0, len(bits), BYTE) for bit in reversed(bits[start : start + BYTE])]
@@ -173,9 +172,9 @@ def most_significant_first(fields: Fields) -> tuple[Slice, ...]:
 
 
 def runs(frame: Iterable[tuple[PlacedText, int]]) -> Iterator[Slice]:
-    """Join neighbouring bits of a field, given in CiA 301's order, into the longest slices.
+    """Yield the longest slices of adjacent bits of a field; `frame` has the bits in CiA 301's order.
 
-    Within a slice, value and frame advance together: a bit and its place in the frame keep their distance.
+    Within a slice, a bit of the value and its place in the frame have a constant distance.
     """
     for (name, _), run in groupby(enumerate(frame), key=lambda each: (each[1][0], each[1][1] - each[0])):
         bits = [bit for _, (_, bit) in run]
@@ -184,7 +183,7 @@ def runs(frame: Iterable[tuple[PlacedText, int]]) -> Iterator[Slice]:
 
 @dataclass(frozen=True)
 class ObjectLayout:
-    """An object in a dialect: index and fields, its `parts` in PDO order, and the index of those that are slices."""
+    """An object in a dialect: index, fields, `parts` in PDO order, and the index of its slices."""
 
     index: int
     fields: Fields
@@ -193,12 +192,12 @@ class ObjectLayout:
 
     @property
     def cut(self) -> tuple[Slice, ...]:
-        """The parts that are not a whole field: sub-indices 1, 2, ... of the slices' object."""
+        """The parts that are not whole fields: sub-indices 1, 2, ... of the slices' object."""
         return tuple(each for each in self.parts if not self.is_whole(each))
 
     @property
     def targets(self) -> tuple[int, ...]:
-        """The mapping entries of a PDO: index, sub-index and bits of every part (CiA 301, 7.5.2.36)."""
+        """Mapping entries of a PDO: index, sub-index and bits of every part (CiA 301, 7.5.2.36)."""
         fields = {name: (self.index, sub) for sub, name in enumerate(self.fields, start=1)}
         cut = {each: (self.slices_index, sub) for sub, each in enumerate(self.cut, start=1)}
         places = ((fields[each.field] if self.is_whole(each) else cut[each], each.bits) for each in self.parts)
@@ -206,18 +205,19 @@ class ObjectLayout:
 
     @property
     def mapped(self) -> list[MappedPart]:
-        """The mapping as far as it decides how a frame is read."""
+        """The mapping, as far as it affects how a frame is read."""
         return [self._mapped_part(entry, part) for entry, part in zip(self.targets, self.parts)]
 
     def _mapped_part(self, entry: int, part: Slice) -> MappedPart:
         if carries_nothing(part.field):
             return MappedPart("", entry, None, is_real=False, meaning=NO_MEANING)
-        name, whole = part.field if self.is_whole(part) else part.name, self.fields[part.field]
+        name = part.field if self.is_whole(part) else part.name
+        whole = self.fields[part.field]
         return MappedPart(name, entry, whole.is_signed, whole.type is FieldType.REAL32, whole.meaning)
 
     @property
     def begins(self) -> dict[PlacedText, int]:
-        """The bit, 0 to 7, of its first byte in a frame at which each field begins that is mapped whole."""
+        """First bit, 0 to 7, within a byte of the frame, for each field that is mapped whole."""
         offsets = accumulate((each.bits for each in self.parts), initial=0)
         return {part.field: at % BYTE for part, at in zip(self.parts, offsets) if self.is_whole(part)}
 
@@ -227,12 +227,12 @@ class ObjectLayout:
 
 
 def layouts(table: Table, dialect: DialectRow) -> dict[PlacedText, ObjectLayout]:
-    """Lay out every object of the table in `dialect`."""
+    """Return the layout of every object of the table in a dialect."""
     return {name: layout(dialect, name, each) for name, each in table.objects_in(dialect).items()}
 
 
 def layout(dialect: DialectRow, name: PlacedText, record: Record) -> ObjectLayout:
-    """Lay out the object `name` with the fields that it has in `dialect`."""
+    """Return the layout of an object in a dialect."""
     fields = in_pdo_order(record.fields, dialect.reserved_before(name))
     if name not in dialect.most_significant_first:
         return ObjectLayout(record.index, record.fields, whole_fields(fields), 0)
@@ -241,7 +241,7 @@ def layout(dialect: DialectRow, name: PlacedText, record: Record) -> ObjectLayou
 
 
 def in_pdo_order(fields: Fields, reserved: dict[PlacedText, PlacedText]) -> Fields:
-    """Return the fields with the reserved bits, which are the last sub-indices, before those they belong before."""
+    """Return the fields with each one's reserved bits before it."""
     named = (name for name in fields if name not in reserved.values())
     order = (each for name in named for each in (reserved.get(name), name) if each is not None)
     return {name: fields[name] for name in order}
@@ -251,7 +251,7 @@ def in_pdo_order(fields: Fields, reserved: dict[PlacedText, PlacedText]) -> Fiel
 
 
 class MadeObject(NamedTuple):
-    """An object: its index, and its section with those of its sub-indices."""
+    """An object: its index, its section and those of its sub-indices."""
 
     index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
     sections: list[EdsSection]
@@ -259,32 +259,32 @@ class MadeObject(NamedTuple):
 
 U8, U16, U32, STRING = values.UNSIGNED8, values.UNSIGNED16, values.UNSIGNED32, values.VISIBLE_STRING
 INTEGERS = {(t.size, t.is_signed): t for t in values.DATA_TYPES.values() if t.bits > 1 and t.is_integer}
-"""The integer type of each number of bytes, without a sign and with one."""
+"""Integer types by number of bytes and signedness."""
 
 ERROR_HISTORY = 8
-"""Errors that 0x1003 remembers; CiA 301 allows 1 to 254."""
+"""Number of errors that 0x1003 stores; CiA 301 allows 1 to 254."""
 ON_COMMAND = 0x00000001
-"""0x1010 and 0x1011, read: the device stores or restores when told to, not by itself."""
+"""Value of 0x1010 and 0x1011: the device stores or restores on command only."""
 SELF_STARTING = 0x00000008
-"""0x1F80: bit 0 clear, no NMT master; bit 2 clear, enters OPERATIONAL by itself; bit 3 set, starts no other node."""
+"""Value of 0x1F80: no NMT master (bit 0), enters OPERATIONAL by itself (bit 2 clear), starts no other node (bit 3)."""
 EVENT_DRIVEN = 254
-"""Transmission type of every PDO (7.5.2.35, 7.5.2.37): sent when the protocol says so."""
+"""Transmission type of every PDO: event-driven (7.5.2.35, 7.5.2.37)."""
 LEAST_ENTRIES = 8
-"""Entries of a mapping record, unless a mapping needs more: the same in every PDO, so that any may be remapped."""
+"""Least number of entries of a mapping record; the same in every PDO, so that any may be remapped."""
 ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
-"""Access to data by (sent, received) of its node: it alone sets what it sends; only `rw` may be mapped both ways."""
+"""Access type of data by (sent, received); only `rw` may be mapped both ways."""
 ORDERED = "rwr"
-"""Access to data that a node is told to send: a master writes it, and it is no setting."""
+"""Access type of data that a node sends when it is written."""
 
 
 def entry(
     name: str, type_: DataType, access: str, default: float | str | None, *limits: int | None, mappable: bool = False
 ) -> KeyValues:
-    """Return the keys of a VAR or a sub-index, the two limits and the default only where there are any.
+    """Return the keys of a VAR or sub-index; limits and default only if given.
 
-    A text as default of a number is a formula of the node-ID.
+    A text as default of a number is a formula with the node-ID.
     """
-    form = "0x{:08X}" if type_ is U32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
+    form = "0x{:08X}" if type_ is U32 else "{}"  # COB-IDs, mappings and identities
     numbers = {**dict(zip(("LowLimit", "HighLimit"), limits)), "DefaultValue": default}
     given = ((key, value) for key, value in numbers.items() if value is not None)
     return [
@@ -298,29 +298,29 @@ def entry(
 
 
 def variable(index: int, only: KeyValues) -> MadeObject:
-    """Make a VAR object."""
+    """Return a VAR."""
     return MadeObject(index, [(f"{index:04X}", only)])
 
 
 def record(index: int, name: str, *entries: KeyValues, code: ObjectCode = ObjectCode.RECORD) -> MadeObject:
-    """Make a RECORD, or an ARRAY; its sub-index 0 says how many entries follow."""
+    """Return a RECORD or ARRAY, whose sub-index 0 is the number of entries."""
     return composed(index, name, code, entry("Highest sub-index supported", U8, "const", len(entries)), *entries)
 
 
 def array(index: int, name: str, *entries: KeyValues) -> MadeObject:
-    """Make an ARRAY."""
+    """Return an ARRAY."""
     return record(index, name, *entries, code=ObjectCode.ARRAY)
 
 
 def composed(index: int, name: str, code: ObjectCode, *members: KeyValues) -> MadeObject:
-    """Make a record or an array of its members, from sub-index 0 on."""
+    """Return a record or array with all its members, from sub-index 0 on."""
     head: KeyValues = [("ParameterName", name), ("ObjectType", f"0x{code.value:X}"), ("SubNumber", len(members))]
     subs = [(f"{index:04X}sub{sub:X}", each) for sub, each in enumerate(members)]
     return MadeObject(index, [(f"{index:04X}", head), *subs])
 
 
-# What is the same in every node. Not here: 0x1005 and 0x1012. Their defaults are 0x080 and 0x100, on the robot of 2014
-# identifiers of messages; a node with these objects would take them for SYNC and TIME.
+# Objects of every node. 0x1005 and 0x1012 are missing because their defaults, 0x080 and 0x100, are identifiers of
+# messages in the robot of 2014, which a node with these objects would take for SYNC and TIME.
 
 
 def common() -> tuple[MadeObject, ...]:
@@ -328,12 +328,12 @@ def common() -> tuple[MadeObject, ...]:
     return (
         variable(0x1000, entry("Device type", U32, "ro", 0)),  # 7.5.2.1: 0, no device profile
         variable(0x1001, entry("Error register", U8, "ro", 0)),  # 7.5.2.2
-        composed(  # 7.5.2.4: sub-index 0 counts the errors, 0 written to it clears them
+        composed(  # 7.5.2.4: sub-index 0 is the number of errors, writing 0 clears them
             *(0x1003, "Pre-defined error field", ObjectCode.ARRAY),
             entry("Number of errors", U8, "rw", 0),
             *(entry(f"Standard error field {n}", U32, "ro", 0) for n in range(1, ERROR_HISTORY + 1)),
         ),
-        # 7.5.2.13 and 7.5.2.14: all parameters at once; smaller portions are optional
+        # 7.5.2.13 and 7.5.2.14: all parameters together; smaller groups are optional
         array(0x1010, "Store parameters", entry("Save all parameters", U32, "rw", ON_COMMAND)),
         array(0x1011, "Restore default parameters", entry("Restore all default parameters", U32, "rw", ON_COMMAND)),
         variable(0x1014, entry("COB-ID EMCY", U32, "ro", f"{values.NODE_ID}+0x{values.EMCY_BASE:X}")),  # 7.5.2.17
@@ -353,7 +353,7 @@ def common() -> tuple[MadeObject, ...]:
 
 
 def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[MadeObject, ...]:
-    """Return the communication objects whose values differ between nodes or come from the table."""
+    """Return the communication objects with values of the node or the table."""
     return (
         # 7.5.2.8 to 7.5.2.10
         variable(0x1008, entry("Manufacturer device name", STRING, "const", node.product_name)),
@@ -376,7 +376,7 @@ def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[MadeO
 
 
 def watched(table: Table, node: NodeRow) -> list[KeyValues]:
-    """Return an entry for each node to watch, at least one: its node-ID and the time to wait for it, or 0 for none."""
+    """Return an entry for each watched node, at least one: its node-ID and time-out, or 0."""
     nodes = (table.nodes[each] for each in node.watches)
     times = [each.node_id << 16 | own(each.heartbeat_timeout, table.heartbeat_timeout) for each in nodes]
     times += [0] * (max(1, len(table.nodes) - 1) - len(times))
@@ -384,12 +384,12 @@ def watched(table: Table, node: NodeRow) -> list[KeyValues]:
 
 
 def own(number: int | None, common: int) -> int:
-    """Return a node's own number, or the one that all nodes have."""
+    """Return a node's own number, else the table's."""
     return common if number is None else number
 
 
 def clients(table: Table, node: NodeRow) -> list[MadeObject]:
-    """Return an SDO client channel to each node that this one asks for its identity (7.5.2.34)."""
+    """Return an SDO client channel for each node whose identity this node reads (7.5.2.34)."""
     return [
         record(
             0x1280 + n,
@@ -425,34 +425,36 @@ def pdo_records(
 
 
 def sent(table: Table, name: PlacedText) -> dict[PlacedText, MessageRow]:
-    """Return the messages that the node sends, in the order of their COB-IDs."""
+    """Return the messages that a node sends, ordered by COB-ID."""
     return {key: each for key, each in table.by_identifier.items() if name in each.senders}
 
 
 def received(table: Table, name: PlacedText) -> dict[PlacedText, MessageRow]:
-    """Return the messages for which the node has an RPDO, in the order of their COB-IDs."""
+    """Return the messages for which a node has an RPDO, ordered by COB-ID."""
     return {key: each for key, each in table.by_identifier.items() if name in (*each.receivers, *each.listeners)}
 
 
 def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
-    """Yield the records of all PDOs of the node `name`.
+    """Yield the records of all PDOs of a node, numbered in the order of their COB-IDs.
 
-    They are numbered in the order of their COB-IDs. That is not only tidy: CANopenNode takes a COB-ID that equals the
-    default of the very PDO that has it (TPDO1 0x180, RPDO1 0x200, ...) for that default, and adds the node-ID.
+    This order matters for CANopenNode: it takes a COB-ID that equals the base of this PDO's default (TPDO1 0x180, RPDO1
+    0x200, ...) for the default, and adds the node-ID.
     """
     entries = max([LEAST_ENTRIES, *(len(each.targets) for each in data.values())])
     for direction, messages in ((PdoDirection.RPDO, received(table, name)), (PdoDirection.TPDO, sent(table, name))):
         for index, (key, each) in enumerate(messages.items(), start=direction.value):
             if direction is PdoDirection.TPDO:
-                control, timer = values.NO_RTR, each.event_timer or 0  # nothing is asked for by remote frames
+                control = values.NO_RTR  # no remote frames
+                timer = each.event_timer or 0
             else:
-                control, timer = values.NOT_VALID if name in each.listeners else 0, 0  # off until a master wants it
+                control = values.NOT_VALID if name in each.listeners else 0  # a master enables it
+                timer = 0
             targets = data[each.object].targets if each.object else ()
             yield from pdo_records(index, key, each.identifier | control, timer, targets, entries)
 
 
 def fingerprints(table: Table, data: dict[PlacedText, ObjectLayout]) -> MadeObject:
-    """Make the object with the fingerprints of all messages, in the order of their identifiers."""
+    """Return the object with the fingerprints of all messages, ordered by identifier."""
     found: dict[str, int] = {
         name: fingerprint(name, each.identifier, data[each.object].mapped if each.object else ())
         for name, each in table.by_identifier.items()
@@ -465,19 +467,21 @@ def fingerprints(table: Table, data: dict[PlacedText, ObjectLayout]) -> MadeObje
 
 
 def data_names(table: Table, name: PlacedText) -> set[PlacedText]:
-    """Return the names of the objects whose data the node `name` sends or receives."""
+    """Return the names of the objects with data that a node sends or receives."""
     rows = (*sent(table, name).values(), *received(table, name).values())
     return {each.object for each in rows if each.object is not None}
 
 
 def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[MadeObject]:
-    """Yield the data that the PDOs of the node `name` map: objects of fields and, if a dialect cuts them, of slices."""
+    """Yield the objects that a node's PDOs map: fields and, in dialects that cut them, slices."""
     out = {each.object for each in sent(table, name).values()}
     come = {each.object for each in received(table, name).values()}
     ordered = {table.messages[each].object for each in table.nodes[name].orders}
     for key in filter((out | come).__contains__, data):
-        access, layout = ORDERED if key in ordered else ACCESS[key in out, key in come], data[key]
-        begins, fields = layout.begins, layout.fields.items()
+        access = ORDERED if key in ordered else ACCESS[key in out, key in come]
+        layout = data[key]
+        begins = layout.begins
+        fields = layout.fields.items()
         entries = (field_entry(field, each, access, begins.get(field, 0), mappable=True) for field, each in fields)
         yield record(layout.index, key, *entries)
         if layout.cut:
@@ -486,12 +490,12 @@ def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout
 
 
 def slice_entry(part: Slice, whole: TableField | None, access: str) -> KeyValues:
-    """Return the entry of a slice of a field; padding is a slice of no field."""
+    """Return the entry of a slice of a field; `whole` is None for padding."""
     mask = (1 << part.bits) - 1
     said = default_of(whole) if whole else 0
     is_real = whole is not None and whole.type is FieldType.REAL32
     default = int.from_bytes(values.REAL32.write(said), "little") if is_real else int(said)
-    if whole and whole.is_signed and part.high == whole.bits - 1:  # the slice with the sign is signed, as the field is
+    if whole and whole.is_signed and part.high == whole.bits - 1:  # the slice with the sign bit
         type_ = integer(part.bits, signed=True)
         return entry(part.name, type_, access, default >> part.low, ~mask >> 1, mask >> 1, mappable=True)
     return entry(part.name, integer(part.bits), access, default >> part.low & mask, 0, mask, mappable=True)
@@ -500,29 +504,30 @@ def slice_entry(part: Slice, whole: TableField | None, access: str) -> KeyValues
 def field_entry(
     name: str, whole: TableField, access: str, begin: int = 0, node: NodeRow | None = None, mappable: bool = False
 ) -> KeyValues:
-    """Return the entry of a whole field, of a setting or of a reading."""
+    """Return the entry of a whole field, a setting or a reading."""
     type_ = values.REAL32 if whole.type is FieldType.REAL32 else integer(whole.bits, begin, whole.is_signed)
     return entry(name, type_, access, default_of(whole, node), *whole.limits, mappable=mappable)
 
 
 def default_of(whole: TableField, node: NodeRow | None = None) -> float:
-    """Return a field's default as a number; `node` is the one whose setting it is."""
+    """Return a field's default as a number; `node` is the node with the setting."""
     if isinstance(whole.default, PlacedNumber | PlacedReal):
         return whole.default
     return node.node_id if node and whole.default == values.NODE_ID else whole.codes[whole.default]
 
 
 def integer(bits: int, begin: int = 0, signed: bool = False) -> DataType:
-    """Return the type of exactly as many bytes as the bits touch, the first of which is bit `begin` of a byte."""
+    """Return the integer type with as many bytes as the bits touch, if they begin at bit `begin` of a byte."""
     return INTEGERS[-(-(begin + bits) // 8), signed]
 
 
-# All of it
+# The whole dictionary
 
 
 def object_dictionary(table: Table, dialect: DialectRow, name: PlacedText) -> list[MadeObject]:
-    """Return all objects of the node `name`, in the order of their indices."""
-    node, data = table.nodes[name], layouts(table, dialect)
+    """Return all objects of a node, ordered by index."""
+    node = table.nodes[name]
+    data = layouts(table, dialect)
     objects = [*common(), *own_objects(table, dialect, node), *clients(table, node)]
     objects += [*pdos(table, name, data), *all_data(table, name, data), fingerprints(table, data)]
     settings = {key: dialect.setting_of(key, each) for key, each in {**table.settings, **node.settings}.items()}
@@ -533,7 +538,7 @@ def object_dictionary(table: Table, dialect: DialectRow, name: PlacedText) -> li
     return sorted(objects, key=lambda each: each.index)
 
 
-# The files: written into a folder, or compared with what is there
+# The files: written into a folder, or compared with its present files
 
 
 NETWORK = "network.yaml"
@@ -543,22 +548,22 @@ HEAD = """\
 # several of them send, the order of priorities, the most urgent first, and how often what is sent.
 """
 LINE = 120
-"""No text of the network file is broken before this column."""
+"""Line length of the network file."""
 Texts = dict[str, str]
-"""What the files say, by their paths below the folder."""
+"""Contents of the files, by path below the folder."""
 
 
 def make_files(table: Table) -> Texts:
-    """Return the text of every file: `DIALECT/NODE.eds`, and the network file."""
+    """Return all files: `DIALECT/NODE.eds`, and the network file."""
     pairs = product(table.dialects, table.nodes)
     texts = {f"{dialect}/{node}.eds": eds_text(table, dialect, node) for dialect, node in pairs}
     return {**texts, NETWORK: network_text(table)}
 
 
 def network_text(table: Table) -> str:
-    """Return the network of the table's first dialect, for `eurobot-od lint --network` and `load`.
+    """Return the network file of the table's first dialect, for `lint --network` and `load`.
 
-    Identifiers are priorities on a CAN bus, so the order of the messages is the order of their identifiers.
+    Messages are ordered by identifier, which is their priority.
     """
     dialect = next(iter(table.dialects))
     messages = table.by_identifier
@@ -572,7 +577,7 @@ def network_text(table: Table) -> str:
         "bit_rate": int(table.bit_rate),
     }
     if table.traffic:
-        network["traffic"] = {  # as plain texts: PyYAML's safe_dump refuses a `Text`
+        network["traffic"] = {  # PyYAML's safe_dump refuses subclasses of str
             str(name): {key: str(value) for key, value in vars(row).items() if value}
             for name, row in table.traffic.items()
         }
@@ -580,7 +585,7 @@ def network_text(table: Table) -> str:
 
 
 def changed_bits(table: Table, texts: Texts, folder: Path) -> Iterator[Problem]:
-    """Yield a problem for each dialect with files below `folder` that map a message otherwise under the same revision.
+    """Yield a problem for each dialect whose files below `folder` map a message differently with the same revision.
 
     Raises DictionaryError for a file that cannot be read.
     """
@@ -594,8 +599,9 @@ def changed_bits(table: Table, texts: Texts, folder: Path) -> Iterator[Problem]:
 
 
 def _changed(file: Path, text: str) -> Iterator[str]:
-    """Yield the messages that a file with the revision of the text maps otherwise."""
-    old, new = Dictionary.load(file), Dictionary.read(text.encode("ascii"), file)
+    """Yield the messages that a file with the same revision maps differently from the text."""
+    old = Dictionary.load(file)
+    new = Dictionary.read(text.encode("ascii"), file)
     if old.number(REVISION) != new.number(REVISION) or FINGERPRINTS not in old.members:
         return
     before, now = ({pdo.name: of_pdo(pdo) for pdo in each.read_pdos(each.default, unheard)} for each in (old, new))
@@ -603,21 +609,21 @@ def _changed(file: Path, text: str) -> Iterator[str]:
 
 
 def write_files(texts: Texts, folder: Path) -> None:
-    """Write every file below `folder`; what was there before is whole until all new files are. Raises OSError."""
+    """Write all files below `folder`; old files are replaced only after all new ones are written. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     for path in texts:
         (folder / path).parent.mkdir(exist_ok=True)
-    with TemporaryDirectory(dir=folder, prefix=".make-eds-") as scratch:  # a full disk is met here
+    with TemporaryDirectory(dir=folder, prefix=".make-eds-") as scratch:  # a full disk raises here
         for number, text in enumerate(texts.values()):
-            Path(scratch, str(number)).write_bytes(text.encode("ascii"))  # bytes: no line ends of the system's own
+            Path(scratch, str(number)).write_bytes(text.encode("ascii"))  # bytes, for the same line ends on any system
         for number, path in enumerate(texts):
             Path(scratch, str(number)).replace(folder / path)
 
 
 def differences(texts: Texts, folder: Path) -> list[str]:
-    """Say in one line each which files below `folder` differ, are missing, or should not be there.
+    """Return a line for each file below `folder` that differs, is missing, or should not be there.
 
-    Only an EDS file in a dialect's folder can be too many: it would be loaded as a node. Raises OSError.
+    Only an EDS file in a dialect's folder should not be there: it would be loaded as a node. Raises OSError.
     """
     dialects = {path.partition("/")[0] for path in texts if path != NETWORK}
     there = {each.relative_to(folder).as_posix() for name in dialects for each in (folder / name).glob("*.eds")}
@@ -627,7 +633,7 @@ def differences(texts: Texts, folder: Path) -> list[str]:
 
 
 def difference(text: str, file: Path) -> str:
-    """Say in which line a file first differs from `text`; nothing if it does not."""
+    """Return in which line a file first differs from `text`; empty if it does not."""
     try:
         pairs = zip_longest(text.encode("ascii").split(b"\n"), file.read_bytes().split(b"\n"))
     except FileNotFoundError:
