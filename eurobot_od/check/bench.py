@@ -1,10 +1,10 @@
-"""The bus of a check, with the nodes under test and the trace of all frames on it, each with its time.
+"""The bus of a check: the nodes under test, and the trace of all frames with their times.
 
-Frames are kept in the order in which they came and are never taken away: a reader says from which number on it looks.
-Only one step runs at a time, so there is only one to wake.
+The trace keeps frames in the order in which they came and never drops one; a reader says from which number on it
+looks. Only one step runs at a time, so only one reader waits.
 
-A frame's time is that of its arrival, however late it is read. That none has come by a time is said only when all that
-came until then has been read.
+A frame's time is that of its arrival, however late it is read. The trace reports that no frame came by a time only
+after everything up to that time has been read.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 
 BEHIND = 1.0
-"""For this long at most, in s, a reader that is behind is waited for."""
+"""Maximum time to wait for a thread that reads the bus and is behind, in s."""
 
 TICK = 0.02
-"""Time in s between two looks at how late the tester itself is."""
+"""Time between two measurements of how late the tester itself is, in s."""
 
 
 class SeenFrame(NamedTuple):
-    """A frame, its time in seconds by the loop's clock, and whether the tester sent it."""
+    """A frame, its time in s by the loop's clock, and whether the tester sent it."""
 
     time: float
     frame: Frame
@@ -34,13 +34,13 @@ class SeenFrame(NamedTuple):
 
 
 class Trace:
-    """The frames of a run; made inside the event loop."""
+    """The frames of a run; must be made inside the event loop."""
 
     def __init__(self) -> None:
         self.frames: list[SeenFrame] = []
         self._loop = asyncio.get_running_loop()
-        self.heard: Callable[[Frame], object] = lambda _: None
-        """Called with each frame of the others as it comes."""
+        self.listener: Callable[[Frame], object] = lambda _: None
+        """Called with each frame that a node sends."""
         self._waiting: asyncio.Future[None] | None = None
         self._failure: BusError | None = None
         self.read_to = inf
@@ -51,15 +51,15 @@ class Trace:
 
     @property
     def now(self) -> float:
-        """The time in seconds."""
+        """Current time in s, by the loop's clock."""
         return self._loop.time()
 
     def add(self, seen: SeenFrame) -> None:
-        """Take in a frame."""
+        """Add a frame."""
         self.frames.append(seen)
         if not seen.own:
             self.read_to = max(self.read_to, seen.time)
-            self.heard(seen.frame)
+            self.listener(seen.frame)
         self._wake()
 
     def caught_up(self, now: float) -> None:
@@ -68,7 +68,7 @@ class Trace:
         self._wake()
 
     def fail(self, failure: BusError) -> None:
-        """End all waiting: the bus is gone."""
+        """Make every wait raise this error: the bus is lost."""
         self._failure = failure
         self._wake()
 
@@ -81,24 +81,27 @@ class Trace:
             self._waiting.set_result(None)
 
     async def first(self, cob_ids: frozenset[int], start: int, deadline: float) -> int | None:
-        """Return the number of the first foreign frame with one of these identifiers, from number `start` on.
+        """Return the number of the first frame of a node with one of these COB-IDs, from number `start` on.
 
-        Waits for it until the time is `deadline`; None if none came by then. Raises BusError.
+        Waits for it until the time is `deadline`; returns None if none came by then. Raises BusError.
         """
         while True:
             for number in range(start, len(self.frames)):
                 time, frame, own = self.frames[number]
-                # By the frame's own time, not by that of looking: late is late, and in time is in time.
+                # The frame's own time decides, not the time at which it is looked at.
                 if time > deadline:
                     return None
                 if frame.cob_id in cob_ids and not own:
                     return number
             start = len(self.frames)
-            if not await self._news(start, deadline, BEHIND if cob_ids else 0.0):
+            if not await self._more_frames(start, deadline, BEHIND if cob_ids else 0.0):
                 return None
 
-    async def _news(self, known: int, deadline: float, behind: float) -> bool:
-        """Wait for more than the `known` frames, until all of a time have been read; raises BusError."""
+    async def _more_frames(self, known: int, deadline: float, behind: float) -> bool:
+        """Wait until there are more than `known` frames; return whether there are by the deadline.
+
+        A reading thread that has not read up to the deadline gets up to `behind` s more. Raises BusError.
+        """
         while self._failure is None and len(self.frames) == known:
             now = self._loop.time()
             end = deadline if now < deadline or self.read_to >= deadline else deadline + behind
@@ -116,13 +119,14 @@ class Trace:
         return True
 
     async def sleep(self, seconds: float) -> None:
-        """Let time pass; raises BusError if the bus fails meanwhile."""
+        """Wait for a time in s; raises BusError if the bus fails meanwhile."""
         await self.first(frozenset(), len(self.frames), self.now + seconds)
 
     @contextmanager
     def lateness(self) -> Iterator[Callable[[], float]]:
-        """Measure how late the tester itself is at the worst, in s: what delays it may delay a frame, too."""
-        worst, due = 0.0, self.now + TICK
+        """Measure by how much the tester itself is late at most, in s: what delays it may delay a frame, too."""
+        worst = 0.0
+        due = self.now + TICK
         timer: asyncio.TimerHandle
 
         def look() -> None:
@@ -138,16 +142,16 @@ class Trace:
 
 
 class Bench(Protocol):
-    """A bus with the nodes under test; the tester is another participant, with no node of its own."""
+    """A bus with the nodes under test. The tester takes part in it without a node of its own."""
 
     trace: Trace
-    """Every frame of the others, once the bench has begun."""
+    """Every frame of the nodes since `begin`."""
 
     async def begin(self) -> None:
-        """Return when the nodes are up; called once."""
+        """Wait until the nodes are up; called once."""
 
     async def send(self, frame: Frame) -> float:
-        """Send a frame and return, once it is on its way, its time by the loop's clock; raises BusError."""
+        """Send a frame; return the time, by the loop's clock, at which it was on its way. Raises BusError."""
 
     async def recover(self) -> bool:
-        """Open a bus that has failed again; return whether it works before all patience is at an end."""
+        """Try to open a failed bus again; return whether it works before the bench gives up."""

@@ -1,6 +1,6 @@
 """The format of suites: tables of keys, by which suites are read and checked.
 
-Each key stands in one table, with its shape and whether it is needed; docs/checks.md says what it is for.
+Each key is in one table, with its shape and whether it is needed; docs/checks.md explains it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ VERSION = 1
 
 
 class Format:
-    """The format with the words of one document."""
+    """The format of suites, for the network and the variables of one document."""
 
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
@@ -67,8 +67,9 @@ class Format:
 
     def read(self, file: Path, root: yaml.Node, problems: Problems) -> suite.Suite:
         """Read the document; raises ReadError with the problems noted."""
-        words, parts = self._words, self._suite.read(root, problems)
-        # The version says nothing more once it is checked, and variables have been filled in where they are used.
+        words = self._words
+        parts = self._suite.read(root, problems)
+        # The version has been checked, and variables have been filled in where they are used.
         fields = {key: value for key, value in parts.items() if key not in ("spec", "variables", "node")}
         nodes = parts.get("node", tuple(words.dictionaries))
         return suite.Suite(file, place_of(root.start_mark), words.dictionaries, words.decoder, nodes, **fields)
@@ -79,12 +80,13 @@ class Format:
 
     def _read_step(self, node: yaml.Node, problems: Problems) -> suite.Step:
         key = str(self._action_key(node, pairs_of(node, problems), problems))
-        row, given = self._actions[key], self._steps[key].read(node, problems)
+        row = self._actions[key]
+        given = self._steps[key].read(node, problems)
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
         name = str(given.get("name", action))
         common = {key: given[key] for key in ("repeat", "needed", "undo") if key in given}
         step = suite.Step(name, place_of(node.start_mark), action, **common)
-        # Each `repeat` has its bound, but those of groups inside groups multiply.
+        # Each `repeat` has a maximum, but repetitions of nested groups multiply.
         if step.total > MAX_COUNT:
             refuse(node, problems, f"with the repetitions inside it {step.total} steps, at most {MAX_COUNT} are done")
         return step
@@ -105,29 +107,30 @@ class Format:
         raise ReadError
 
 
-# Reads suite files: one YAML document for each suite, several documents in a file if need be.
+# Reading suite files: one YAML document per suite, one or more documents per file.
 #
-# Everything that is wrong in all files comes out in one error, before anything is sent.
+# One error lists the problems of all files, before anything is sent.
 
 
 class SuiteReader:
-    """Reads suites for some `networks`: those that name no `dialect` are for the one given here, or the default one.
+    """Reads suites for some `networks`; a suite that names no `dialect` is for the one given here.
 
     Reading raises UnknownName for an unknown network.
     """
 
     def __init__(self, networks: shapes.Networks, dialect: str | None = None) -> None:
-        self._networks, self._dialect = networks, dialect
+        self._networks = networks
+        self._dialect = dialect
         self._loaded: dict[Path, tuple[Decoder, dict[str, Dictionary]]] = {}
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
-        """Read all suites of some files; raises YamlError with the problems of all of them."""
+        """Read all suites of some files; raises YamlError with the problems of all files."""
         return self.read_texts(dict.fromkeys(files))
 
     def read_texts(self, texts: Mapping[Path, str | None]) -> list[Suite]:
-        """Read the suites of texts, by the files that errors and reports call them, None for what stands in the file.
+        """Read the suites of some texts, by file name; None means the content of that file.
 
-        Raises YamlError.
+        Errors and reports use these names. Raises YamlError.
         """
         suites: list[Suite] = []
         wrong: list[str] = []
@@ -148,7 +151,7 @@ class SuiteReader:
         return suites
 
     def read(self, file: Path, source: str, problems: Problems) -> list[Suite]:
-        """Read the suites of a text; problems are noted, and the suites that have some are left out."""
+        """Read the suites of a text; problems are added to the list, and suites with problems are left out."""
         suites = []
         try:
             documents = yaml_places.compose_all(source, problems)
@@ -164,21 +167,20 @@ class SuiteReader:
 
     def _format(self, document: yaml.Node) -> Format:
         decoder, dictionaries = self._load(next(iter(shapes.texts_at(document, "dialect")), self._dialect))
-        named, names = shapes.texts_at(document, "node"), tuple(dictionaries)
-        # If all names are wrong, any one node will do: "which node?" at each step would only hide the wrong name.
+        named = shapes.texts_at(document, "node")
+        names = tuple(dictionaries)
+        # If all names are wrong, take one node: otherwise each step would ask "which node?" and hide the wrong name.
         nodes = tuple(name for name in names if name in named or not named) or names[:1]
-        constants, saved = shapes.texts_at(document, "variables"), frozenset(shapes.saved_names(document))
+        constants = shapes.texts_at(document, "variables")
+        saved = frozenset(shapes.saved_names(document))
         return Format(Vocabulary(self._networks, decoder, dictionaries, constants, saved, nodes))
 
     def _load(self, dialect: str | None) -> tuple[Decoder, dict[str, Dictionary]]:
-        """Load the EDS files of a network, once.
-
-        For a dialect that does not exist it is the reader's own.
-        """
+        """Load the EDS files of a network, once; for an unknown dialect those of the reader's own network."""
         try:
             folder = self._networks.find(dialect)
         except UnknownName:
-            # The suite can still be checked against these, and the format reports the wrong name with its place.
+            # The suite is still checked against these files; the format reports the wrong name with its place.
             folder = self._networks.find(self._dialect)
         if folder not in self._loaded:
             found = self._networks.load(folder)

@@ -1,10 +1,10 @@
-"""Suites on a bus: a simulated one with nodes in simulated time, or a real one with the nodes that are there.
+"""Benches: a simulated bus with nodes in simulated time, and a real bus with the nodes on it.
 
-Rule of the simulated one: the same suite and the same seed give the same frames to the bit.
+On the simulated one, the same suite and seed give the same frames, bit by bit.
 
-The tester is one more node on it. What it sends has to win the arbitration like any other frame, so `send` ends
-when the bus has carried the frame, and that is the time from which an answer is measured. The bus runs between two
-steps of the event loop (see `bus.simulated.loop`): what it carries is put into the trace by the loop, in its order.
+The tester is one more node on it. Its frames take part in the arbitration like any other, so `send` ends when the bus
+has carried the frame; answers are measured from that time. The bus runs between two steps of the event loop (see
+`bus.simulated.loop`), and the loop adds the frames to the trace in their order.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.support import extras
 
 POWER_UP = 0.1
-"""Seconds after which all nodes are up; then the suite begins, and the programs of the nodes."""
+"""Time after which all nodes are up, in s; then the suite and the nodes' programs begin."""
 
 BOOT_STEP = 0.02
-"""Seconds from one node's boot-up to the next one's."""
+"""Time between the boot-ups of two nodes, in s."""
 
 SEND_WAIT = 0.5
-"""Seconds that a frame may wait for the bus."""
+"""Maximum time that a frame may wait for the bus, in s."""
 
 
 class NotSent(RemoteError):
-    """A frame that the tester could not send, because others did not let go of the bus."""
+    """A frame that the tester could not send, because frames of higher priority kept the bus busy."""
 
     def __init__(self, frame: Frame) -> None:
         super().__init__(f"the bus was never free for {frame}")
 
 
 class NodeUnderTest(NamedTuple):
-    """A simulated node, and what it does by itself after each boot, from beginning to end; None: it only answers."""
+    """A simulated node, and the program it runs after each boot; None if it only answers."""
 
     node: Node
     program: Callable[[], Coroutine[Any, Any, None]] | None = None
@@ -64,7 +64,7 @@ MakeNodes: TypeAlias = Callable[[Mapping[str, Dictionary], int, Callable[[], flo
 
 
 class Tester(Node):
-    """The tester's place on the bus: it sends what it is told to, and does nothing by itself."""
+    """The tester as a node on the simulated bus; it sends only the frames that are put into it."""
 
     def start(self, now: float) -> list[Frame]:
         self.now = now
@@ -75,20 +75,21 @@ class Tester(Node):
 
 
 class SimulatedBench:
-    """The bench of a network on which the tester is a node."""
+    """The bench of a simulated bus."""
 
     def __init__(self, network: Simulation, tester: Tester) -> None:
-        self._network, self._tester = network, tester
+        self._network = network
+        self._tester = tester
         self.trace = Trace()
         self._sending: list[tuple[Frame, asyncio.Future[float]]] = []
 
     async def begin(self) -> None:
-        """Put every frame of the others into the trace from now on, and let the nodes boot."""
+        """Start to record the nodes' frames, and let the nodes boot."""
         running = asyncio.get_running_loop()
 
         def seen(now: float, frame: Frame) -> None:
-            # A node's frame that equals the tester's own is taken for that; on a wire the two could merge.
-            # The bus runs while the loop would sleep, so what concerns a task waits for the loop's next turn.
+            # A node's frame that equals the tester's is taken for the tester's; on a wire the two could merge.
+            # The bus runs while the loop sleeps, so tasks are woken in the loop's next turn.
             own = next((each for each in self._sending if each[0] == frame), None)
             if own is not None:
                 running.call_soon_threadsafe(own[1].set_result, now)
@@ -100,11 +101,11 @@ class SimulatedBench:
         await asyncio.sleep(POWER_UP)
 
     async def recover(self) -> bool:
-        """Return at once: a simulated bus never comes back, as none is ever lost."""
+        """Return False: a simulated bus is never lost, so it never comes back."""
         return False
 
     async def send(self, frame: Frame) -> float:
-        """Send a frame and return when it is through; raises NotSent."""
+        """Send a frame; return the time at which the bus has carried it. Raises NotSent."""
         if frame.is_remote:
             self._network.request(frame)
             return asyncio.get_running_loop().time()
@@ -112,7 +113,7 @@ class SimulatedBench:
         sending = frame, sent
         self._sending.append(sending)
         self._tester.put(frame)
-        # `wait_for` would cancel the future, and its result may be on its way already.
+        # `wait_for` would cancel the future, whose result may have been scheduled already.
         await asyncio.wait([sent], timeout=SEND_WAIT)
         if not sent.done():
             self._sending.remove(sending)
@@ -121,15 +122,16 @@ class SimulatedBench:
 
 
 class Program:
-    """Runs the program of a node: it begins with each boot of the node, and what is left of the last run is ended."""
+    """Runs a node's program from its beginning at each boot of the node, and cancels the run before."""
 
     def __init__(self, node: Node, program: Callable[[], Coroutine[Any, Any, None]], network: Simulation) -> None:
-        self._program, self._network = program, network
+        self._program = program
+        self._network = network
         self._boot_up = error_control(node.device.node_id, NmtState.INITIALISING)
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Start, and start again with every boot-up message of the node."""
+        """Start the program, now and at every boot-up message of the node."""
         running = asyncio.get_running_loop()
         self._restart()
 
@@ -144,7 +146,7 @@ class Program:
         self._task = asyncio.ensure_future(self._play())
 
     def stop(self) -> None:
-        """End the program."""
+        """Cancel the program."""
         if self._task is not None:
             self._task.cancel()
 
@@ -154,12 +156,12 @@ class Program:
 
 
 def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed: int = 1) -> SuiteResult:
-    """Run a suite against simulated nodes, with all chance from `seed`."""
+    """Run a suite against simulated nodes, with all random numbers from `seed`."""
     network = Simulation()
     tested = make_nodes({name: suite.dictionaries[name] for name in suite.nodes}, seed, lambda: network.now)
     for number, (node, _) in enumerate(tested):
         network.attach(node, number * BOOT_STEP, processing_time(seed, node.name), OnError.RESTART)
-    # A node needs a dictionary; the tester uses nothing of it, so any will do.
+    # A node needs a dictionary, but the tester uses nothing of it.
     tester = Tester(next(iter(suite.dictionaries.values())))
     network.attach(tester)
     programs = [Program(node, program, network) for node, program in tested if program is not None]
@@ -179,7 +181,7 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
 
 
 def raised(reports: Sequence[Report]) -> Iterator[str]:
-    """Yield what nodes have raised, and in which line of somebody's code: a suite only sees that no answer comes."""
+    """Yield each exception that a node has raised, with the line in a package's code; a suite sees no answer only."""
     for each in reports:
         if each.error is not None:
             yield f"{each.name} has failed: {extras.complaint(each.error, each.name, extras.is_foreign)}"
@@ -188,28 +190,29 @@ def raised(reports: Sequence[Report]) -> Iterator[str]:
 # A real bus
 
 RETRY = 0.001  # at 1 Mbit/s a bus carries some eight frames in this time
-"""Seconds from one try to the next."""
+"""Time between two tries to send, in s."""
 
 RECOVERY = 12.0
-"""Seconds that a bus has to come back for the teardown: the last of the tries to open it again is after 11.3 s."""
+"""Maximum time to wait for a bus before the teardown, in s: the last try to open it again is after 11.3 s."""
 
 
 DRIFT = 1e-4
-"""By how much a driver's clock may run faster or slower than ours."""
+"""Maximum relative difference between a driver's clock and ours."""
 
 
 class Arrivals:
-    """When frames have come by our clock, by a driver's time stamps: however late they are read.
+    """Converts a driver's time stamps to our clock, however late frames are read.
 
-    The stamps start anywhere. A frame that was read without delay shows by how much they are off; one that seems to
-    have waited longer than a reader may be behind shows that the driver's clock was set.
+    The stamps start anywhere. A frame that was read without delay shows the offset; one that seems to have waited
+    longer than `BEHIND` shows that the driver's clock was set.
     """
 
     def __init__(self) -> None:
-        self._offset, self._last = inf, 0.0
+        self._offset = inf
+        self._last = 0.0
 
     def time(self, stamp: float, now: float) -> float:
-        """Return when a frame came that is read now; `stamp` is 0.0 if the driver gives none."""
+        """Return when a frame came that is read `now`; `stamp` is 0.0 if the driver gives none."""
         if not stamp:
             return now
         self._offset = min(self._offset + DRIFT * (now - self._last), now - stamp)
@@ -220,7 +223,7 @@ class Arrivals:
 
 
 class LiveBench:
-    """The bench of a python-can bus, opened by `open_bus` while its `reader` is entered. Opening raises BusError.
+    """The bench of a python-can bus, opened by `open_bus` when its `reader` is entered; opening raises BusError.
 
     `seen` and `failed` may be called from any thread.
     """
@@ -243,40 +246,40 @@ class LiveBench:
         self.trace.read_to = time.monotonic()
 
     async def begin(self) -> None:
-        """Return at once: nobody knows when the nodes on a real bus are up."""
+        """Return at once: there is no way to know when the nodes of a real bus are up."""
 
     def seen(self, stamp: float, frame: Frame) -> None:
-        """Take in a frame, with its time by the clock of asyncio's loop: frames and deadlines have one time."""
+        """Record a frame, with its time by the clock of asyncio's loop, which deadlines use, too."""
         came = self._arrivals.time(stamp, time.monotonic())
         self._loop.call_soon_threadsafe(self.trace.add, SeenFrame(came, frame))
 
     def failed(self, failure: BusError) -> None:
-        """Take in that the bus has failed."""
+        """Make the trace raise the error, as the bus has failed."""
         self._loop.call_soon_threadsafe(self._works.clear)
         self._loop.call_soon_threadsafe(self.trace.fail, failure)
 
     async def recover(self) -> bool:
-        """Wait until the bus works again, for the teardown; False if it does not in `RECOVERY` s."""
+        """Wait until the bus works again; return False if it does not within `RECOVERY` s."""
         with suppress(TimeoutError):
             await asyncio.wait_for(self._works.wait(), RECOVERY)
-        # Also if it did not come back: the teardown is skipped then, and nothing waits on the trace any more.
+        # Also if it did not come back: the teardown is skipped then, and nothing waits for a frame any more.
         self.trace.recover()
         return self._works.is_set()
 
     async def send(self, frame: Frame) -> float:
-        """Hand a frame to the driver; raises BusError if it does not take it."""
+        """Send a frame; raises BusError if the driver does not accept it."""
         begun = now = self._loop.time()
         while not self.reader.send(frame):
             if now > begun + SEND_WAIT:
                 raise BusError(f"the bus {self.reader.name} did not take {frame}")
             await asyncio.sleep(RETRY)
-            # Taken before the try that succeeds: an answer can never seem to have come before its question.
+            # The time before the try that succeeds: an answer must not seem to come before its request.
             now = self._loop.time()
         return now
 
 
 def run_live(suite: Suite, options: RunOptions, open_bus: Callable[[], can.BusABC]) -> SuiteResult:
-    """Run a suite against the nodes on a bus; raises BusError if it cannot be opened."""
+    """Run a suite against the nodes on a bus; raises BusError if the bus cannot be opened."""
 
     async def main() -> SuiteResult:
         bench = LiveBench(open_bus)

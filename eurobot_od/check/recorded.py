@@ -1,8 +1,8 @@
-"""Makes a suite of a stretch of a log: what a node was asked and told, what it answered, and what it sent by itself.
+"""Makes a suite from a part of a log: a node's SDO requests, its answers, and what it sent by itself.
 
-Reads between two orders (a write, an NMT command) are a step for each object, with the range of the values that came.
-What the node sends by itself stands at the end: its periodic PDOs and its heartbeat, with their periods, and the ranges
-of the fields.
+Between two commands (a write, an NMT command), the reads of each object become one step with the range of the values.
+At the end of the suite come the node's periodic PDOs and its heartbeat, with their periods, and the ranges of the
+fields.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ from eurobot_od.traffic.entries import Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning, SdoTransfer
 
 MOST_STEPS = 1000
-"""Most orders and reads of a suite; a stretch with more is refused."""
+"""Maximum number of steps of a suite; a part of a log with more is refused."""
 
 PAUSE = 0.2
-"""Time in s between two orders from which on the suite waits as well."""
+"""Minimum time between two commands, in s, for which the suite has a `wait`."""
 
 FEW = 5
-"""Frames that tell of a period."""
+"""Minimum number of distances between frames from which a period is computed."""
 
 MOST_PERIODS = 10
-"""Most periods that a suite measures."""
+"""Maximum number of periods that a suite measures."""
 
 STEADY = 0.5
-"""By how much of a period its worst one may be off if it is one."""
+"""Maximum deviation of a single distance, as a share of the period; with more the frames are not periodic."""
 
 
 class _Reads:
-    """The reads between two orders: of each object what came, in the order of the first time."""
+    """The reads between two commands: the transfers of each object, in the order of their first one."""
 
     def __init__(self) -> None:
         self.answers: dict[Address, list[SdoTransfer]] = {}
@@ -58,7 +58,7 @@ class _Reads:
 
 
 class _Order(NamedTuple):
-    """Something that the node was told, and how long after the one before, in s."""
+    """A write, NMT command or boot-up: the step for it, and the time since the one before, in s."""
 
     step: dict[str, Any]
     name: str
@@ -66,7 +66,7 @@ class _Order(NamedTuple):
 
 
 class RecordedNode:
-    """Collects what a node does in a stretch of a log."""
+    """Collects what a node does in a part of a log."""
 
     def __init__(self, device: Dictionary, decoder: Decoder) -> None:
         self._device = device
@@ -79,7 +79,7 @@ class RecordedNode:
         self._last: float | None = None
 
     def take(self, time: float, meaning: Meaning) -> None:
-        """Take in a frame with its meaning."""
+        """Add a frame, with its meaning."""
         raw, transfer = meaning.raw, meaning.transfer
         self._last = time if self._last is None else self._last
         if transfer and transfer.end and transfer.end.server == self._device.node_id and transfer.is_whole:
@@ -122,13 +122,16 @@ class RecordedNode:
         return at(address, self._device.objects)
 
     def _label(self, address: Address) -> str:
-        """Write an address, of an object without sub-indices by its index alone."""
+        """Return the address as text; without the sub-index for an object that has only sub-index 0."""
         return f"0x{address[0]:04X}" if self._device.members.get(address[0], {}).keys() == {0} else label(address)
 
     # The suite
 
     def suite(self, title: str) -> str:
-        """Return the suite as text; raises LocalError if the stretch has nothing of the node, or too much."""
+        """Return the suite as YAML.
+
+        Raises LocalError if this part of the log has nothing of the node, or too many steps.
+        """
         steps = [*self._asked(), *self._sent()]
         if not steps:
             raise LocalError(f"the log has nothing of {self._device.name} in this stretch")
@@ -171,18 +174,19 @@ def suite_of(
     begin: float = 0.0,
     end: float = inf,
 ) -> str:
-    """Return the suite for a node of the frames from `begin` to `end`, in s from the first one.
+    """Return a suite in YAML for a node, from the frames between `begin` and `end`, in s from the first frame.
 
     Raises UnknownName for the node, LocalError as `RecordedNode.suite`.
     """
     known = {each.name: each for each in decoder.dictionaries}
-    found, following = RecordedNode(look_up("node", node, known), decoder), Following(decoder)
+    found = RecordedNode(look_up("node", node, known), decoder)
+    following = Following(decoder)
     first: float | None = None
     for time, channel, raw in entries:
         first = time if first is None else first
         if time - first > end:
             break
-        meaning = following(time, channel, raw)  # also before the stretch: what is in force is known by that
+        meaning = following(time, channel, raw)  # also frames before `begin`: they may configure how later ones decode
         if time - first >= begin:
             found.take(time, meaning)
     return found.suite(title)
@@ -196,11 +200,11 @@ def _line(step: dict[str, Any], name: str = "") -> str:
 
 
 PLAIN = re.compile(r"-?[0-9A-Za-z][0-9A-Za-z_. -]*")
-"""Words and numbers that need no quotes in YAML where texts are expected."""
+"""Words and numbers that YAML needs no quotes for."""
 
 
 def _flow(value: Any) -> str:
-    """Write a value on one line; numbers as they are, as hexadecimal ones stay what they were."""
+    """Return a value as YAML on one line; numbers are not changed, so hexadecimal ones stay hexadecimal."""
     if isinstance(value, dict):
         return f"{{{', '.join(f'{_flow(key)}: {_flow(each)}' for key, each in value.items())}}}"
     written = str(value)
@@ -208,18 +212,18 @@ def _flow(value: Any) -> str:
 
 
 def _refusal(transfer: SdoTransfer) -> dict[str, Any]:
-    """Return how an aborted transfer is expected, empty for any other."""
+    """Return the expected abort of an aborted transfer, nothing for any other."""
     return {} if transfer.aborted is None else {"abort": f"0x{transfer.aborted:08X}"}
 
 
 def _given(thing: Any, content: bytes, key: str) -> dict[str, Any]:
-    """Return the one value of an object, in words if they are read back as the same bytes."""
+    """Return a value, in words if these are read back as the same bytes, otherwise as bytes."""
     number = _number(thing, content)
     return {"data": content.hex(" ").upper()} if number is None else {key: number}
 
 
 def _seen(thing: Any, contents: list[bytes]) -> dict[str, Any]:
-    """Return what came of an object: its value, or the range of its numbers."""
+    """Return what to expect of an object: its value, or the range of its values if they are numbers."""
     different = list(dict.fromkeys(contents))
     numbers = [objects.decode(thing, each) for each in different if _number(thing, each) is not None]
     if len(different) == 1:
@@ -236,7 +240,7 @@ def _sortable(value: Value) -> float:
 
 
 def _number(thing: Any, content: bytes) -> str | None:
-    """Return a number as a suite writes it, None for what is none, or is not read back as the same bytes."""
+    """Return a number as a suite writes it, None if it is no number or is not read back as the same bytes."""
     value = objects.decode(thing, content) if objects.is_described(thing) else None
     if not isinstance(value, (int, float)):
         return None
@@ -252,7 +256,7 @@ def _plain(thing: Any, value: Value) -> str:
 
 
 def _ranges(binding: Binding, messages: Iterable[Any]) -> Iterator[tuple[str, str]]:
-    """Yield the fields with the range of the numbers that came; words only if they were always the same."""
+    """Yield each field with the range of its numbers, or with its word if that was always the same."""
     columns = list(zip(*messages))
     for (name, kind), values in zip(binding.kinds.items(), columns):
         if name in binding.limits and (said := _range(kind, values)):
@@ -267,7 +271,7 @@ def _range(kind: Kind, values: Iterable[Any]) -> str:
 
 
 def _period(times: list[float]) -> dict[str, Any] | None:
-    """Return the period of frames with the tolerance that they have needed, None if they have none."""
+    """Return the median period of frames, with a tolerance that all of them meet; None if they are not periodic."""
     distances = [later - earlier for earlier, later in pairwise(times)]
     if len(distances) < FEW:
         return None

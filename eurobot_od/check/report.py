@@ -1,4 +1,4 @@
-"""Results as text: for the console, as JUnit XML, and as JSON."""
+"""Formats results: for the console, as JUnit XML, and as JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eurobot_od.support.yaml_places import Place
 
 
 class Status(Enum):
-    """How a step ended; the value is the word in reports."""
+    """How a step ended; the value is its word in reports."""
 
     PASSED = "ok"
     FAILED = "FAILED"
@@ -35,7 +35,7 @@ class SuitePart(Enum):
 
 
 class Line(NamedTuple):
-    """A frame on the bus: seconds since the suite's start, whether the tester sent it, and what it means."""
+    """A frame on the bus: time in s since the suite's start, whether the tester sent it, and its meaning."""
 
     time: float
     own: bool
@@ -44,9 +44,9 @@ class Line(NamedTuple):
 
 
 class StepReason(NamedTuple):
-    """Why a step failed: in words, thing by thing, and the frames on the bus up to then.
+    """Why a step failed: a sentence, the differences, and the last frames on the bus.
 
-    `cause` is the error that the node itself has reported by then, and not taken back.
+    `cause` is the error that the node itself reports.
     """
 
     what: str
@@ -58,14 +58,14 @@ class StepReason(NamedTuple):
 
     @property
     def facts(self) -> list[tuple[str, str]]:
-        """What is known besides `what`, each with its heading."""
+        """All facts but `what`, each with its heading."""
         off = [(each.what, each.words) for each in self.mismatches]
         said = [("expected", self.expected), ("came", self.came), *off, ("the node says", self.cause)]
         return [each for each in said if each[1]]
 
 
 class StepResult(NamedTuple):
-    """How a step ended: `started` seconds after the suite's start, it took `seconds`."""
+    """How a step ended; it began `started` s after the suite and took `seconds`."""
 
     section: SuitePart
     name: str
@@ -78,11 +78,11 @@ class StepResult(NamedTuple):
 
 @dataclass(frozen=True)
 class SuiteResult:
-    """How a suite ended; `skipped` says why it was not run at all, `error` what ended it before its time.
+    """How a suite ended.
 
-    `ended` is the name of the red step after which the others were not done, `asked_again` the number of SDO requests
-    that were answered only the second time, or not at all, `slowest` the longest time in s until something came for
-    which no step names a time. `raised` is what simulated nodes have raised, each once.
+    `skipped` says why it was not run, `error` what stopped it. `ended` is the name of the red step after which no
+    others were done. `asked_again` is the number of SDO requests that were repeated, `slowest` the longest wait for a
+    frame, in s, of the steps that name no time. `raised` are the exceptions of simulated nodes.
     """
 
     file: Path
@@ -98,7 +98,7 @@ class SuiteResult:
     raised: tuple[str, ...] = ()
 
     def count(self, *statuses: Status) -> int:
-        """Return how many steps ended in one of some ways."""
+        """Return the number of steps that ended in one of these ways."""
         return sum(step.status in statuses for step in self.steps)
 
     @property
@@ -108,12 +108,12 @@ class SuiteResult:
 
 
 AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
-"""The name of the step by which each conformance suite ends."""
+"""Name of the last step of each conformance suite."""
 
 HOW_TO_RESTORE = "`write` writes them back, `emcy --clear` clears errors; what was not stored is gone with a reset"
 
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
-"""Terminal colours of steps."""
+"""Terminal colours, as SGR codes."""
 
 
 # Console
@@ -125,7 +125,7 @@ def heading(suite: Suite, how: str) -> str:
 
 
 def step_line(step: StepResult, in_colour: bool = False) -> str:
-    """Return the line of a step: how it ended, when it began, how long it took, its line in the file, its name."""
+    """Return a step's line: how it ended, when it began, how long it took, its line in the file, its name."""
     status = f"{step.status.value:<11}"
     if in_colour:
         status = f"\x1b[{COLOURS[step.status]}m{status}\x1b[0m"
@@ -140,33 +140,33 @@ def reason_lines(reason: StepReason) -> Iterator[str]:
     if reason.frames:
         lines.append("      last frames (> sent, < received)")
     lines += (f"        {line}" for line in frame_lines(reason))
-    # What a node sends as a text is in them: it must not end a line, nor reach the terminal as a command.
+    # The lines contain text that nodes have sent, which must not break a line or control the terminal.
     return map(one_line, lines)
 
 
 def frame_lines(reason: StepReason) -> Iterator[str]:
     """Yield the last frames of a step: time in the suite, > sent or < received, the frame, and what it means."""
     for time, own, frame, meaning in reason.frames:
-        # The longest frame, an identifier, `#` and eight bytes, has 20 characters: the meanings stand in a column.
+        # The longest frame (identifier, `#`, eight bytes) has 20 characters, so the meanings are aligned.
         yield f"{time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip()
 
 
 GOES_ON = (Status.PASSED, Status.SKIPPED)
-"""What a step may end as without ending its suite; where not all steps are shown these are only counted."""
+"""Steps that do not end their suite; if not all steps are shown, these are only counted."""
 
 
 def folded(result: SuiteResult) -> str:
-    """Return the line for the steps of a suite that are only counted; empty if there are none."""
+    """Return the line that counts the steps that are not shown; empty if there are none."""
     return counted({status: result.count(status) for status in GOES_ON})
 
 
 def counted(counts: Mapping[Status, int]) -> str:
-    """Return how much ended how, in a line."""
+    """Return the counts as one line, such as "3 ok, 1 skipped"."""
     return ", ".join(f"{counts[status]} {status.value}" for status in Status if counts.get(status))
 
 
 def failures(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield what is to be read again at the end: each step that is red, with its place in the file and its reason."""
+    """Yield the lines of each red step for the end of the output, with its place in the file and its reason."""
     for result in results:
         for step in result.steps:
             if step.status in (Status.FAILED, Status.BUS_FAILED):
@@ -175,7 +175,7 @@ def failures(results: Iterable[SuiteResult]) -> Iterator[str]:
 
 
 def summary(results: Sequence[SuiteResult]) -> str:
-    """Return the last line: how many steps of how many suites ended how."""
+    """Return the last line of the output, with the number of steps by status."""
     steps = counted(Counter(step.status for result in results for step in result.steps))
     seconds = sum(result.seconds for result in results)
     asked_again = sum(result.asked_again for result in results)
@@ -184,7 +184,7 @@ def summary(results: Sequence[SuiteResult]) -> str:
 
 
 def not_run(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield a line for each suite that was not run or not done to its end, with the reason."""
+    """Yield one line per suite that was not run or not finished, with the reason."""
     for result in results:
         if result.skipped:
             yield one_line(f"{result.file.stem}: NOT RUN: {result.name}: {result.skipped}")
@@ -193,18 +193,18 @@ def not_run(results: Iterable[SuiteResult]) -> Iterator[str]:
 
 
 SLOW = 1.0
-"""Time in s until an answer from which on it is told."""
+"""Minimum wait for an answer that is reported, in s."""
 
 
 def slowest(results: Sequence[SuiteResult]) -> Iterator[str]:
-    """Yield a line for the slowest answer of a device, if it is slow: no clause names a time."""
+    """Yield a line for the slowest answer of a device, if it is slow."""
     longest = max((result.slowest for result in results), default=0.0)
     if longest > SLOW:
         yield f"The slowest answer, or boot-up, came after {longest:.2f} s: no clause names a time"
 
 
 def remarks(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield a line for what a simulated node has raised, and for each green step that did not compare everything."""
+    """Yield a line for each exception of a simulated node, and for each green step that did not compare everything."""
     for result in results:
         yield from (one_line(f"{result.file.name}: {result.name}: {each}") for each in result.raised)
         for step in result.steps:
@@ -213,7 +213,7 @@ def remarks(results: Iterable[SuiteResult]) -> Iterator[str]:
 
 
 def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield a line for each suite behind which a node does not have what it had before, with how to restore it."""
+    """Yield a line for each suite that left objects changed, with how to restore them."""
     for result in results:
         for step in result.steps:
             if step.status is Status.FAILED and step.name == AS_THEY_WERE and step.reason is not None:
@@ -226,7 +226,7 @@ def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
 
 
 def junit(results: Sequence[SuiteResult]) -> str:
-    """Return a JUnit XML report: a test suite for each suite, a test case for each step."""
+    """Return a JUnit XML report: a test suite per suite, a test case per step."""
     root = ElementTree.Element("testsuites", _totals(results))
     for result in results:
         suite = ElementTree.SubElement(root, "testsuite", {"name": result.name} | _totals([result]))
@@ -235,7 +235,7 @@ def junit(results: Sequence[SuiteResult]) -> str:
             ElementTree.SubElement(case, "skipped", {"message": result.skipped})
         for step in result.steps:
             suite.append(_test_case(result, step))
-    # XML 1.0 has no control characters, not even escaped ones, and ElementTree writes them as they are.
+    # XML 1.0 allows no control characters, not even escaped ones, and ElementTree does not check.
     for each in root.iter():
         each.attrib.update({key: one_line(value) for key, value in each.attrib.items()})
     ElementTree.indent(root)
@@ -244,7 +244,7 @@ def junit(results: Sequence[SuiteResult]) -> str:
 
 def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:
     counts = {
-        # A suite that is skipped as a whole is one test case (see `junit`), and the totals count the cases.
+        # A suite that is skipped as a whole is one test case (see `junit`).
         "tests": sum(len(result.steps) + bool(result.skipped) for result in results),
         "failures": sum(result.count(Status.FAILED) for result in results),
         "errors": sum(result.count(Status.BUS_FAILED, Status.INTERRUPTED) for result in results),
@@ -272,7 +272,7 @@ def _test_case(result: SuiteResult, step: StepResult) -> ElementTree.Element:
 
 
 def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
-    """Return everything as plain data."""
+    """Return the results as plain data, for JSON."""
     return [
         {
             "file": str(result.file),

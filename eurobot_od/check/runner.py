@@ -1,7 +1,7 @@
 """Runs a suite on a bench: setup, steps, teardown, and a result for each step.
 
-What a step does stands in `actions`; here is which steps are done, what becomes of the others, and that the teardown is
-done whatever happens.
+`actions` say what a step does. This module decides which steps are done and what becomes of the others, and always runs
+the teardown.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from eurobot_od.od.values import base_identifier
 from eurobot_od.support.yaml_places import Place
 
 AFTER_SKIPPED = StepReason("it belongs to a step that is skipped")
-"""Why the rest of a group is skipped after one of its steps."""
+"""Why the rest of a group is skipped after a skipped step."""
 
 OWN_ERROR = "the node has an error of its own (0x1001), which is red, and need not be OPERATIONAL with it"
-"""Why a step is skipped that waits in vain for what comes in OPERATIONAL."""
+"""Why a step that waits in vain for frames of a node in OPERATIONAL is skipped."""
 
 EMCY_LENGTH = 8
-"""Bytes of every EMCY (CiA 301, 7.2.7.4)."""
+"""Length of an EMCY in bytes (CiA 301, 7.2.7.4)."""
 
 FRAMES_SHOWN = 8
-"""How many frames a failed step shows, the last ones on the bus."""
+"""Number of last frames on the bus that a failed step shows."""
 
 
-def _is_look(step: Step) -> bool:
-    """Return whether nothing behind a step in its group needs that it is green."""
+def _changes_nothing(step: Step) -> bool:
+    """Return whether the later steps of a group can go on when this one is red, as it only checks something."""
     action = step.action
     if isinstance(action, SdoRead):
         return action.save is None
@@ -49,29 +49,26 @@ def _is_look(step: Step) -> bool:
 
 
 class Interrupt:
-    """Ends a running suite from outside, such as from a signal handler: the step under way is given up."""
+    """Ends a running suite from outside, such as from a signal handler; its current step is cancelled."""
 
     def __init__(self) -> None:
         self.requested = False
         self._running: tuple[asyncio.AbstractEventLoop, asyncio.Task[None]] | None = None
 
     def request(self) -> None:
-        """End the running suite, and let no other begin."""
+        """Cancel the current step of the running suite, and start no other suite."""
         self.requested = True
         if self._running is not None:
             loop, task = self._running
-            # called from a signal handler, or from another thread: the loop may be asleep and has to be woken
+            # A signal handler or another thread calls this, so the sleeping loop has to be woken.
             loop.call_soon_threadsafe(task.cancel)
 
     @contextmanager
     def by_ctrl_c(self) -> Iterator[None]:
-        """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once.
-
-        So does the first SIGTERM, by which `timeout` ends a program.
-        """
+        """Make the first Ctrl-C or SIGTERM end the current suite with its teardown, a second one the program."""
 
         def handle(*_: object) -> None:
-            # From now on each does what it always does: a teardown may wait long for a node that is gone.
+            # A second signal ends the program: a teardown may wait long for a lost node.
             signal.signal(signal.SIGINT, signal.default_int_handler)
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             self.request()
@@ -84,7 +81,7 @@ class Interrupt:
                 signal.signal(each, handler)
 
     async def guard(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do some work, to its end or until the interrupt."""
+        """Run a coroutine to its end or until the interrupt."""
         task = asyncio.ensure_future(work)
         self._running = asyncio.get_running_loop(), task
         if self.requested:  # between two suites, when there was no task to cancel
@@ -98,7 +95,7 @@ class Interrupt:
 
 
 def not_run(suite: Suite, how: str, why: str) -> SuiteResult:
-    """Return the result of a suite that is not run: each of its steps skipped with the reason."""
+    """Return the result of a suite that is not run: each step is skipped with the reason."""
     steps = (
         StepResult(SuitePart.STEPS, name, step.place, Status.SKIPPED, 0.0, 0.0, StepReason(why))
         for each in suite.steps
@@ -108,7 +105,7 @@ def not_run(suite: Suite, how: str, why: str) -> SuiteResult:
 
 
 def single_steps(step: Step, name: str) -> Iterator[tuple[str, Step]]:
-    """Yield the steps of a group, each with its title, or the step itself."""
+    """Yield the steps of a group with their titles, or the step itself."""
     if not isinstance(step.action, Group):
         yield name, step
         return
@@ -118,11 +115,11 @@ def single_steps(step: Step, name: str) -> Iterator[tuple[str, Step]]:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are asked for.
+    """How a suite is run.
 
-    Those before one that is asked for are done, too, as it needs what they do, unless they are `independent`.
-    `interrupt` may end a suite; `show` is called with each step's result as it comes. `reported` has what is red once
-    for a node, however many suites find it.
+    `keep_going`: do the next steps after a failed one. `chosen`: which steps to do, by name; the steps before them are
+    done, too, as they may be needed, unless all are `independent`. `interrupt` may end the suite. `show` is called with
+    each result. `reported` holds the findings that are reported once per node, for all suites of a run.
     """
 
     keep_going: bool = False
@@ -134,10 +131,13 @@ class RunOptions:
 
 
 class Runner:
-    """One run of a suite, made and run inside the event loop."""
+    """One run of a suite; made and run inside the event loop."""
 
     def __init__(self, suite: Suite, bench: Bench, options: RunOptions) -> None:
-        self._suite, self._bench, self._options, self._trace = suite, bench, options, bench.trace
+        self._suite = suite
+        self._bench = bench
+        self._options = options
+        self._trace = bench.trace
         self._results: list[StepResult] = []
         self._stopped = False
         self._error = self._ended_by = ""
@@ -145,25 +145,25 @@ class Runner:
         self._gone = False
 
     async def run(self, how: str) -> SuiteResult:
-        """Run the suite, its teardown in any case; `how` names the bench for reports."""
+        """Run the suite with its teardown; `how` names the bench in reports."""
         suite = self._suite
         await self._bench.begin()
         self._start = self._trace.now
         self._tester = BenchTester(suite.timeout, suite.decoder, self._bench, self._options.reported)
         self._step_runner = StepRunner(self._tester)
         await self._options.interrupt.guard(self._until_teardown())
-        # A lost bus is waited for only where that can help: with a teardown to do, and a bus that has worked once. One
-        # that never did (a wrong channel, no other node) would only cost `RECOVERY` seconds for each suite.
+        # Wait for a lost bus only if there is a teardown and the bus has worked before. A bus that never worked (wrong
+        # channel, no other node) would cost `RECOVERY` seconds per suite.
         has_worked = any(result.status is Status.PASSED for result in self._results)
         recovers = bool(suite.teardown) and has_worked
         self._stopped = bool(self._error) and not (recovers and await self._bench.recover())
-        # Of other nodes something may be left to be put back.
+        # After a lost node, the suite goes on only if other nodes may need their values back.
         self._stopped = self._stopped or (self._gone and len(suite.nodes) == 1)
-        # What an interrupt has left of a group first: the teardown may look whether all is as it was.
+        # First the `undo` steps of an interrupted group, as the teardown may check that all values are as before.
         for (name, _), step in [*self._undo.items()]:
             if not self._stopped:
                 await self._step(SuitePart.TEARDOWN, step, True, name)
-        # Also after a red step of it: the next one may be the one that stops the node.
+        # The teardown goes on after a red step: a later step may be the one that stops the node.
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
         return SuiteResult(
             suite.file,
@@ -178,48 +178,51 @@ class Runner:
         )
 
     async def _until_teardown(self) -> None:
-        """Do the setup, the steps that are asked for, and those that they need."""
-        steps, chosen = self._suite.steps, self._options.chosen
+        """Do the setup, the chosen steps, and the steps that they may need."""
+        steps = self._suite.steps
+        chosen = self._options.chosen
         numbers = [number for number, step in enumerate(steps) if chosen(step.name)]
-        # Which steps a step needs, nobody says, so it is all before the last one that is chosen.
-        needed = range(max(numbers, default=-1) + 1)
-        asked_for = [steps[number] for number in (numbers if self._options.independent else needed)]
+        # No suite says which steps a step needs, so all before the last chosen one are done.
+        if not self._options.independent:
+            numbers = [*range(max(numbers, default=-1) + 1)]
         await self._section(SuitePart.SETUP, self._suite.setup, keep_going=False)
-        await self._section(SuitePart.STEPS, asked_for, self._options.keep_going)
+        await self._section(SuitePart.STEPS, [steps[number] for number in numbers], self._options.keep_going)
 
     async def _section(self, section: SuitePart, steps: Sequence[Step], keep_going: bool) -> None:
         for step in steps:
             if self._stopped:
-                self._tell(
-                    StepResult(section, step.name, step.place, Status.SKIPPED, self._since_start, 0.0, self._why)
-                )
+                why = StepReason(f"'{self._ended_by}' is red, and ends the suite") if self._ended_by else None
+                now = self._since_start
+                self._add(StepResult(section, step.name, step.place, Status.SKIPPED, now, 0.0, why))
             else:
                 await self._step(section, step, keep_going, step.name)
 
     async def _step(self, section: SuitePart, step: Step, keep_going: bool, name: str) -> StepReason | None:
-        """Do a step, tell its result, and return why what builds on it is not done, None if it is."""
+        """Do a step and add its result; return why the steps that build on it are skipped, None if they are not."""
         if isinstance(step.action, Group):
             return await self._group(section, step, step.action, keep_going, name)
         started = self._since_start
         status, reason = Status.INTERRUPTED, None
         try:
             status, reason = await self._judge(step, step.action)
-        finally:  # an interrupt passes through here, and leaves the step as INTERRUPTED
+        finally:  # also when an interrupt cancels the step, which then stays INTERRUPTED
             goes_on = keep_going if step.needed is None else not step.needed
             ends_all = bool(self._error) or not (status in GOES_ON or goes_on)
             self._stopped = self._stopped or ends_all
             if self._stopped and not self._error and status is Status.FAILED:
                 self._ended_by = self._ended_by or name
             took = self._since_start - started
-            self._tell(StepResult(section, name, step.place, status, started, took, reason))
+            self._add(StepResult(section, name, step.place, status, started, took, reason))
         if status is Status.SKIPPED:
             return AFTER_SKIPPED
-        return None if status is Status.PASSED or _is_look(step) else StepReason(f"'{step.name}' before it is red")
+        return (
+            None if status is Status.PASSED or _changes_nothing(step) else StepReason(f"'{step.name}' before it is red")
+        )
 
     async def _group(
         self, section: SuitePart, step: Step, group: Group, keep_going: bool, name: str
     ) -> StepReason | None:
-        """Do the steps of a group; what a red one leaves undone leaves the rest of an outer group undone, too."""
+        """Do the steps of a group; return why the rest of an outer group is skipped, None if it is not."""
         why: StepReason | None = None
         for turn in range(1, step.repeat + 1):
             heading = f"{name} {turn}/{step.repeat}" if step.repeat > 1 else name
@@ -229,15 +232,17 @@ class Runner:
             for title, each in titled:
                 if why is not None and not each.undo:
                     now = self._since_start
-                    self._tell(StepResult(section, title, each.place, Status.SKIPPED, now, 0.0, why))
+                    self._add(StepResult(section, title, each.place, Status.SKIPPED, now, 0.0, why))
                 elif not self._stopped:
                     found = await self._step(section, each, keep_going, title)
-                    self._undo.pop((title, each.place), None)  # only now: an interrupt may come in the middle of it
+                    self._undo.pop(
+                        (title, each.place), None
+                    )  # after the step, as an interrupt may come in the middle of it
                     why = why if each.undo else found
         return None if why is AFTER_SKIPPED else why
 
     async def _judge(self, step: Step, action: StepAction) -> tuple[Status, StepReason | None]:
-        """Do a step as often as it says, and return how it ended."""
+        """Do a step as often as it says; return how it ended."""
         try:
             self._tester.remark = ""
             for _ in range(step.repeat):
@@ -256,7 +261,7 @@ class Runner:
         except BusError as error:
             self._error = str(error)
             status, reason = Status.BUS_FAILED, StepReason(str(error))
-        # Decoded only here: the frames of a step that passed are shown nowhere.
+        # Frames are decoded only here, as those of a passed step are not shown.
         frames = (
             Line(time - self._start, own, frame, words)
             for (time, frame, own), words in self._tester.last_frames(FRAMES_SHOWN)
@@ -264,7 +269,7 @@ class Runner:
         return status, reason._replace(frames=tuple(frames), cause=self._reported())
 
     def _reported(self) -> str:
-        """Return the last error that a node under test has reported since it booted, and not taken back."""
+        """Return the last error that a node under test has reported since it booted, empty if it is reset."""
         nodes = [self._suite.dictionaries[name] for name in self._suite.nodes]
         boots = {error_control(each.node_id, NmtState.INITIALISING) for each in nodes}
         emcys = {base_identifier(each.default(EMCY)) for each in nodes}
@@ -275,12 +280,7 @@ class Runner:
                 return self._tester.words(frame) if any(frame.data[:2]) else ""
         return ""
 
-    @property
-    def _why(self) -> StepReason | None:
-        """Why steps are not done after the suite was ended."""
-        return StepReason(f"'{self._ended_by}' is red, and ends the suite") if self._ended_by else None
-
-    def _tell(self, result: StepResult) -> None:
+    def _add(self, result: StepResult) -> None:
         self._results.append(result)
         self._options.show(result)
 

@@ -1,4 +1,4 @@
-"""Runs suites one after the other, on a bus or simulated, and compares a run with the one before it."""
+"""Runs several suites, on a bus or simulated, and compares two runs."""
 
 from __future__ import annotations
 
@@ -18,62 +18,65 @@ if TYPE_CHECKING:
     from eurobot_od.check.runner import Interrupt, RunOptions
 
 Show = Callable[[StepResult], None]
-"""Called with each step's result as it comes."""
+"""Called with each step's result, as soon as it is known."""
 
 
-class Told(Protocol):
-    """What hears of a run as it goes on."""
+class RunListener(Protocol):
+    """Is called while suites run, for output."""
 
     def heading(self, suite: Suite, how: str) -> None:
-        """Take in that a suite begins, and how it is run, or why it is not."""
+        """Called before a suite; `how` says how it is run, or why it is not."""
 
     def step(self, step: StepResult) -> None:
-        """Take in a step's result."""
+        """Called with each step's result."""
 
     def end(self, result: SuiteResult) -> None:
-        """Take in the result of a suite."""
+        """Called with a suite's result."""
 
 
-class HowToRun(Protocol):
-    """How suites are run; `is_made` tells that they are made from a device's file, and find all that is wrong."""
+class SuiteRunner(Protocol):
+    """Runs suites, on a bus or simulated."""
 
     @property
     def is_made(self) -> bool:
-        """Whether each step stands alone, so that a red one does not end the run."""
+        """Whether the suites are made from a device's file: their steps are independent, so a red one ends nothing."""
 
     def how(self, seed: int) -> str:
-        """Return how suites are run, in words for reports."""
+        """Return for reports how suites are run."""
 
     def skips(self, suite: Suite) -> str:
         """Return why a suite is skipped; empty if it is run."""
 
     def run(self, suite: Suite, seed: int, interrupt: Interrupt, reported: set[Report], show: Show) -> SuiteResult:
-        """Run a suite; `reported` has what suites before it have found in a node."""
+        """Run a suite; `reported` holds the findings that are reported once per node, of all suites so far."""
 
 
 def run_options(
     *, keep_going: bool, is_made: bool, steps: Sequence[str], interrupt: Interrupt, reported: set[Report], show: Show
 ) -> RunOptions:
     """Return the options of a run."""
-    from eurobot_od.check.runner import RunOptions  # suites are listed without
+    from eurobot_od.check.runner import RunOptions  # here, as listing suites does not need it
 
     return RunOptions(keep_going or is_made, partial(is_chosen, steps), is_made, interrupt, show, reported)
 
 
 @dataclass(frozen=True)
 class OnBus:
-    """How suites are run on a bus that `open_bus` opens; only the `steps` with one of these texts in their name."""
+    """Runs suites on the bus that `open_bus` opens; of `is_made` see SuiteRunner.
+
+    Of each suite only the steps are run that have one of the texts of `steps` in their name; empty: all.
+    """
 
     open_bus: Callable[[], can.BusABC]
     is_made: bool = False
     steps: Sequence[str] = ()
 
     def how(self, _: int) -> str:
-        """Return how suites are run, in words for reports."""
+        """Return for reports how suites are run."""
         return "on the bus"
 
     def skips(self, _: Suite) -> str:
-        """Skip none."""
+        """Return an empty text: on a bus no suite is skipped."""
         return ""
 
     def run(self, suite: Suite, _: int, interrupt: Interrupt, reported: set[Report], show: Show) -> SuiteResult:
@@ -97,7 +100,7 @@ def is_chosen(texts: Sequence[str], name: str) -> bool:
 
 
 def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -> list[Suite]:
-    """Return the suites with one of the tags and with one of the steps, all if there are none; raises LocalError."""
+    """Return the suites with one of the tags and one of the steps; empty: all. Raises LocalError if none is left."""
     tagged = [suite for suite in suites if not tags or set(tags) & set(suite.tags)]
     if not tagged:
         known = sorted({tag for suite in suites for tag in suite.tags})
@@ -109,7 +112,7 @@ def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -
 
 
 def listed(suites: Iterable[Suite]) -> Iterator[str]:
-    """Yield a line for each suite."""
+    """Yield one line per suite."""
     for suite in suites:
         where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
         tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
@@ -117,35 +120,36 @@ def listed(suites: Iterable[Suite]) -> Iterator[str]:
 
 
 def results_of(
-    checks: HowToRun, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, told: Told
+    runner: SuiteRunner, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, listener: RunListener
 ) -> Iterator[SuiteResult]:
-    """Run the suites for all seeds, until an interrupt or until the bus fails.
+    """Run the suites for all seeds and yield their results, until an interrupt or until the bus fails.
 
-    Those that cannot be run any more have a result that says why.
+    For generated suites (`is_made`), those that cannot be run any more have a result with the reason.
     """
     from eurobot_od.check.runner import not_run
 
-    gone: dict[tuple[str, ...], str] = {}  # a device that does not come back from a reset is reported once
-    everything = ""
+    gone: dict[tuple[str, ...], str] = {}  # why the other suites of a lost device are not run
+    ended = ""
     for seed in seeds:
-        if everything:
+        if ended:
             return
         reported = set[Report]()
         for suite in suites:
-            everything = everything or ("interrupted" if interrupt.requested else "")
-            if everything and not checks.is_made:
+            if interrupt.requested and not ended:
+                ended = "interrupted"
+            if ended and not runner.is_made:
                 return
-            if why := everything or gone.get(suite.nodes, ""):
-                told.heading(suite, f"not run: {why}")
-                yield not_run(suite, checks.how(seed), why)
+            if why := ended or gone.get(suite.nodes, ""):
+                listener.heading(suite, f"not run: {why}")
+                yield not_run(suite, runner.how(seed), why)
                 continue
-            told.heading(suite, checks.skips(suite) or checks.how(seed))
-            result = checks.run(suite, seed, interrupt, reported, told.step)
-            told.end(result)
+            listener.heading(suite, runner.skips(suite) or runner.how(seed))
+            result = runner.run(suite, seed, interrupt, reported, listener.step)
+            listener.end(result)
             yield result
-            if result.error:  # the bus is gone, for all suites that follow
-                everything = f"the bus failed: {result.error}"
-            if checks.is_made and result.ended:
+            if result.error:
+                ended = f"the bus failed: {result.error}"
+            if runner.is_made and result.ended:
                 gone[suite.nodes] = f"'{result.ended}' is red in '{result.name}', and nothing else can be asked"
 
 
@@ -153,20 +157,20 @@ def results_of(
 
 
 def compared(before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
-    """Return the steps that have not ended as in the run before, both as `report.as_data` gives them.
+    """Return the steps that ended differently in two runs, each given as `report.as_data` returns it.
 
-    A step that only one of the runs has ended as `-` in the other.
+    A step that only one run has is "-" in the other.
     """
-    former, present = _statuses(before), _statuses(after)
+    old, new = _statuses(before), _statuses(after)
     return [
         {
             "suite": suite,
             "step": name,
-            "before": former.get((suite, name), "-"),
-            "after": present.get((suite, name), "-"),
+            "before": old.get((suite, name), "-"),
+            "after": new.get((suite, name), "-"),
         }
-        for suite, name in dict.fromkeys([*present, *former])
-        if former.get((suite, name)) != present.get((suite, name))
+        for suite, name in dict.fromkeys([*new, *old])
+        if old.get((suite, name)) != new.get((suite, name))
     ]
 
 

@@ -1,9 +1,9 @@
-"""What a step sends, asks and expects: frames, named by their message or raw, and the services of CANopen.
+"""The shapes of what a step sends and expects: messages, raw frames, and the services of CANopen.
 
-All words that a suite may use, messages and objects of its EDS files and its variables, are collected before the suite
-itself is read (`Vocabulary`), so that each of them can be checked where it stands. Fields may be named as in the EDS or
-short: `X position` or `x`. A service (heartbeat, emergency, NMT command, SDO transfer) without a node is that of the
-node under test, if there is one only.
+Before a suite is read, all its words are collected (`Vocabulary`): the messages and objects of its EDS files and its
+variables. So each word can be checked where it is used. A field may have its name in the EDS or a short one: `X
+position` or `x`. A service (heartbeat, emergency, NMT command, SDO transfer) without a node is that of the node under
+test, if there is only one.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from eurobot_od.traffic.meaning import Decoder
 T = TypeVar("T")
 
 LONGEST_TIME = 86_400.0
-"""The longest time in s that a step may take for anything it does once."""
+"""Maximum time of a step, without repetitions, in s."""
 
 
 def _at_most_a_day(seconds: float) -> float:
@@ -53,7 +53,7 @@ def _at_most_a_day(seconds: float) -> float:
 DURATION = converted(shapes.DURATION, _at_most_a_day)
 SOME_TIME = converted(DURATION, shapes.longer_than_0)
 MAX_COUNT = 100_000
-"""Most repetitions of a step, including those of the steps inside it; most periods measured."""
+"""Maximum number of repetitions of a step, including those of the steps inside it, and of measured periods."""
 
 COUNT = shapes.within(shapes.shape_of(int), Within(1, MAX_COUNT), "count")
 WITHIN = {"within": Key(DURATION)}
@@ -63,9 +63,9 @@ NAME = shapes.matching(r"[A-Za-z_][A-Za-z0-9_]*", "a name of letters, digits and
 class Networks(NamedTuple):
     """The networks that suites may be for, and the catalogue of their message types.
 
-    `find` returns the path for what a suite has as its `dialect`, or that of the default network for None; it raises
-    UnknownName. `load` returns the devices of such a path; `refused` gets their PDOs that do not hold. `actions` are
-    those that device packages add to suites; `decoder` makes what says the frames of reports.
+    `find` returns the path of a suite's `dialect`, for None that of the default network; it raises UnknownName. `load`
+    returns the devices of such a path. `refused` is called with invalid PDOs of their files. `actions` are those of
+    device packages. `decoder` makes the decoder for the frames in reports.
     """
 
     find: Callable[[str | None], Path]
@@ -77,9 +77,10 @@ class Networks(NamedTuple):
 
 
 class Vocabulary(NamedTuple):
-    """What the EDS files of a network have, and the names of variables: `constants` with values, `saved` by a step.
+    """The words of one suite: those of its EDS files, and its variables.
 
-    `nodes` are those under test; `networks` has the others that a suite could be for.
+    `constants` are variables with their values, `saved` those that a step sets. `nodes` are under test; `networks` has
+    the networks of other suites.
     """
 
     networks: Networks
@@ -90,12 +91,12 @@ class Vocabulary(NamedTuple):
     nodes: tuple[str, ...]
 
     def scale(self, values: Values) -> Scale:
-        """Return what values are read by."""
+        """Return what these values are read with."""
         return Scale(values, self.constants, self.saved)
 
 
 def texts_at(root: yaml.Node, key: str) -> dict[str, str]:
-    """Return the names and plain values below a key of the whole document: `{name: value}`, a list, or one value."""
+    """Return the names and plain values below a key of the document: `{name: value}`, a list, or one value."""
     node = next((value for name, value in pairs_at(root) if name == key), None)
     if isinstance(node, yaml.ScalarNode):
         return {node.value: node.value}
@@ -105,7 +106,7 @@ def texts_at(root: yaml.Node, key: str) -> dict[str, str]:
 
 
 def saved_names(node: yaml.Node) -> Iterator[str]:
-    """Yield the names of all variables that a step below a node saves."""
+    """Yield the names of all variables that steps below a node save."""
     if isinstance(node, yaml.SequenceNode):
         for each in node.value:
             yield from saved_names(each)
@@ -119,8 +120,8 @@ def saved_names(node: yaml.Node) -> Iterator[str]:
 
 
 def pairs_at(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
-    """Return the keys and values of a mapping."""
-    # What has the wrong shape is passed over in silence: the format, which reads all of it again, reports it.
+    """Return the keys and values of a mapping, nothing for any other node."""
+    # No error for a wrong shape: the format reads everything again and reports it.
     if not isinstance(node, yaml.MappingNode):
         return []
     return [(key.value, value) for key, value in node.value if isinstance(key, yaml.ScalarNode)]
@@ -132,9 +133,13 @@ STATES = {name: state for state, name in STATE_NAMES.items()} | {suite.ANY: None
 
 
 def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
-    """Make a shape that also takes the word `any`, read as `instead`."""
-    # the value of a list's node is a list, which equals no word
-    return Shape(lambda node, problems: instead if node.value == suite.ANY else shape.read(node, problems))
+    """Return a shape that also accepts the word `any`, read as `instead`."""
+
+    def read(node: yaml.Node, problems: Problems) -> T:
+        # The value of a list's node is a list, which equals no word.
+        return instead if node.value == suite.ANY else shape.read(node, problems)
+
+    return Shape(read)
 
 
 TRANSFERS = {each.value: each for each in (suite.Blocks.PLAIN, suite.Blocks.WITHOUT_CRC)}
@@ -143,7 +148,7 @@ ABORTS = _or_any(converted(shapes.one_or_more(NUMBER), suite.AbortCodes), suite.
 
 
 class ServiceShapes:
-    """The shapes of services, with the words of one document."""
+    """The shapes of services, for one document."""
 
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
@@ -156,7 +161,7 @@ class ServiceShapes:
         self.emcy: Shape[suite.Pattern] = self.service("code", code, self._emergency, {"save": Key(NAME)})
 
     def dictionary(self, given: Dictionary | None) -> Dictionary:
-        """Return the EDS of the node that is meant; raises LocalError."""
+        """Return the EDS of the given node, or of the only node under test; raises LocalError."""
         if given is not None:
             return given
         if len(self._words.nodes) != 1:
@@ -164,13 +169,13 @@ class ServiceShapes:
         return self._words.dictionaries[self._words.nodes[0]]
 
     def of(self, given: Dictionary | None) -> suite.NodeServices:
-        """Return where the services of a node are; raises LocalError."""
+        """Return the services of a node; raises LocalError."""
         return suite.NodeServices.of(self.dictionary(given))
 
     def service(
         self, name: str, key: Key, make: Callable[..., T], more: Mapping[str, Key] = MappingProxyType({})
     ) -> Shape[T]:
-        """Make the shape of a service: its one value, or a mapping that also says which node, and more."""
+        """Return the shape of a service: its one value, or a mapping that also has the node and more keys."""
         keys = {name: key, "node": self.node_key, **more}
         long: Shape[dict[str, Any]] = shapes.record(dict, keys)
 
@@ -189,7 +194,7 @@ class ServiceShapes:
     def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> suite.Pattern:
         node = self.dictionary(given)
         cob_id = base_identifier(node.default(EMCY))
-        if cob_id is None:  # a step that waits for one could only be red
+        if cob_id is None:  # a step that waits for an EMCY would always be red
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
         return suite.ServicePattern(suite.EMCY, node.name, cob_id, code, save)
 
@@ -201,16 +206,17 @@ RAW = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?:(?P<remote>R[0-8]?)|(?P<dat
 _DIGIT = r"(?:[0-9A-Fa-f?]|\[[0-9A-Fa-f]{1,16}\])"
 RAW_PATTERN = re.compile(rf"(?P<id>[0-7]?[0-9A-Fa-f]{{1,2}})#(?P<data>(?:{_DIGIT}{{2}}){{0,8}})")
 NO_ANSWER = "nothing"
-"""What ends the answers to a message."""
+"""Word that ends the answers to a message."""
 
 ORDERS = {"any": suite.Order.ANY, "all": suite.Order.ALL}
 
 
 class FrameShapes:
-    """The shapes of frames, with the words of one document."""
+    """The shapes of frames, for one document."""
 
     def __init__(self, words: Vocabulary, services: ServiceShapes) -> None:
-        self._words, self._protocol = words, words.decoder.protocol
+        self._words = words
+        self._protocol = words.decoder.protocol
         self._others: dict[str, Shape[suite.Pattern]] = {
             "raw": Shape(_read_raw_pattern),
             "heartbeat": services.heartbeat,
@@ -228,7 +234,9 @@ class FrameShapes:
         name, value = _named(node, problems)
         if name == "raw" and value is not None:
             match = _match(RAW, value, problems, "a frame such as 008#D27423")
-            cob_id, remote, data = int(match["id"], 16), match["remote"], match["data"]
+            cob_id = int(match["id"], 16)
+            remote = match["remote"]
+            data = match["data"]
             # `R4` asks for 4 bytes: a remote frame has a length, and no data.
             frame = RemoteFrame(cob_id, bytes(int(remote[1:] or 0))) if remote else Frame(cob_id, bytes.fromhex(data))
             return suite.SentFrame(frame)
@@ -238,17 +246,17 @@ class FrameShapes:
         if missing:
             refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
         sent = suite.SentMessage(self._protocol, binding, fields)
-        # Some values are wrong only together (half of an unknown position), which encoding once shows. What a step is
-        # to save has no value yet.
+        # Encoding shows which values are wrong only together, such as half of an unknown position. Variables that
+        # steps save have no value yet.
         if all(operand.variable is None for operand in fields.values()):
             with refusing(node, problems):
                 sent.frame({})
         return sent
 
     def _read_answers(self, node: yaml.Node, problems: Problems) -> dict[int, suite.Sent | None]:
-        """Read what each message is answered by, or that it is not any more."""
+        """Read what each message is answered with; None ends its answers."""
         pairs = pairs_of(node, problems)
-        # The value of a list's or a mapping's node is a list, so only a plain text can be this word.
+        # The value of a list's or mapping's node is a list, so only a plain text equals this word.
         parts: Iterator[tuple[NodeReader[suite.Sent | None], yaml.Node]] = (
             (self._read_sent if value.value != NO_ANSWER else lambda *_: None, value) for value in pairs.values()
         )
@@ -260,7 +268,7 @@ class FrameShapes:
 
     def _read_pattern(self, node: yaml.Node, problems: Problems) -> suite.Pattern:
         name, value = _named(node, problems)
-        # Without a value it can still be a message: a network may have a PDO called `heartbeat`.
+        # Without a value it may be a message, as a network may have a PDO called `heartbeat`.
         if value is not None and name in self._others:
             return self._others[name].read(value, problems)
         binding = taken(name, problems, self._protocol.binding)
@@ -281,7 +289,7 @@ class FrameShapes:
     def _fields(
         self, binding: Binding, node: yaml.Node | None, problems: Problems, read: Callable[[str, Scale], T]
     ) -> dict[str, T]:
-        """Read a message's fields and their values; all their problems are reported."""
+        """Read a message's fields and their values; all problems are reported."""
         if node is None or (isinstance(node, yaml.ScalarNode) and node.value == "" and not node.style):
             return {}  # nothing after the message's name; '' in quotes is a text, and wrong here
 
@@ -298,13 +306,13 @@ class FrameShapes:
     def _field_of(self, text: PlacedText) -> suite.FieldOf:
         # From the right, as a message's name may have a dot itself: `my motor.TPDO1.Speed`.
         message, _, field = text.rpartition(".")
-        # Without any dot the whole is looked up, so that the error names what stands there, not an empty name.
+        # Without a dot, look up the whole text, so that the error does not name an empty message.
         binding = self._protocol.binding(message or str(text))
         return suite.FieldOf(binding, _field(binding, field))
 
 
 def _named(node: yaml.Node, problems: Problems) -> tuple[PlacedText, yaml.Node | None]:
-    """Return the name of a message, and what comes after it."""
+    """Return the name of a message, and the node after it."""
     if isinstance(node, yaml.ScalarNode):
         return SCALAR.read(node, problems), None
     pairs = pairs_of(node, problems)
@@ -329,7 +337,7 @@ def _match(form: re.Pattern[str], node: yaml.Node, problems: Problems, what: str
 
 
 def _field(binding: Binding, name: str) -> str:
-    """Return a field by its name; raises UnknownName for one that the EDS does not map."""
+    """Return a field by its name; raises UnknownName if the EDS does not map it."""
     field = field_name(name)
     if field not in binding.limits:
         raise UnknownName(f"field of {binding.name}", str(name), binding.limits)
@@ -337,21 +345,21 @@ def _field(binding: Binding, name: str) -> str:
 
 
 def _operand(binding: Binding, text: str, scale: Scale) -> Operand:
-    """Read a value to be sent; a number out of its range can be sent as a raw frame only. Raises as `Scale.operand`."""
+    """Read a value to send; one out of range can be sent as a raw frame only. Raises as `Scale.operand`."""
     try:
         return scale.operand(text)
     except ValueProblem as error:
-        # To test a node with a value that no sender may send is a fair wish, but then it has to be said.
+        # A suite may test a node with a forbidden value, but must say so by a raw frame.
         number = parse_number(text) is not None
         hint = f"; {{raw: '{binding.cob_id:03X}#...'}} sends any bits" if number else ""
         raise ValueProblem(f"{error}{hint}") from None
 
 
 def _read_value(node: yaml.Node, kind: Kind, scale: Scale, problems: Problems, read: Callable[[str, Scale], T]) -> T:
-    """Read a field's value; that of a kind with a keyed form may also be a mapping."""
+    """Read a field's value; some kinds also accept a mapping."""
     if kind.keyed_form is not None and isinstance(node, yaml.MappingNode):
         words = _keyed(kind.keyed_form).read(node, problems)
-        # Back to the text that such a kind parses, so that a mapping can mean nothing that the text cannot.
+        # Converted to the text that the kind parses, so that a mapping and a text mean the same.
         text = ",".join(f"{key}:{word}" for key, word in words.items()) or "none"
     else:
         text = str(SCALAR.read(node, problems))
@@ -360,7 +368,7 @@ def _read_value(node: yaml.Node, kind: Kind, scale: Scale, problems: Problems, r
 
 
 def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
-    """Return the shape of a mapping from keys, in any of their spellings, to words."""
+    """Return the shape of a mapping from keys, in any spelling, to words."""
     keys = {plain_name(key): key for key in form.keys}
 
     def known(text: PlacedText) -> str:
@@ -376,9 +384,9 @@ def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
 
 
 class ActionRow(NamedTuple):
-    """An action of a step: its shape, what makes it, and the keys next to it, which `make` gets by their names.
+    """A row of the table of actions: an action's shape, what makes it, and its further keys, by name.
 
-    Without `make` the shape reads the action itself.
+    Without `make`, the shape reads the action itself.
     """
 
     shape: Shape[Any]
@@ -387,13 +395,14 @@ class ActionRow(NamedTuple):
 
 
 class DocumentShapes:
-    """What the keys of actions are read by, with the words of one document."""
+    """The shapes for the keys of actions, for one document."""
 
     def __init__(self, words: Vocabulary, step: Shape[suite.Step]) -> None:
-        self.words, self.step = words, step
+        self.words = words
+        self.step = step
         self.services = ServiceShapes(words)
         self.frames = FrameShapes(words, self.services)
 
 
 MakeRow: TypeAlias = Callable[[DocumentShapes], ActionRow]
-"""An action as it is entered: how a suite of some document names it."""
+"""Makes an action's row for one document."""

@@ -1,4 +1,4 @@
-"""Does the steps of a suite one after the other, and lets a device package add actions of its own."""
+"""Does the steps of a suite one after the other; a device package can add actions of its own."""
 
 from __future__ import annotations
 
@@ -22,15 +22,19 @@ from eurobot_od.support import extras, texts, yaml_shapes
 
 
 class StepRunner:
-    """Does actions one after the other, so that no answer to one is taken for an answer to the next."""
+    """Does actions one after the other; a late answer to one is not taken for an answer to the next."""
 
     def __init__(self, tester: BenchTester) -> None:
-        self._tester, self._unsettled = tester, False
+        self._tester = tester
+        self._unsettled = False
 
     async def do(self, action: StepAction) -> None:
-        """Do one action; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError if the bus failed."""
+        """Do one action.
+
+        Raises Failed, LocalError or RemoteError if it is red, Skipped, and BusError if the bus failed.
+        """
         tester = self._tester
-        await asyncio.sleep(0)  # an interrupt has its turn, whatever is repeated
+        await asyncio.sleep(0)  # lets an interrupt in, also while a step is repeated
         if self._unsettled and isinstance(action, LOOKS):
             await tester.settle()
             self._unsettled = False
@@ -46,17 +50,17 @@ class StepRunner:
 
 
 class SuiteAction(NamedTuple):
-    """An action that a device package adds: a class of its keys, and what it does with them.
+    """An action that a device package adds.
 
-    `keys` is a dataclass or named tuple; a suite's keys are its fields, of their types. `run` gets StepTools and the
-    keys.
+    `keys` is a dataclass or named tuple: its fields and their types are the keys of the action in a suite. `run` is
+    called with StepTools and an instance of `keys`.
     """
 
     keys: type[Any]
     run: Callable[[Any, Any], Awaitable[None]]
 
     def entered_as(self, name: str) -> MakeRow:
-        """Return the action as a suite names it by its key."""
+        """Return the row of the action for the table of actions, where `name` is its key."""
 
         def row(_: DocumentShapes) -> ActionRow:
             return ActionRow(yaml_shapes.shape_of(self.keys), partial(OwnAction, name, self))
@@ -65,7 +69,7 @@ class SuiteAction(NamedTuple):
 
 
 class OwnAction(NamedTuple):
-    """Do what a device package has added."""
+    """An action that a device package has added."""
 
     name: str
     action: SuiteAction
@@ -75,20 +79,20 @@ class OwnAction(NamedTuple):
         return self.name
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it with the tools for it."""
+        """Run it with StepTools; an exception of the package's code becomes a LocalError."""
         tester.ask()
         try:
             await self.action.run(StepTools(tester), self.keys)
         except (EurobotError, NotPassed):
             raise
-        except Exception as error:  # the package's mistake makes the step red, and the others go on
+        except Exception as error:  # a bug in the package makes this step red; the other steps go on
             raise LocalError(extras.complaint(error, self.name, extras.is_foreign)) from None
 
 
 class StepTools:
-    """What a step of a device package can do: objects by SDO, frames, time; it fails as other steps do.
+    """What an action of a device package can use: objects by SDO, frames, time. Each raises as other steps do.
 
-    `node` is the name of a device; without one it is the first.
+    `node` is the name of a device; empty means the first one.
     """
 
     def __init__(self, tester: BenchTester) -> None:
@@ -100,14 +104,14 @@ class StepTools:
         return look_up("node", node, named) if node else next(iter(named.values()))
 
     async def read(self, name: str, node: str = "") -> Any:
-        """Return the physical value of an object; raises as an `sdo` step."""
+        """Return the physical value of an object; raises as an `sdo` step does."""
         device = self.device(node)
         thing = objects.find_one(name, device.objects)
         await SdoRead(NodeServices.of(device), thing, save=name).run(self._tester)
         return objects.physical(thing, self._tester.variables[name])
 
     async def write(self, name: str, text: str, node: str = "") -> None:
-        """Write an object, the value as a person writes it; raises as an `sdo` step."""
+        """Write a value, as a person writes it, to an object; raises as an `sdo` step does."""
         device = self.device(node)
         thing = objects.find_one(name, device.objects)
         operand = Operand(objects.parse(thing, text), None, ObjectValues(thing))
@@ -118,7 +122,7 @@ class StepTools:
         await self._tester.put(frame)
 
     async def receive(self, cob_id: int, within: float = 1.0) -> bytes:
-        """Return the data of the next frame with an identifier; raises Failed if none comes `within` so many s."""
+        """Return the data of the next frame with this COB-ID; raises Failed if none comes `within` this time, in s."""
         trace = self._tester.trace
         number = await trace.first(frozenset({cob_id}), self._tester.edge, trace.now + within)
         if number is None:
@@ -127,9 +131,9 @@ class StepTools:
         return trace.frames[number].frame.data
 
     async def wait(self, seconds: float) -> None:
-        """Let time pass."""
+        """Wait for a time in s."""
         await self._tester.trace.sleep(seconds)
 
     def fail(self, what: str, expected: object = "", came: object = "") -> NoReturn:
-        """End the step red."""
+        """Fail the step: it is red, with `what` as the reason."""
         raise Failed(what, str(expected), str(came))

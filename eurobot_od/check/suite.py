@@ -1,4 +1,4 @@
-"""A suite as values: what is to be done and seen, step by step; times in seconds."""
+"""A suite as values: the steps, what they send and what they expect; times in s."""
 
 from __future__ import annotations
 
@@ -21,10 +21,7 @@ from eurobot_od.support.texts import amount
 from eurobot_od.support.yaml_places import Place
 from eurobot_od.traffic.meaning import Decoder
 
-# What a suite sends and expects: messages, raw frames, heartbeats and emergencies.
-#
-# A pattern knows the one identifier that its frames have, and says about such a frame in what it differs from what is
-# expected; no mismatch is a match.
+# A pattern has the one COB-ID of its frames, and lists the differences between such a frame and the expected one.
 
 
 ANY = "any"
@@ -32,7 +29,7 @@ ANY = "any"
 
 
 class Mismatch(NamedTuple):
-    """One thing in which a frame is not as expected."""
+    """One difference between a frame and the expected one."""
 
     what: str
     expected: str
@@ -40,7 +37,7 @@ class Mismatch(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Say what was expected, and what came."""
+        """Return the difference as text."""
         return f"expected {self.expected}, came {self.came}"
 
 
@@ -48,7 +45,7 @@ class Mismatch(NamedTuple):
 
 
 class SentMessage(NamedTuple):
-    """A message to be sent; fields may be variables."""
+    """A message to send; its fields may be variables."""
 
     protocol: Messages
     binding: Binding
@@ -64,7 +61,7 @@ class SentMessage(NamedTuple):
 
 
 class SentFrame(NamedTuple):
-    """A frame to be sent as it is."""
+    """A raw frame to send."""
 
     raw: Frame
 
@@ -83,7 +80,7 @@ Sent: TypeAlias = "SentMessage | SentFrame"
 
 
 class MessagePattern(NamedTuple):
-    """A message whose `fields` are as expected; the others may be anything in their range."""
+    """A message with expected `fields`; the other fields may have any value in their range."""
 
     protocol: Messages
     binding: Binding
@@ -91,13 +88,13 @@ class MessagePattern(NamedTuple):
 
     @property
     def cob_id(self) -> int:
-        """Identifier of the frames that may match."""
+        """COB-ID of the frames that may match."""
         return self.binding.cob_id
 
     def mismatches(self, frame: Frame, variables: Variables) -> list[Mismatch]:
-        """Return how a frame of this identifier differs; raises NotSaved."""
+        """Return how a frame with this COB-ID differs; raises NotSaved."""
         lengths, kinds = self.binding.lengths, self.binding.kinds
-        # First, as a frame of another length than the mapping allows cannot be decoded field by field.
+        # A frame whose length the mapping does not allow cannot be decoded.
         if len(frame.data) not in lengths:
             return [Mismatch("length", f"{' or '.join(map(str, lengths))} bytes", amount(len(frame.data), "byte"))]
         message = self.protocol.decode(*frame)
@@ -107,13 +104,13 @@ class MessagePattern(NamedTuple):
             for field, expected in self.fields.items()
             if not expected.fits(came[field], variables)
         ]
-        # A field that the step does not name must be in its range all the same, or a node that sends rubbish is green.
+        # A field that the step does not name must still be in its range, or a node that sends garbage is green.
         unnamed = [field for field in flagged_fields(message) if field not in self.fields]
         allowed = {field: kinds[field].allowed(self.binding.limits[field]) for field in unnamed}
         return differing + [Mismatch(field, what, kinds[field].text(came[field])) for field, what in allowed.items()]
 
     def text(self, variables: Variables) -> str:
-        """Write what is expected, variables with their values."""
+        """Return the expectation as text, variables with their values."""
         fields = ", ".join(f"{field} {expected.text(variables)}" for field, expected in self.fields.items())
         return f"{self.binding.name}: {fields}" if fields else self.binding.name
 
@@ -122,20 +119,20 @@ class MessagePattern(NamedTuple):
 
 
 class FramePattern(NamedTuple):
-    """A frame with these hexadecimal digits as its data, `?` for any digit, `[23]` for one of several."""
+    """A frame with these hexadecimal digits as data; `?` is any digit, `[23]` one of several."""
 
     cob_id: int
     digits: str
 
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
-        """Return how a frame of this identifier differs."""
+        """Return how a frame with this COB-ID differs."""
         came = frame.data.hex().upper()
         if re.fullmatch(self.digits.replace("?", "."), came):
             return []
         return [Mismatch("data", self.digits or "none", came or "none")]
 
     def text(self, _: Variables) -> str:
-        """Write what is expected."""
+        """Return the expectation as text."""
         return str(self)
 
     def __str__(self) -> str:
@@ -143,7 +140,7 @@ class FramePattern(NamedTuple):
 
 
 class Service(NamedTuple):
-    """What a node says of itself: the length of its frames, `what` their first `compared` bytes are, and in `words`."""
+    """Heartbeat or EMCY: the length of its frames, and the first `compared` bytes with their name and their `words`."""
 
     name: str
     length: int
@@ -152,7 +149,7 @@ class Service(NamedTuple):
     words: Callable[[int], str]
 
 
-# A state that CiA 301 does not have is the node's fault, and shown as its byte.
+# A state that CiA 301 does not define is shown as its byte.
 HEARTBEAT = Service("heartbeat", 1, "state", 1, lambda state: STATE_NAMES.get(state, f"0x{state:02X}"))
 
 # The error register and the maker's five bytes are not compared (CiA 301, 7.2.7).
@@ -160,7 +157,7 @@ EMCY = Service("EMCY", 8, "code", 2, lambda code: f"0x{code:04X}")
 
 
 class ServicePattern(NamedTuple):
-    """A node's heartbeat with a state, or EMCY with an error code, None for any; `save`: variable for the register."""
+    """A node's heartbeat with a state, or EMCY with a code; None is any, `save` a variable for the error register."""
 
     service: Service
     node: str
@@ -169,7 +166,7 @@ class ServicePattern(NamedTuple):
     save: str | None = None
 
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
-        """Return how a frame of this identifier differs."""
+        """Return how a frame with this COB-ID differs."""
         service = self.service
         if len(frame.data) != service.length:
             return [Mismatch("length", amount(service.length, "byte"), amount(len(frame.data), "byte"))]
@@ -181,7 +178,7 @@ class ServicePattern(NamedTuple):
         return ANY if self.wanted is None else self.service.words(self.wanted)
 
     def text(self, _: Variables) -> str:
-        """Write what is expected."""
+        """Return the expectation as text."""
         return f"{self}: {self._wanted}"
 
     def __str__(self) -> str:
@@ -194,17 +191,18 @@ Pattern: TypeAlias = "MessagePattern | FramePattern | ServicePattern"
 def is_final(pattern: Pattern, frame: Frame) -> bool:
     """Return whether a frame that differs ends the waiting.
 
-    No heartbeat does, as the node may be on its way to the state, nor an EMCY that takes an earlier error back.
+    A heartbeat does not, as the node may be on its way to the state; an EMCY that resets an earlier error does not,
+    either.
     """
     return not isinstance(pattern, ServicePattern) or (pattern.service is EMCY and any(frame.data[:2]))
 
 
 TIMEOUT = 1.0
-"""Seconds that an answer may take where the suite does not say."""
+"""Maximum time for an answer where the suite names none, in s."""
 
 
 class Order(Enum):
-    """How several expected frames belong together."""
+    """The order of several expected frames."""
 
     IN_ORDER = "in this order"
     ALL = "all, in any order"
@@ -212,7 +210,7 @@ class Order(Enum):
 
 
 class Patterns(NamedTuple):
-    """Frames to be expected together."""
+    """Frames that one step expects."""
 
     order: Order
     patterns: tuple[Pattern, ...]
@@ -222,7 +220,7 @@ class Patterns(NamedTuple):
 
 
 class NodeServices(NamedTuple):
-    """Where a node's CANopen services are: its name, node-ID, and the COB-IDs of its SDO server."""
+    """A node's name, node-ID and the COB-IDs of its SDO server."""
 
     name: str
     node_id: int
@@ -231,29 +229,29 @@ class NodeServices(NamedTuple):
 
     @classmethod
     def of(cls, device: Dictionary) -> NodeServices:
-        """Return where the services of a device are."""
+        """Return the services of a device."""
         return cls(device.name, device.node_id, *SdoChannel.of(device))
 
 
 class Reported(Enum):
-    """What is red once for a node, however many steps find it."""
+    """Findings that are reported once per node or COB-ID."""
 
     NO_BOOT_UP = "it sends no boot-up"
     OWN_ERROR = "it reports an error of its own"
-    HEARD = "somebody else sends what nobody should"
+    HEARD = "another node sends what none should"
 
 
 Report: TypeAlias = "tuple[Reported, NodeServices | int]"
-"""What was found, and about which node or COB-ID."""
+"""A finding, and its node or COB-ID."""
 
 
 class AbortCodes(NamedTuple):
-    """Abort codes, one of which has to come; none of them stands for any code."""
+    """Abort codes of which one is expected; without codes any abort is."""
 
     codes: tuple[int, ...]
 
     def fits(self, code: int) -> bool:
-        """Return whether a code is one of them."""
+        """Return whether a code is expected."""
         return not self.codes or code in self.codes
 
     def __str__(self) -> str:
@@ -261,7 +259,7 @@ class AbortCodes(NamedTuple):
 
 
 class Blocks(Enum):
-    """How an object is transferred in blocks."""
+    """Whether an object is transferred by SDO block transfer."""
 
     NONE = "by segments"
     PLAIN = "block"
@@ -276,9 +274,9 @@ class FieldOf(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Steps that belong together: where one is skipped, or red and needed by what follows, those after it are skipped.
+    """Steps that belong together: after a skipped step, or a red one that they need, the rest are skipped.
 
-    Its steps that `undo` are done all the same.
+    `undo` steps are always done.
     """
 
     steps: tuple[Step, ...]
@@ -288,20 +286,20 @@ class Group(NamedTuple):
 
 
 class StepAction(Protocol):
-    """What a step does: a value that knows what was read, and does it. Its text names a step that has no name."""
+    """What a step does. Its text is the name of a step without a name."""
 
     async def run(self, tester: Any, /) -> None:
-        """Do it with the BenchTester; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError."""
+        """Run it; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError."""
 
 
 Action: TypeAlias = "StepAction | Group"
 
 
 class Step(NamedTuple):
-    """One step: its name, where it stands, what is done, how many times, and whether the suite ends if it fails.
+    """One step: its name and place, its action, how often it is done, and whether the suite ends if it fails.
 
-    `needed` is None where that depends on the part of the suite. A step that is to `undo` what its group has changed is
-    done whatever becomes of the others.
+    If `needed` is None, that depends on the part of the suite. An `undo` step puts back what its group has changed, and
+    is always done.
     """
 
     name: str
@@ -313,16 +311,17 @@ class Step(NamedTuple):
 
     @property
     def total(self) -> int:
-        """How often something is done, with all repetitions inside it."""
+        """Number of actions, with all repetitions of the steps inside."""
         inside = sum(each.total for each in self.action.steps) if isinstance(self.action, Group) else 1
         return self.repeat * inside
 
 
 class Suite(NamedTuple):
-    """One document: `nodes` are under test, `dialect` is that of the EDS files it is for (None: any).
+    """One YAML document.
 
-    `timeout` is in seconds; `dictionaries` are the EDS files that it was checked against, by node, and `decoder` tells
-    what frames mean by them. `world` tells that the nodes have to be in one world.
+    `nodes` are under test. `dialect` is that of the EDS files it is for (None: any). `timeout` is in s. `dictionaries`
+    are the EDS files by node, `decoder` decodes frames by them. `world`: whether the nodes have to be in one simulated
+    world.
     """
 
     file: Path

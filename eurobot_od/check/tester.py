@@ -1,8 +1,8 @@
-"""What the actions of a suite share: the last question, used frames, variables, and SDO transfers.
+"""What the actions of a suite share: the last request, used frames, variables, and SDO transfers.
 
-`expect` looks at what has come since the last question, and each frame counts once; `never` and `period` look at what
-comes from the end of the step before. A question is a `send` (several in a row count as one), an `nmt`, an `sdo` or a
-`poll`. The only clock and the only bus are those of the bench.
+`expect` looks at the frames since the last request and uses each frame once; `never` and `period` look at those since
+the end of the step before. A request is a `send` (several in a row count as one), an `nmt`, an `sdo` or a `poll`. All
+times and frames are those of the bench.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 UNCONFIRMED = 0.02
-"""Seconds that a server is given for a request that it does not answer."""
+"""Time to wait after an SDO request that the server does not confirm, in s."""
 
 LATEST = 3.0
-"""How late an answer may come and still be told from the next one's, in s; the standard names no time."""
+"""How long after its request an answer is still taken for this request's, in s; the standard names no time."""
 
 SILENT = 0.05
-"""An SDO server that has sent nothing for this long, in s, has nothing left to say of an aborted transfer."""
+"""An SDO server that sends nothing for this long, in s, has finished an aborted transfer."""
 
 MOST_BEFORE = 512
-"""Frames that are looked at to understand the last ones; a block of SDO has at most 127."""
+"""Maximum number of frames that are decoded to understand the last ones; an SDO block has at most 127."""
 
 
 class NotPassed(Exception):
@@ -54,52 +54,64 @@ class Failed(NotPassed):
 
 
 class Gone(Failed):
-    """A node does not come back from a reset: nothing else can be asked."""
+    """A node does not come back from a reset, so it can be asked nothing else."""
 
 
 class Skipped(NotPassed):
-    """A step is not done."""
+    """A step is skipped."""
 
 
 class BenchTester:
     """The tester on a bench, as the actions of a suite use it.
 
-    `variables` are those of the suite; `kept` says which object a variable was read from. Frames from number `mark` on
-    answer the last question, those from `edge` on came after the last step. `started` is the node that NMT has just
-    started, `taken` are objects that took what they should refuse, `dumped` is what a dump has read, and `reported`
-    what is red once for a node. `answers` are what the tester answers by itself, by COB-ID. `missed` says for how long
-    a frame that did not come may still be on its way, in s, `process_data` which objects of a dump are not compared,
-    `remark` what a green step has left out, `asked_again` how many SDO requests were asked a second time, `slowest` the
-    longest time until what was waited for came, in s, where the step names none.
+    `mark`: number of the first frame that may answer the last request.
+    `edge`: number of the first frame after the last step.
+    `variables`: the variables of the suite; `kept`: the object from which each of them was read.
+    `started`: node-ID of the node that an NMT command has just started.
+    `taken`: objects that accepted a value that they should refuse.
+    `dumped`: what a dump has read; `process_data`: its objects that are not compared.
+    `reported`: findings that are reported once per node.
+    `answers`: frames with which the tester answers others by itself, by COB-ID.
+    `is_asking`: whether the last action was a `send`, so that the next one belongs to the same request.
+    `missed`: for how long a frame that did not come may still be on its way, in s.
+    `remark`: what a green step has not compared.
+    `asked_again`: number of SDO requests that were repeated.
+    `slowest`: the longest wait for a frame, in s, of the steps that name no time.
     """
 
     def __init__(self, timeout: float, decoder: Decoder, bench: Bench, reported: set[suite.Report]) -> None:
-        self.timeout, self.decoder, self.trace, self.reported = timeout, decoder, bench.trace, reported
+        self.timeout = timeout
+        self.decoder = decoder
+        self.trace = bench.trace
+        self.reported = reported
         self.variables: dict[str, Any] = {}
         self.kept: dict[str, Address] = {}
         self.started: int | None = None
-        self.mark, self.edge = 0, len(bench.trace)
+        self.mark = 0
+        self.edge = len(bench.trace)
         self.dumped: dict[str, str] = {}
         self.process_data: set[str] = set()
         self.remark = ""
         self.taken: set[Address] = set()
         self.answers: dict[int, Sent] = {}
-        self.is_asking, self.missed = False, 0.0
-        self.asked_again, self.slowest = 0, 0.0
+        self.is_asking = False
+        self.missed = 0.0
+        self.asked_again = 0
+        self.slowest = 0.0
         self._servers = {each.sdo_request: each for each in map(suite.NodeServices.of, decoder.dictionaries)}
         self._opened: dict[suite.NodeServices, Address] = {}
         self._silent: set[suite.NodeServices] = set()
         self._bench = bench
         self._used: set[int] = set()
         self._answering: set[asyncio.Task[None]] = set()
-        self.trace.heard = self._heard
+        self.trace.listener = self._answer
 
     def words(self, frame: Frame) -> str:
-        """Say what a frame means; empty if that is not known."""
+        """Return the meaning of a frame as text; empty if it is not known."""
         return _words(self.decoder(frame))
 
     def last_frames(self, number: int) -> Iterator[tuple[SeenFrame, str]]:
-        """Yield the last frames of the trace with what they mean, read as those of a log are: by the ones before."""
+        """Yield the last frames of the trace with their meanings; earlier frames are decoded first, as in a log."""
         following = Following(self.decoder)
         frames = self.trace.frames[-MOST_BEFORE:]
         for place, seen in enumerate(frames, number - len(frames)):
@@ -110,14 +122,14 @@ class BenchTester:
     # Asking
 
     def ask(self) -> None:
-        """Begin a question: what came before it answers nothing."""
-        # The edge is where `never` and `period` begin to look, the mark where `expect` does: an answer that was
-        # expected moves the edge behind it, but other answers to the same question may stand before it.
+        """Begin a request: earlier frames do not answer it."""
+        # `never` and `period` look from the edge on, `expect` from the mark on. An expected answer moves the edge
+        # behind itself, but other answers to the same request may come before it.
         self.mark = self.edge = len(self.trace)
 
     async def settle(self) -> None:
-        """End what a red step has left open: what a node still says to it does not answer the next question."""
-        # A frame that did not come may be on its way: it would be red once more, where none may come.
+        """Abort the transfers that a red step has left open, and wait for the rest of their answers."""
+        # A late frame would make the next step red as well, if that expects none.
         if self.missed > 0:
             await self.trace.sleep(self.missed)
         for node, address in self._opened.items():
@@ -131,8 +143,9 @@ class BenchTester:
         self.edge = len(self.trace)
 
     async def _wait_for_silence(self, node: suite.NodeServices) -> None:
-        """Wait until a server has sent nothing for a while, such as the rest of a block."""
-        deadline, start = self.trace.now + LATEST, len(self.trace)
+        """Wait until a server has sent nothing for a while; it may still be sending a block."""
+        deadline = self.trace.now + LATEST
+        start = len(self.trace)
         while (now := self.trace.now) < deadline:
             number = await self.trace.first(frozenset([node.sdo_answer]), start, min(now + SILENT, deadline))
             if number is None:
@@ -140,7 +153,7 @@ class BenchTester:
             start = number + 1
 
     async def put_raw(self, frame: Frame) -> None:
-        """Send a frame of a step; one that begins a transfer is aborted if a step behind it is red."""
+        """Send a frame of a step; a transfer that it begins is aborted later if a step is red."""
         node = self._servers.get(frame.cob_id)
         if node is not None and begins_transfer(frame.data):
             self._opened[node] = Initiate.of(frame.data).address
@@ -150,8 +163,8 @@ class BenchTester:
         """Send a frame; raises BusError."""
         self.trace.add(SeenFrame(await self._bench.send(frame), frame, own=True))
 
-    def _heard(self, frame: Frame) -> None:
-        """Answer a frame for the node that the tester plays."""
+    def _answer(self, frame: Frame) -> None:
+        """Answer a frame for a node that the tester plays."""
         if frame.cob_id in self.answers:
             task = asyncio.ensure_future(self.put(self.answers[frame.cob_id].frame(self.variables)))
             self._answering.add(task)  # the loop itself keeps only a weak reference to a task
@@ -160,25 +173,26 @@ class BenchTester:
     def _answered(self, task: asyncio.Task[None]) -> None:
         self._answering.discard(task)
         error = None if task.cancelled() else task.exception()
-        if isinstance(error, BusError):  # nobody awaits the task, so the step under way has to hear of it
+        if isinstance(error, BusError):  # nothing awaits the task, so the trace passes the error on to the current step
             self.trace.fail(error)
 
     # Expecting
 
-    def came(self, after: float, within: float) -> None:
-        """Note when something came that was waited for; who waits less than `LATEST` s has a reason for it."""
-        self.slowest = max(self.slowest, after if within >= LATEST else 0.0)
+    def note_wait(self, seconds: float, within: float) -> None:
+        """Keep the longest wait for a frame, unless the step names a time shorter than `LATEST`."""
+        if within >= LATEST:
+            self.slowest = max(self.slowest, seconds)
 
     def longest(self, within: float | None) -> float:
-        """Return how long a step takes at most, in s."""
+        """Return the maximum time of a step in s."""
         return self.timeout if within is None else within
 
     def deadline(self, within: float | None) -> float:
-        """Return when a step that begins now is at its end."""
+        """Return when a step that begins now has to end."""
         return self.trace.now + self.longest(within)
 
     async def next(self, patterns: Sequence[Pattern], start: int, deadline: float) -> tuple[int, SeenFrame] | None:
-        """Return the next frame, with its number, that no step has used yet and that one of the patterns may be."""
+        """Return the next unused frame with the COB-ID of one of the patterns, with its number; None if none comes."""
         cob_ids = frozenset(pattern.cob_id for pattern in patterns)
         number = await self.trace.first(cob_ids, start, deadline)
         while number in self._used:  # two equal `expect` want two frames
@@ -186,22 +200,22 @@ class BenchTester:
         return None if number is None else (number, self.trace.frames[number])
 
     def use(self, number: int) -> None:
-        """Note that a step has used a frame, and that the next one looks behind it."""
+        """Mark a frame as used; the next step looks behind it."""
         self._used.add(number)
         self.edge = number + 1
 
     def mismatches(self, pattern: Pattern, seen: SeenFrame) -> list[Mismatch]:
-        """Return how a frame differs; raises NotSaved."""
+        """Return how a frame differs from a pattern; raises NotSaved."""
         if pattern.cob_id != seen.frame.cob_id:
             return [Mismatch("message", str(pattern), self.meaning(seen))]
         return pattern.mismatches(seen.frame, self.variables)
 
     def meaning(self, seen: SeenFrame) -> str:
-        """Say what a frame means, or what it is."""
+        """Return the meaning of a frame as text, the frame itself if that is not known."""
         return self.words(seen.frame) or str(seen.frame)
 
     def with_last(self, what: str, pattern: Pattern, last: SeenFrame | None, off: Sequence[Mismatch] = ()) -> Failed:
-        """Say that what was wanted did not come, and what came last instead."""
+        """Return the error that an expected frame did not come, with the last frame that came instead."""
         wanted = pattern.text(self.variables)
         if last is None:
             return Failed(what, wanted, "nothing")
@@ -210,14 +224,15 @@ class BenchTester:
     # SDO
 
     def skip_if_taken(self, variable: ODVariable) -> None:
-        """Raise Skipped for an object that has taken what it should have refused, which is red already."""
+        """Skip the step if the object has accepted a value that it should refuse, which is red already."""
         if objects.address_of(variable) in self.taken:
             raise Skipped(f"{objects.label(variable)} has taken what it should refuse, which is red")
 
     async def asked(self, begin: Callable[[], sdo.Transfer], node: suite.NodeServices) -> bytes:
-        """Do a transfer, a second time if its answer does not come, as any client would; raises NoAnswer, Aborted.
+        """Do a transfer, and repeat it once if no answer comes, as any client would.
 
-        One that did not answer twice is first asked whether it is there: it may be gone, or STOPPED; raises Skipped.
+        A server that did not answer twice is asked first whether it is there: it may be lost, or STOPPED. Raises
+        Skipped if it is not, NoAnswer, Aborted.
         """
         if node in self._silent and not await self.is_there(node, self.timeout):
             raise Skipped(f"{node.name} does not answer since a step that is red")
@@ -232,7 +247,7 @@ class BenchTester:
             raise
 
     async def is_there(self, node: suite.NodeServices, wait: float) -> bool:
-        """Return whether a node answers at all within `wait` s, if only by an abort."""
+        """Return whether a node answers an SDO request within `wait` s; an abort counts, too."""
         with suppress(NoAnswer):
             with suppress(sdo.Aborted, sdo.OddAnswer):
                 await self.transfer(sdo.upload(ERROR_REGISTER, wait), node)  # which every device has
@@ -240,21 +255,21 @@ class BenchTester:
         return False
 
     async def transfer(self, transfer: sdo.Transfer, node: suite.NodeServices, latest: float = 0.0) -> bytes:
-        """Do a transfer and return what it brought; a late answer is waited for until `latest` s after its request.
+        """Do a transfer and return its data; wait for a late answer until `latest` s after its request.
 
-        Raises NoAnswer, Aborted.
-
-        An answer that has not the length of an SDO frame raises OddAnswer.
+        Raises NoAnswer, Aborted, and OddAnswer for an answer that does not have the length of an SDO frame.
         """
         requests = transfer.start(self.trace.now)
-        start = len(self.trace)  # before sending, as a fast node answers before `_put` has returned
+        start = len(self.trace)  # before sending, as a fast node answers before `put` returns
         while True:
             for request in requests:
                 await self.put(Frame(node.sdo_request, request))
-            if requests and not transfer.done:  # the node's time begins when it can have the request
+            if requests and not transfer.done:  # the node's time begins when it has the request
                 transfer.deadline = self.trace.now + transfer.wait
-            if transfer.done:  # only now: the last request may be an abort of ours, which the node has to get
-                if requests:  # the end of a block or an abort, which no answer confirms: many servers keep one frame
+            if transfer.done:  # after sending, as the last request may be our abort, which the node needs
+                if (
+                    requests
+                ):  # the end of a block or an abort, which is not confirmed: many servers buffer one frame only
                     await self.trace.sleep(UNCONFIRMED)
                 break
             number = await self.trace.first(frozenset([node.sdo_answer]), start, transfer.deadline)
@@ -262,7 +277,7 @@ class BenchTester:
                 requests = transfer.tick(transfer.deadline)
                 continue
             self.use(number)
-            start = number + 1  # not the end of the trace: a block's segments come several at a time
+            start = number + 1  # not the end of the trace, as several segments of a block may have come
             answer = self.trace.frames[number].frame.data
             if len(answer) != LENGTH:
                 raise sdo.OddAnswer(answer, f"of {LENGTH} bytes")
@@ -270,7 +285,7 @@ class BenchTester:
         try:
             return transfer.result()
         except sdo.Silence as silence:
-            # A late answer is to this question, and must not be taken for one to the next.
+            # A late answer belongs to this request, and must not be taken for one to the next.
             patience = max(transfer.wait, latest - transfer.wait)
             late = await self.trace.first(frozenset([node.sdo_answer]), start, self.trace.now + patience)
             if late is not None:
@@ -281,7 +296,7 @@ class BenchTester:
 
 
 def begins_transfer(request: bytes) -> bool:
-    """Return whether a request begins a transfer, by its command specifier and, of blocks, its sub-command."""
+    """Return whether a request begins a transfer, by its command specifier and, for blocks, its subcommand."""
     command = request[0] if len(request) == LENGTH else 0
     is_block_upload, is_block_download = command & 0xE3 == 0xA0, command & 0xE1 == 0xC0
     return command >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD) or is_block_upload or is_block_download

@@ -1,8 +1,8 @@
 """Values as suites write them: `1200`, `1200 +- 15`, `88..92`, `< 500`, `not red`, `unknown`, `"{t}"`.
 
-What a value means, and which are allowed, is known by the kind of a message's field (`pdo.kinds`) or by an object
-(`od.objects`); here is how a received value may relate to a written one. Everything is checked while the suite is read,
-except for what a variable holds.
+The kind of a message's field (`pdo.kinds`) or an object (`od.objects`) says what a value means and which are allowed.
+This module compares a received value with a written one. Everything is checked while the suite is read, except the
+values of variables.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ VARIABLE = re.compile(r"\{\s*(?P<name>[A-Za-z_][A-Za-z0-9_]*)\s*(?:\|\s*0[xX](?P
 
 
 class ValueProblem(LocalError):
-    """A text that is not a value of its kind, or not in its range; the message says what is allowed."""
+    """A text that is not an allowed value; the message says what is allowed."""
 
 
 class NotSaved(LocalError):
-    """A variable that no step has given a value yet."""
+    """A variable that no step has set yet."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"no step before has saved {name!r}")
@@ -44,21 +44,21 @@ class FieldValues(NamedTuple):
 
     @property
     def modulus(self) -> int | None:
-        """What they wrap around at, None if they do not."""
+        """Number at which the values wrap around, None if they do not."""
         return self.kind.modulus
 
     @property
     def are_ordered(self) -> bool:
-        """Whether one may be less than another: `Expected` looks at the values, as numbers may have names, too."""
+        """Whether values can be compared by size; always true, as `Expected` tells numbers from names itself."""
         return True
 
     @property
     def distances(self) -> FieldValues:
-        """What tolerances are: they need not be in the range that values have to be in, up to the whole of it."""
+        """The values of a tolerance: from 0 to the width of the field's range."""
         return FieldValues(self.kind.distances, Limits(0, self.limits.high - self.limits.low))
 
     def parse(self, text: str) -> Any:
-        """Read a value; raises ValueProblem."""
+        """Parse a value; raises ValueProblem."""
         try:
             # `1200 mm` as well as `1200`; the digit keeps a name that happens to end like the unit (`mm`) whole
             unit = self.kind.unit
@@ -66,27 +66,27 @@ class FieldValues(NamedTuple):
             value = self.kind.parse(text[: -len(unit)].rstrip() if has_unit else text)
             if value is None:
                 return None
-            raw = self.kind.write(value, self.limits)  # refuses what no sender could send
+            raw = self.kind.write(value, self.limits)  # raises for a value that cannot be sent
         except (ValueError, KeyError, TypeError):
             # a suite has `unknown` where a program has None
             allowed = self.kind.allowed(self.limits).replace("None for unknown", "unknown")
             raise ValueProblem(f"{text!r} is not allowed; allowed: {allowed}") from None
-        # An angle of 450 or -10 can be written; what comes is 90 or 350, so that is what it is compared with.
+        # An angle of 450 or -10 can be written, but is received as 90 or 350.
         return raw if self.kind.modulus is not None else value
 
     def text(self, value: Any) -> str:
-        """Write a value for a person."""
+        """Format a value."""
         return self.kind.text(value)
 
 
 class ObjectValues(NamedTuple):
-    """The values of an object, in the words of the commands `read` and `write`."""
+    """The values of an object, written as for the commands `read` and `write`."""
 
     variable: ODVariable
 
     @property
     def modulus(self) -> None:
-        """They wrap around nowhere."""
+        """None: objects do not wrap around."""
 
     @property
     def are_ordered(self) -> bool:
@@ -95,32 +95,32 @@ class ObjectValues(NamedTuple):
 
     @property
     def distances(self) -> ObjectValues:
-        """What tolerances are: numbers of its type."""
+        """The values of a tolerance: numbers of the object's type."""
         return ObjectValues(objects.changed(self.variable, min=0, max=None, offset=0))
 
     def parse(self, text: str) -> Any:
-        """Read a value as the object holds it, so that what is written 0.1 equals what comes as 0.1.
+        """Parse a value and round it as the object does, so that a written 0.1 equals a received 0.1.
 
         Raises FieldError.
         """
         return objects.decode(self.variable, objects.encode(self.variable, objects.parse(self.variable, text)))
 
     def text(self, value: Any) -> str:
-        """Write a value for a person, a text with its quotes."""
+        """Format a value, a text with its quotes."""
         return repr(value) if isinstance(value, str) else objects.measured(self.variable, value)
 
 
 Values: TypeAlias = "FieldValues | ObjectValues"
-"""The values of something that can be compared: how a person writes them, and how far they are from each other.
+"""The values of a field or object.
 
-`parse` raises LocalError for one that could not be sent, so that it cannot be expected either.
+`parse` raises LocalError for a value that cannot be sent, as it cannot be received either.
 """
 
 
 class Scale(NamedTuple):
-    """What a value is measured on: the values there are, and the variables.
+    """What a written value is read with: the values of a field or object, and the variables.
 
-    `constants` are the variables that have their value from the start, `saved` those that get it from a step.
+    `constants` are the variables of the suite's head with their values, `saved` those that a step sets.
     """
 
     values: Values
@@ -128,7 +128,7 @@ class Scale(NamedTuple):
     saved: frozenset[str]
 
     def operand(self, text: str) -> Operand:
-        """Read one value or variable; raises LocalError."""
+        """Parse one value or variable; raises LocalError."""
         match = VARIABLE.fullmatch(text)
         if match is None:
             return Operand(self.values.parse(text), None, self.values)
@@ -141,7 +141,7 @@ class Scale(NamedTuple):
 
 
 class Operand(NamedTuple):
-    """A value, or the variable that will have it; of a whole number some `bits` are set."""
+    """A value, or a variable that will hold it; `bits` are set in an integer."""
 
     value: Any
     variable: str | None
@@ -149,7 +149,7 @@ class Operand(NamedTuple):
     bits: int = 0
 
     def resolve(self, variables: Variables) -> Any:
-        """Return the value now; raises NotSaved."""
+        """Return the current value; raises NotSaved."""
         if self.variable is None:
             return self.value
         if self.variable not in variables:
@@ -158,7 +158,7 @@ class Operand(NamedTuple):
         return value | self.bits if self.bits and isinstance(value, int) else value
 
     def text(self, variables: Variables) -> str:
-        """Write the value for a person, with the variable it came from."""
+        """Format the value, with the variable it came from."""
         if self.variable is None:
             return self.values.text(self.value)
         return f"{{{self.variable}}} = {self.values.text(self.resolve(variables))}"
@@ -175,13 +175,13 @@ def _equal(_: Values, value: Any, wanted: Any) -> bool:
 
 
 def _near(values: Values, value: Any, middle: Any, tolerance: Any) -> bool:
-    """Compare with a tolerance; a value with a modulus goes round."""
+    """Return whether a value is within a tolerance of another; with a modulus, distances wrap around."""
     distance = abs(value - middle)
     return bool((distance if values.modulus is None else min(distance, values.modulus - distance)) <= tolerance)
 
 
 def _between(values: Values, value: Any, low: Any, high: Any) -> bool:
-    """Compare with a range, both ends included; one of a value with a modulus may go through 0."""
+    """Return whether a value is in a range, ends included; with a modulus, the range may wrap around 0."""
     if values.modulus is not None:
         return bool((value - low) % values.modulus <= (high - low) % values.modulus)
     return bool(low <= value <= high)
@@ -192,9 +192,9 @@ def _ordering(compare: Callable[[Any, Any], bool]) -> Test:
 
 
 class Notation(NamedTuple):
-    """A way to write an expectation: what it looks like, how it is shown, and when a value fulfils it.
+    """A way to write an expectation: its pattern, its display format, and the test of a value.
 
-    A form that is `ordered` is fulfilled only by plain numbers in their range, never by `unknown` or by a name.
+    An `ordered` notation accepts only plain numbers in their range, never `unknown` or a name.
     """
 
     pattern: re.Pattern[str]
@@ -214,23 +214,23 @@ NOTATIONS = (
     Notation(re.compile(r"not\s+(?!possible)(.+)"), "not {}", lambda *a: not _equal(*a), ordered=False),
     Notation(re.compile(r"(.*)", re.DOTALL), "{}", _equal, ordered=False),
 )
-"""The forms in the order in which they are tried; `not possible` is a value's name (see GotoFault)."""
+"""Notations in the order in which they are tried; `not possible` is a value (see GotoFault), not a negation."""
 
 LONGEST_NOTATION = 200
-"""Characters up to which a text is looked at for a notation: to find none takes a time that grows with their square."""
+"""Longest text, in characters, that is searched for a notation: the search takes quadratic time."""
 
 
 class Expected(NamedTuple):
-    """What a received value has to be."""
+    """An expectation of a received value."""
 
     form: Notation
     operands: tuple[Operand, ...]
     values: Values
 
     def fits(self, value: Any, variables: Variables) -> bool:
-        """Return whether a value is as expected; raises NotSaved."""
+        """Return whether a value meets the expectation; raises NotSaved."""
         operands = [operand.resolve(variables) for operand in self.operands]
-        # A name such as `blocked` is a number on the wire, too, but it is not more than 500.
+        # A name such as `blocked` is a number in the frame, but must not count as more than 500.
         numbers = (
             isinstance(each, (int, float)) and not isinstance(each, (Enum, OutOfRange)) for each in (value, *operands)
         )
@@ -239,18 +239,18 @@ class Expected(NamedTuple):
         return self.form.test(self.values, value, *operands)
 
     def text(self, variables: Variables) -> str:
-        """Write the expectation for a person, variables with their values."""
+        """Format the expectation, variables with their values."""
         return self.form.shown.format(*(operand.text(variables) for operand in self.operands))
 
     def shown(self, value: Any) -> str:
-        """Write a received value for a person."""
+        """Format a received value."""
         return self.values.text(value)
 
 
 def expectation(text: str, scale: Scale) -> Expected:
-    """Read an expectation; raises LocalError."""
+    """Parse an expectation; raises LocalError."""
     ordered = scale.values.are_ordered
-    # A text is compared as it stands, spaces and all; `< 5` or `not x` may be what the object holds.
+    # An object's text is compared literally: it may hold `< 5`, `not x` or spaces.
     written = text.strip() if ordered else text
     forms = NOTATIONS if len(written) <= LONGEST_NOTATION else NOTATIONS[-1:]
     may = ((each, each.pattern.fullmatch(written)) for each in forms if ordered or not each.ordered)

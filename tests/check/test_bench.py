@@ -30,7 +30,7 @@ STAMPED = {
 
 
 @pytest.mark.parametrize("case", STAMPED)
-def test_a_frame_has_the_time_at_which_it_came_however_late_it_is_read(case: str) -> None:
+def test_a_frame_has_the_time_of_its_arrival_however_late_it_is_read(case: str) -> None:
     stamps, read, came = STAMPED[case]
     arrivals = Arrivals()
     assert [arrivals.time(*each) for each in zip(stamps, read, strict=True)] == pytest.approx(came, abs=1e-3)
@@ -53,7 +53,7 @@ def test_a_frame_that_came_in_time_is_found_though_it_is_read_afterwards() -> No
     assert first(lambda trace, now: trace.add(SeenFrame(now - 0.001, HEARTBEAT))) == 0
 
 
-def test_none_has_come_once_all_of_that_time_is_read() -> None:
+def test_a_missing_frame_is_reported_after_all_frames_up_to_then_are_read() -> None:
     assert first(lambda trace, now: trace.caught_up(now + 0.001)) is None
     assert first(lambda trace, now: trace.add(SeenFrame(now + 0.001, HEARTBEAT))) is None
 

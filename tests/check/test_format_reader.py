@@ -147,20 +147,20 @@ WRONG_DOCUMENTS = {
 
 
 @rows("step, what", WRONG_STEPS.values())
-def test_tells_place_and_reason_in_a_step(step: str, what: str) -> None:
+def test_an_error_in_a_step_has_place_and_reason(step: str, what: str) -> None:
     text, place = marked(document(step))
     (problem,) = read(text)[1]
     assert problem.startswith(f"{place}: {what}")
 
 
 @pytest.mark.parametrize(("text", "what"), WRONG_DOCUMENTS.values())
-def test_tells_place_and_reason_in_a_document(text: str, what: str) -> None:
+def test_an_error_in_a_document_has_place_and_reason(text: str, what: str) -> None:
     text, place = marked(text)
     (problem,) = read(text)[1]
     assert problem.startswith(f"{place}: {what}")
 
 
-def test_tells_all_problems_of_all_files_at_once(tmp_path: Path) -> None:
+def test_one_error_lists_the_problems_of_all_files(tmp_path: Path) -> None:
     one, other, missing, latin = (tmp_path / name for name in ("one.yaml", "other.yaml", "missing.yaml", "latin.yaml"))
     one.write_text(document("- wait: 1\n- send: Halt Lft\n- {send: Halt Lift, for: 1 s, wthin: x}"))
     other.write_text("a: [")
@@ -199,14 +199,14 @@ def action(step: str, head: str = HEAD) -> object:
         ),
     ],
 )
-def test_reads_what_is_sent(step: str, frame: Frame) -> None:
+def test_sent_frames_are_read(step: str, frame: Frame) -> None:
     sent = action(step)
     assert isinstance(sent, Send)
     assert sent.sent.frame({}) == frame
     assert sent.sent.frame({}).is_remote == frame.is_remote
 
 
-def test_reads_keyed_values_by_name() -> None:
+def test_keyed_values_are_read_by_name() -> None:
     by_name = action("- send: {Move To: {x: 1, y: 1, angle: 0, speed: 1, gates: {gate 2: locked, gate 4: shut}}}")
     by_number = action("- send: {Move To: {x: 1, y: 1, angle: 0, speed: 1, gates: 0x48}}")
     assert isinstance(by_name, Send)
@@ -226,14 +226,14 @@ def test_reads_keyed_values_by_name() -> None:
         ("- emcy: {code: 0x8210, node: panel}", Order.IN_ORDER, [ServicePattern]),
     ],
 )
-def test_reads_what_is_expected(step: str, order: Order, kinds: list[type]) -> None:
+def test_expected_frames_are_read(step: str, order: Order, kinds: list[type]) -> None:
     expect = action(step)
     assert isinstance(expect, Expect)
     assert expect.expected.order is order
     assert [type(each) for each in expect.expected.patterns] == kinds
 
 
-def test_services_are_those_of_the_nodes_eds() -> None:
+def test_services_have_the_cob_ids_of_the_nodes_eds() -> None:
     assert action("- nmt: reset") == Nmt(NmtCommand.RESET_NODE, 2)
     assert action("- nmt: {command: stop, node: scale}") == Nmt(NmtCommand.STOP, 3)
     assert action("- nmt: start", HEAD.replace("node: lift\n", "")) == Nmt(NmtCommand.START, 0)
@@ -252,27 +252,27 @@ def test_services_are_those_of_the_nodes_eds() -> None:
         ("{write: 0x5000, data: 'E8 03 00'}", (0x5000, 0), b"\xe8\x03\x00"),
     ],
 )
-def test_reads_objects_and_their_values(step: str, address: tuple[int, int], content: bytes) -> None:
+def test_objects_and_their_values_are_read(step: str, address: tuple[int, int], content: bytes) -> None:
     write = action(f"- sdo: {step}")
     assert isinstance(write, SdoWrite)
     assert (address_of(write.variable), write.content({})) == (address, content)
 
 
-def test_reads_a_group() -> None:
+def test_a_group_is_read() -> None:
     group = suite(document("- repeat: 3\n  steps:\n    - wait: 1 s\n    - send: Halt Lift")).steps[0]
     assert group.repeat == 3
     assert isinstance(group.action, Group)
     assert [step.name for step in group.action.steps] == ["wait 1 s", "send Halt Lift"]
 
 
-def test_reads_times_in_seconds() -> None:
+def test_times_are_read_in_seconds() -> None:
     poll = action("- poll: {send: Move State Request, every: 100 ms}\n  until: Move State Response\n  within: 2 min")
     assert isinstance(poll, Poll)
     assert poll.every == pytest.approx(0.1)
     assert poll.within == pytest.approx(120)
 
 
-def test_reads_several_documents_of_one_file() -> None:
+def test_several_documents_of_one_file_are_read() -> None:
     first, second = document("- wait: 1 s"), document("- wait: 2 s", HEAD.replace("a suite", "Zürich"))
     suites, problems = read(f"{first}---\n{second}")
     assert [each.name for each in suites] == ["a suite", "Zürich"]

@@ -66,7 +66,7 @@ def test_a_live_node_and_a_simulated_one_get_the_same_verdicts(open_bus: Callabl
     assert [step.status for step in live.steps] == verdicts
 
 
-def test_nobody_there_is_red_and_no_failure_of_the_bus(open_bus: Callable[[], can.BusABC]) -> None:
+def test_a_missing_node_is_red_and_no_bus_error(open_bus: Callable[[], can.BusABC]) -> None:
     result = run(document("- send: Check Lift Request\n- {expect: Check Lift Response, within: 50 ms}"), open_bus)
     assert [step.status for step in result.steps] == [Status.PASSED, Status.FAILED]
     assert result.error == ""
@@ -137,7 +137,7 @@ def test_the_teardown_is_done_when_a_lost_bus_is_back(open_bus: Callable[[], can
     ]
 
 
-def test_an_interrupt_gives_up_the_step_and_tidies_up(open_bus: Callable[[], can.BusABC]) -> None:
+def test_an_interrupt_cancels_the_step_and_does_the_teardown(open_bus: Callable[[], can.BusABC]) -> None:
     interrupt = Interrupt()
     options = RunOptions(interrupt=interrupt, show=lambda _: interrupt.request())
     result = run_live(suite(WAITING), options, open_bus)

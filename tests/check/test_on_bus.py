@@ -36,7 +36,7 @@ def plain_nodes(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: obje
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_device_that_is_nothing_but_its_eds(tmp_path: Path, name: str) -> None:
+def test_a_device_made_from_its_eds_alone_passes(tmp_path: Path, name: str) -> None:
     eds = (SAMPLES / f"{name}.eds").read_text() + "[DeviceComissioning]\nNodeID=5\n"
     (tmp_path / "device.eds").write_text(eds)
     file = tmp_path / "suite.yaml"
@@ -46,7 +46,7 @@ def test_a_device_that_is_nothing_but_its_eds(tmp_path: Path, name: str) -> None
     assert [step.status for step in result.steps] == 5 * [Status.PASSED]
 
 
-def test_a_program_begins_anew_with_each_boot_of_its_node() -> None:
+def test_a_program_restarts_with_each_boot_of_its_node() -> None:
     begun: list[str] = []
 
     def nodes(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: object) -> list[NodeUnderTest]:
@@ -68,7 +68,7 @@ class Broken(Node):
         raise IndexError("no such floor")
 
 
-def test_what_a_node_has_raised_is_told_once_with_its_line() -> None:
+def test_an_exception_of_a_node_is_reported_once_with_its_line() -> None:
     def nodes(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: object) -> list[NodeUnderTest]:
         return [NodeUnderTest(Broken(each)) for each in dictionaries.values()]
 
@@ -85,13 +85,13 @@ def test_the_same_seed_gives_the_same_frames() -> None:
     assert len(one.steps[1].reason.frames) > 1
 
 
-def test_how_long_a_node_takes_to_answer_comes_from_the_seed() -> None:
+def test_the_processing_time_of_a_node_comes_from_the_seed() -> None:
     steps = document("- send: Check Lift Request\n- expect: Check Lift Response")
     seconds = {round(results(steps, seed=seed).steps[1].seconds, 6) for seed in range(1, 9)}
     assert len(seconds) > 2
 
 
-def test_an_interrupt_ends_what_is_repeated_without_waiting() -> None:
+def test_an_interrupt_ends_a_repeated_step_without_waiting() -> None:
     """A loop in which nothing is waited for gave the interrupt no turn."""
     interrupt = Interrupt()
     steps = "- wait: 1 ms\n- repeat: 1000\n  steps: [{answer: {Move State Request: Move Confirm}, repeat: 100}]"

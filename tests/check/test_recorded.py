@@ -57,13 +57,13 @@ def run(text: str, given: Mapping[str | Address, Value] | None = None) -> SuiteR
     )
 
 
-def test_it_is_green_on_the_device_of_the_log() -> None:
+def test_a_recorded_suite_is_green_on_the_device_of_the_log() -> None:
     result = run(suite_of(DECODER, "motor", LOG, "as it was"))
     assert [(step.name, step.reason) for step in result.steps if step.status is not Status.PASSED] == []
     assert len(result.steps) > 8
 
 
-def test_it_says_what_was_asked_in_words_that_can_be_edited() -> None:
+def test_a_recorded_suite_has_objects_and_values_in_words() -> None:
     lines = suite_of(DECODER, "motor", LOG, "as it was").splitlines()
     assert lines[:4] == ["spec: 1", "name: as it was", "node: motor", "steps:"]
     assert "  - sdo: {read: 0x2100, expect: 20.0}  # Temperature" in lines
@@ -74,20 +74,20 @@ def test_it_says_what_was_asked_in_words_that_can_be_edited() -> None:
     assert any(line.startswith("  - period: {message: {motor.TPDO1:") for line in lines)
 
 
-def test_it_is_red_on_a_device_that_answers_otherwise() -> None:
+def test_a_recorded_suite_is_red_on_a_device_with_other_answers() -> None:
     result = run(suite_of(DECODER, "motor", LOG, "as it was"), {TEMPERATURE: 300})
     red = [step for step in result.steps if step.status is Status.FAILED]
     assert red
     assert "Temperature" in red[0].name
 
 
-def test_only_the_stretch_counts() -> None:
+def test_only_frames_between_begin_and_end_are_recorded() -> None:
     text = suite_of(DECODER, "motor", LOG, "a part", begin=0.5, end=2.5)
     assert "read: 0x2100" not in text
     assert 'write: "0x2000:3"' in text
 
 
-def test_who_is_not_in_the_log_has_no_suite() -> None:
+def test_a_node_that_is_not_in_the_log_has_no_suite() -> None:
     with pytest.raises(LocalError, match="the log has nothing of motor in this stretch"):
         suite_of(DECODER, "motor", LOG[:1], "nothing", begin=9.0)
     with pytest.raises(UnknownName):

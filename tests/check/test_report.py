@@ -64,7 +64,7 @@ def test_a_step_has_its_colour_on_a_terminal() -> None:
     assert report.step_line(RED.steps[1], in_colour=True).startswith("  \x1b[31mFAILED     \x1b[0m")
 
 
-def test_a_reason_tells_everything() -> None:
+def test_a_reason_has_all_facts_and_the_last_frames() -> None:
     assert list(report.reason_lines(REASON)) == [
         "    Move State Response is not as expected",
         "      expected  Move State Response: time 0 ms",
@@ -84,11 +84,11 @@ def test_a_reason_tells_everything() -> None:
         (ALL, "3 suites: 1 ok, 1 FAILED, 1 skipped, 1 interrupted, 1 bus failed in 1.5 s of bus time"),
     ],
 )
-def test_the_last_line_counts(results: list[SuiteResult], line: str) -> None:
+def test_the_last_line_counts_suites_and_steps(results: list[SuiteResult], line: str) -> None:
     assert report.summary(results) == line
 
 
-def test_another_program_reads_the_junit_report() -> None:
+def test_junitparser_reads_the_junit_report() -> None:
     suites = list(JUnitXml.fromstring(report.junit(ALL).encode()))
     assert all(isinstance(each, TestSuite) for each in suites)
     red, left_out, broken = suites
@@ -108,7 +108,7 @@ def test_green_and_skipped_steps_are_counted() -> None:
     assert [report.folded(each) for each in ALL] == ["1 ok, 1 skipped", "", ""]
 
 
-def test_what_is_red_is_told_again_with_its_place() -> None:
+def test_red_steps_are_repeated_at_the_end_with_their_place() -> None:
     assert list(report.failures(ALL)) == [
         "lift.yaml:7: <it> arrives & stays # here (simulated)",
         *report.reason_lines(REASON),
@@ -117,7 +117,7 @@ def test_what_is_red_is_told_again_with_its_place() -> None:
     ]
 
 
-def test_json_has_everything() -> None:
+def test_json_has_all_facts() -> None:
     red, left_out, broken = json.loads(json.dumps(report.as_data(ALL)))
     assert [each["status"] for each in red["steps"]] == ["ok", "failed", "skipped", "interrupted"]
     assert red["steps"][1]["line"] == 7

@@ -161,11 +161,11 @@ CASES = {
 
 
 @rows("steps, verdict", CASES.values())
-def test_steps_end_as_the_node_deserves(steps: str, verdict: str) -> None:
+def test_steps_end_by_what_the_node_sends(steps: str, verdict: str) -> None:
     assert verdicts(steps) == verdict
 
 
-def test_one_confirm_may_stand_for_two_nodes() -> None:
+def test_one_frame_may_be_expected_of_two_nodes() -> None:
     assert verdicts(START + "- nmt: reset\n- heartbeat: {state: boot-up, node: scale}", ALL) == "++++"
 
 
@@ -177,7 +177,7 @@ def reason(steps: str) -> StepReason:
     return step.reason
 
 
-def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
+def test_each_different_field_is_reported_with_both_values() -> None:
     found = reason(
         START
         + "- send: Place Request\n"
@@ -219,12 +219,12 @@ def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
         ),
     ],
 )
-def test_tells_what_came_instead(steps: str, what: str, came: str) -> None:
+def test_the_frame_that_came_instead_is_reported(steps: str, what: str, came: str) -> None:
     found = reason(steps)
     assert (found.what, found.came) == (what, came)
 
 
-def test_shows_the_last_frames_with_their_meaning() -> None:
+def test_the_last_frames_are_reported_with_their_meaning() -> None:
     found = reason("- send: Check Lift Request\n- expect: Move Confirm\n  within: 10 ms")
     assert [(str(line.frame), line.own, line.meaning) for line in found.frames[-2:]] == [
         ("502#", True, "Check Lift Request"),
@@ -232,7 +232,7 @@ def test_shows_the_last_frames_with_their_meaning() -> None:
     ]
 
 
-def test_reads_the_last_frames_by_the_ones_before_them() -> None:
+def test_the_last_frames_are_decoded_with_the_frames_before_them() -> None:
     """The first byte of a segment is that of an abort; only the frames before tell them apart."""
     found = reason(
         "- send: {raw: 602#C617100002000000}\n- wait: 10 ms\n- send: {raw: 602#8102000000000000}\n"
@@ -270,7 +270,7 @@ def test_a_red_step_skips_the_rest_but_not_the_teardown() -> None:
     ]
 
 
-def test_goes_on_behind_a_red_step_if_told_to() -> None:
+def test_with_keep_going_steps_after_a_red_one_are_done() -> None:
     assert dict(outcome(SECTIONS, keep_going=True))["green"] is Status.PASSED
 
 
@@ -285,7 +285,7 @@ def test_a_red_setup_skips_all_steps() -> None:
     }
 
 
-def test_tells_sections_and_times() -> None:
+def test_results_have_parts_and_times() -> None:
     steps = results(SECTIONS).steps
     assert [step.section for step in steps] == [SuitePart.SETUP] + 2 * [SuitePart.STEPS] + 2 * [SuitePart.TEARDOWN]
     assert steps[1].seconds == pytest.approx(0.010)
@@ -298,7 +298,7 @@ def test_the_same_seed_gives_the_same_times() -> None:
     assert results(text, seed=5) == results(text, seed=5)
 
 
-def test_names_the_steps_of_a_group() -> None:
+def test_steps_of_a_group_have_its_name() -> None:
     groups = "- name: {}\n  repeat: {}\n  steps: [send: Check Lift Request]\n"
     steps = run(groups.format("twice", 2) + groups.format("once", 1) + "- wait: 1 ms")
     assert [step.name for step in steps] == [
@@ -310,7 +310,7 @@ def test_names_the_steps_of_a_group() -> None:
 
 
 @pytest.mark.parametrize(("names", "done"), [("b", ["a", "b"]), ("ac", ["a", "b", "c"]), ("", [])])
-def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(names: str, done: list[str]) -> None:
+def test_chosen_steps_are_done_with_those_before_them_only(names: str, done: list[str]) -> None:
     steps = "\n".join(f"- {{name: {name}, wait: 1 ms}}" for name in "abc")
     options = RunOptions(chosen=lambda name: name in names)
     result = run_simulated(suite(document(steps)), options, plant.PLUGINS.under_test)
@@ -320,28 +320,28 @@ def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(
 # Errors that the node itself reports
 
 
-def test_a_node_without_an_error_reports_none() -> None:
+def test_errors_none_is_green_for_a_node_without_errors() -> None:
     assert verdicts("- errors: none") == "+"
 
 
 TOO_SHORT = "- send: {raw: 202#D274}\n- emcy: 0x8210\n"
 
 
-def test_a_node_with_an_error_says_which() -> None:
+def test_errors_none_is_red_with_the_errors_of_the_node() -> None:
     reason = run(f"{TOO_SHORT}- errors: none")[-1].reason
     assert reason is not None
     assert reason.what == "lift reports an error itself"
     assert reason.came == "generic error; communication; 0x8210 pdo too short"
 
 
-def test_a_red_step_tells_what_the_node_has_reported() -> None:
+def test_a_red_step_has_the_last_emcy_of_the_node() -> None:
     reason = run(f"{TOO_SHORT}- expect: Move Confirm")[-1].reason
     assert reason is not None
     assert reason.cause.startswith("EMCY  lift, 0x8210 pdo too short")
 
 
 @pytest.mark.parametrize("before", ["", f"{TOO_SHORT}- nmt: reset\n- heartbeat: boot-up\n"])
-def test_an_error_that_a_reset_has_ended_is_told_no_more(before: str) -> None:
+def test_an_emcy_before_a_reset_is_not_reported(before: str) -> None:
     reason = run(f"{before}- expect: Move Confirm")[-1].reason
     assert reason is not None
     assert reason.cause == ""

@@ -68,7 +68,7 @@ FORMS = {
 
 
 @pytest.mark.parametrize(("steps", "verdicts"), FORMS.values())
-def test_what_a_step_may_ask_for(steps: str, verdicts: str) -> None:
+def test_an_sdo_step_ends_by_the_answer(steps: str, verdicts: str) -> None:
     signs = {Status.PASSED: "+", Status.SKIPPED: "s"}
     assert "".join(signs.get(step.status, "-") for step in run(steps)) == verdicts
 
@@ -112,7 +112,7 @@ NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
         ),
     ],
 )
-def test_an_answer_that_does_not_fit_is_told(
+def test_an_unexpected_answer_is_reported(
     step: str, change: Callable[[bytes], bytes | None], what: str, sent: str
 ) -> None:
     found, frames = reason(step, change)

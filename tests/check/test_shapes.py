@@ -96,7 +96,7 @@ FITTING = [
 
 
 @pytest.mark.parametrize("step", [row[0] for row in FITTING])
-def test_a_value_of_any_type_is_as_expected(step: str) -> None:
+def test_values_of_any_type_are_compared(step: str) -> None:
     (result,) = run(step)
     assert result.status is Status.PASSED, result.reason
 
@@ -113,7 +113,7 @@ UNFIT = [
 
 
 @pytest.mark.parametrize(("step", "wanted", "came"), UNFIT)
-def test_another_value_is_told_with_the_object(step: str, wanted: str, came: str) -> None:
+def test_a_different_value_is_reported_with_its_object(step: str, wanted: str, came: str) -> None:
     (result,) = run(step)
     assert result.reason
     assert (result.reason.expected, result.reason.came) == (wanted, came)
@@ -136,7 +136,7 @@ WRITTEN = [
 
 
 @pytest.mark.parametrize(("name", "value"), WRITTEN)
-def test_what_is_written_is_read_back(name: str, value: str) -> None:
+def test_a_written_value_is_read_back(name: str, value: str) -> None:
     steps = (
         f"write: {name}, value: '{value}'",
         f"read: {name}, expect: '{value}', save: x",
@@ -165,7 +165,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("step", "what"), REFUSED)
-def test_what_an_object_does_not_allow_is_told_with_its_place(step: str, what: str) -> None:
+def test_a_forbidden_value_of_an_object_is_reported_with_its_place(step: str, what: str) -> None:
     with pytest.raises(YamlError) as told:
         suite(step)
     (line,) = str(told.value).splitlines()
@@ -173,12 +173,12 @@ def test_what_an_object_does_not_allow_is_told_with_its_place(step: str, what: s
     assert line.endswith(f": {what}")
 
 
-def test_what_is_to_be_refused_may_be_outside_of_the_limits() -> None:
+def test_a_value_to_be_refused_may_exceed_the_limits() -> None:
     (result,) = run("write: 0x2001, value: 101, abort: 0x06090031")
     assert result.status is Status.PASSED
 
 
-def test_a_variable_that_is_nothing_of_the_object_is_red() -> None:
+def test_a_variable_of_another_type_is_red() -> None:
     read, written = run("read: Label, save: t", "write: Offset, value: '{t}'")
     assert (read.status, written.status) == (Status.PASSED, Status.FAILED)
     assert written.reason
@@ -199,5 +199,5 @@ def server(request: str, answer: str) -> str:
         (server("0x80000640", "0x800005C0"), 0x605, 0x585),  # the default server is there whatever is said
     ],
 )
-def test_a_nodes_sdo_is_where_the_file_says(more: str, request_id: int, answer_id: int) -> None:
+def test_sdo_cob_ids_come_from_the_file(more: str, request_id: int, answer_id: int) -> None:
     assert NodeServices.of(dictionary(more)) == ("arm", 5, request_id, answer_id)

@@ -103,5 +103,5 @@ SIGNS = {Status.PASSED: "+", Status.FAILED: "-", Status.SKIPPED: "."}
 
 
 @pytest.mark.parametrize(("steps", "ends"), RESTORED.values())
-def test_steps_that_put_back(steps: str, ends: str) -> None:
+def test_a_kept_value_is_restored(steps: str, ends: str) -> None:
     assert "".join(SIGNS[each] for each in run(steps)) == ends

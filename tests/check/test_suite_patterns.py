@@ -97,12 +97,12 @@ EMERGENCY = Frame(0x85, bytes.fromhex("1082110000000000"))
         (emergency(None), "00810100000000", ["length: expected 8 bytes, came 7 bytes"]),
     ],
 )
-def test_a_frame_fits_or_differs_in_what_is_said(pattern: Pattern, data: str, differs: list[str]) -> None:
+def test_a_pattern_names_the_differences_of_a_frame(pattern: Pattern, data: str, differs: list[str]) -> None:
     off = pattern.mismatches(Frame(pattern.cob_id, bytes.fromhex(data)), {})
     assert [f"{each.what}: {each.words}" for each in off] == differs
 
 
-def test_a_field_may_be_compared_with_what_came_before() -> None:
+def test_a_field_may_be_compared_with_a_saved_value() -> None:
     pattern, frame = state(speed="{seen}"), Frame(STATE.cob_id, bytes.fromhex("000201"))
     assert pattern.mismatches(frame, {"seen": 258}) == []
     assert [f"{each.what}: {each.words}" for each in pattern.mismatches(frame, {"seen": 1})] == [
@@ -125,15 +125,17 @@ def test_a_field_may_be_compared_with_what_came_before() -> None:
         (heartbeat(None), "heartbeat of arm", "heartbeat of arm: any", False),
     ],
 )
-def test_a_pattern_is_written_and_ends_the_waiting_or_not(pattern: Pattern, name: str, text: str, final: bool) -> None:
+def test_which_patterns_end_the_waiting_with_a_different_frame(
+    pattern: Pattern, name: str, text: str, final: bool
+) -> None:
     assert (str(pattern), pattern.text({"seen": 7}), is_final(pattern, EMERGENCY)) == (name, text, final)
 
 
-def test_that_an_error_is_gone_does_not_end_the_waiting_for_one() -> None:
+def test_an_emcy_that_resets_an_error_does_not_end_the_waiting_for_another() -> None:
     assert not is_final(emergency(0x8130), Frame(0x85, bytes(8)))
 
 
-def test_what_is_sent_is_a_message_of_values_and_variables_or_a_frame() -> None:
+def test_a_step_sends_a_message_of_values_and_variables_or_a_raw_frame() -> None:
     sent = SentMessage(ARM, STATE, {"level": SCALE.operand("100"), "speed": SCALE.operand("{seen}")})
     assert (str(sent), sent.frame({"seen": 258})) == ("State", Frame(0x185, bytes.fromhex("640201")))
     frame = Frame(0x123, b"\x0a")

@@ -105,42 +105,42 @@ NO_VALUES = [
 
 
 @pytest.mark.parametrize(("kind", "text", "value"), FITTING)
-def test_fits(kind: Kind, text: str, value: Any) -> None:
+def test_values_that_meet_an_expectation(kind: Kind, text: str, value: Any) -> None:
     assert expectation(text, scale(kind)).fits(value, {"t": 1000})
 
 
 @pytest.mark.parametrize(("kind", "text", "value"), UNFIT)
-def test_does_not_fit(kind: Kind, text: str, value: Any) -> None:
+def test_values_that_do_not_meet_an_expectation(kind: Kind, text: str, value: Any) -> None:
     assert not expectation(text, scale(kind)).fits(value, {"t": 1000})
 
 
 @pytest.mark.parametrize(("kind", "text"), [row[:2] for row in NO_VALUES])
-def test_refuses(kind: Kind, text: str) -> None:
+def test_a_wrong_value_is_refused(kind: Kind, text: str) -> None:
     with pytest.raises(ValueProblem, match="is not allowed; allowed: "):
         expectation(text, scale(kind))
 
 
-def test_refuses_a_key_that_is_not_there() -> None:
+def test_an_unknown_key_is_refused() -> None:
     with pytest.raises(UnknownName, match="unknown gate 'gate 9'"):
         expectation("gate 9:locked", scale(FLAGS))
 
 
-def test_refuses_a_variable_that_nobody_saves() -> None:
+def test_a_variable_that_no_step_saves_is_refused() -> None:
     with pytest.raises(UnknownName, match="unknown variable 'tt'"):
         expectation("{tt}", scale(X))
 
 
-def test_refuses_a_constant_that_is_not_allowed_there() -> None:
+def test_a_constant_with_a_forbidden_value_is_refused() -> None:
     with pytest.raises(ValueProblem, match=r"'60' is not allowed; allowed: 0\.\.50 %"):
         expectation("{speed}", scale(PERCENT, 50))
 
 
-def test_says_what_may_be_written() -> None:
+def test_an_error_lists_the_allowed_values() -> None:
     with pytest.raises(ValueProblem, match=r"allowed: any whole angle in degrees, unknown$"):
         expectation("None", scale(HEADING))
 
 
-def test_needs_the_variable_to_be_saved_by_then() -> None:
+def test_a_variable_without_a_value_raises_not_saved() -> None:
     with pytest.raises(NotSaved, match="no step before has saved 't'"):
         expectation("{t}", scale(X)).fits(1, {})
 
@@ -154,5 +154,5 @@ SHOWN = [
 
 
 @pytest.mark.parametrize(("text", "shown"), SHOWN)
-def test_shows_itself(text: str, shown: str) -> None:
+def test_an_expectation_is_formatted(text: str, shown: str) -> None:
     assert expectation(text, scale(X)).text({"t": 7}) == shown

@@ -128,7 +128,7 @@ def devices(draw: st.DrawFn) -> str:
 
 @given(devices())
 @settings(max_examples=settings().max_examples // 8)  # each file is some 400 steps
-def test_no_step_is_red_on_a_device_that_is_its_file(text: str) -> None:
+def test_no_step_is_red_on_a_device_made_from_its_file(text: str) -> None:
     dictionary = Dictionary.read(text.encode("latin-1", "replace"), Path("device.eds"), NODE_ID)
     assert red(steps(suites_of(dictionary, Tier.DESTRUCTIVE))) == []
 

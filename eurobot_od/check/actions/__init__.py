@@ -1,7 +1,7 @@
-"""What a step of a suite can do: each action is defined once, with its keys, how they are read, and what it does.
+"""The actions of steps: each is defined once, with its keys, how they are read, and what it does.
 
-A module has the actions of one kind, each a value with `run`, and enters them into its table by their keys. A device
-package enters its own in the same way (see `steps.SuiteAction`).
+Each module has the actions of one kind, each a value with `run`, and a table of them by key. A device package adds its
+actions in the same way (see `steps.SuiteAction`).
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from eurobot_od.check.actions.objects import SdoRead, SdoRestore, SdoWrite
 from eurobot_od.check.shapes import MakeRow
 
 ACTIONS: Final[Mapping[str, MakeRow]] = {**frames.ACTIONS, **objects.ACTIONS, **nodes.ACTIONS, **flow.ACTIONS}
-"""All actions by their keys."""
+"""All actions by key."""
 
 QUESTIONS = (Send, SdoRead, SdoWrite, SdoRestore, Dump, SelfReported, Poll)
-"""Actions that an answer of before would be taken for an answer to."""
+"""Actions for which an earlier answer would be taken for theirs."""
 
 LOOKS = (*QUESTIONS, Nmt, Never, Period)
-"""Actions that a frame which comes late would be taken for an answer to, or for one that may not come."""
+"""Actions for which a late frame would be taken for an answer, or for a forbidden frame."""

@@ -1,4 +1,4 @@
-"""Actions with frames: send, answer, expect, wait for them, and keep what they carry."""
+"""Actions with frames: send, answer, expect, and save their values."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from eurobot_od.support.texts import amount
 from eurobot_od.support.yaml_shapes import NUMBER, Key, Shape
 
 REGISTER = 2
-"""Where the error register stands in an EMCY (CiA 301, 7.2.7.4)."""
+"""Byte of the error register in an EMCY (CiA 301, 7.2.7.4)."""
 
 LATE_ONES = (ServicePattern, FramePattern)
-"""Patterns of frames that may still come after they were missed; messages are left to the suite's own steps."""
+"""Patterns whose missed frames are waited for before the next step."""
 
 EVERY = {"every": Key(SOME_TIME, "time from one to the next", needed=True)}
 
@@ -37,19 +37,19 @@ class Send(NamedTuple):
         return f"send {self.sent}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
-        if not tester.is_asking:  # several in a row are one question, or the second would lose the answer to the first
+        """Run the action; raises as `suite.StepAction.run`."""
+        if not tester.is_asking:  # several in a row are one request, or the second would lose the answer to the first
             tester.ask()
         await tester.put_raw(self.sent.frame(tester.variables))
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         return ActionRow(shapes.frames.sent, Send)
 
 
 class Answer(NamedTuple):
-    """From now on answer each frame with one of these COB-IDs, as a node would; None: no longer."""
+    """From now on answer each frame with one of these COB-IDs, as a node would; None ends its answers."""
 
     answers: Mapping[int, Sent | None]
 
@@ -57,7 +57,7 @@ class Answer(NamedTuple):
         return f"answer {', '.join(f'0x{cob_id:03X}' for cob_id in self.answers)}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
+        """Run the action; raises as `suite.StepAction.run`."""
         for cob_id, sent in self.answers.items():
             tester.answers.pop(cob_id, None)
             if sent is not None:
@@ -65,12 +65,12 @@ class Answer(NamedTuple):
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         return ActionRow(shapes.frames.answers, Answer)
 
 
 class Expect(NamedTuple):
-    """Wait for frames, `within` seconds at most (None: the suite's timeout)."""
+    """Wait for frames for up to `within` s (None: the suite's timeout)."""
 
     expected: Patterns
     within: float | None = None
@@ -79,10 +79,14 @@ class Expect(NamedTuple):
         return f"expect {self.expected}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
-        order, left = self.expected.order, list(self.expected.patterns)
-        begun, longest = tester.trace.now, tester.longest(self.within)
-        deadline, start, other = begun + longest, tester.mark, None
+        """Run the action; raises as `suite.StepAction.run`."""
+        order = self.expected.order
+        left = list(self.expected.patterns)
+        begun = tester.trace.now
+        longest = tester.longest(self.within)
+        deadline = begun + longest
+        start = tester.mark
+        other = None
         while left:
             found = await tester.next(left, start, deadline)
             if found is None:
@@ -93,7 +97,7 @@ class Expect(NamedTuple):
                 raise Failed(what, "; ".join(each.text(tester.variables) for each in left), "nothing")
             number, seen = found
             start = number + 1
-            # In order, only the first one may come: a later one that comes now is reported as out of order.
+            # In order, only the first pattern may match; a frame for a later one is out of order.
             tried = left[:1] if order is suite.Order.IN_ORDER else left
             hit = next((each for each in tried if not tester.mismatches(each, seen)), None)
             if hit is not None:
@@ -101,10 +105,10 @@ class Expect(NamedTuple):
                 if isinstance(hit, ServicePattern) and hit.save is not None:
                     tester.variables[hit.save] = seen.frame.data[REGISTER]
                 left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
-                tester.came(seen.time - begun, longest)
-                start = tester.mark  # a frame passed over may be what the remaining patterns wait for
+                tester.note_wait(seen.time - begun, longest)
+                start = tester.mark  # the remaining patterns may match frames that were passed over
             elif any(is_final(each, seen.frame) for each in left if each.cob_id == seen.frame.cob_id):
-                # Reported against the closest pattern: one of the same message, with the fewest differences.
+                # The error names the closest pattern: of the same message, with the fewest differences.
                 ranks = [(each.cob_id != seen.frame.cob_id, len(tester.mismatches(each, seen))) for each in tried]
                 nearest = tried[ranks.index(min(ranks))]
                 raise tester.with_last(f"{nearest} is not as expected", nearest, seen)
@@ -113,22 +117,22 @@ class Expect(NamedTuple):
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         return ActionRow(shapes.frames.patterns, Expect, WITHIN)
 
     @staticmethod
     def heartbeat(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names the expectation of a heartbeat."""
+        """Return the row for `heartbeat`."""
         return _row_of_one(shapes.services.heartbeat)
 
     @staticmethod
     def emcy(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names the expectation of an EMCY."""
+        """Return the row for `emcy`."""
         return _row_of_one(shapes.services.emcy)
 
 
 class Await(NamedTuple):
-    """Take what comes from now on, until a frame is as wanted, `within` seconds at most."""
+    """Wait for up to `within` s until a matching frame comes; other frames do not fail the step."""
 
     pattern: Pattern
     within: float | None = None
@@ -137,8 +141,10 @@ class Await(NamedTuple):
         return f"await {self.pattern}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
-        start, last, deadline = len(tester.trace), None, tester.deadline(self.within)
+        """Run the action; raises as `suite.StepAction.run`."""
+        start = len(tester.trace)
+        last = None
+        deadline = tester.deadline(self.within)
         while (found := await tester.next([self.pattern], start, deadline)) is not None:
             number, last = found
             start = number + 1
@@ -150,12 +156,12 @@ class Await(NamedTuple):
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         return ActionRow(shapes.frames.pattern, Await, WITHIN)
 
 
 class Never(NamedTuple):
-    """See that no such frame comes for `span` seconds."""
+    """Fail if a matching frame comes within `span` s."""
 
     pattern: Pattern
     span: float
@@ -164,8 +170,9 @@ class Never(NamedTuple):
         return f"never {self.pattern}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
-        start, deadline = tester.edge, tester.deadline(self.span)
+        """Run the action; raises as `suite.StepAction.run`."""
+        start = tester.edge
+        deadline = tester.deadline(self.span)
         while (found := await tester.next([self.pattern], start, deadline)) is not None:
             number, seen = found
             if not tester.mismatches(self.pattern, seen):
@@ -176,16 +183,16 @@ class Never(NamedTuple):
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         span = Key(DURATION, "how long none may come", needed=True)
-        # `for` is a word of Python's, and no name of a parameter
+        # `for` is a keyword of Python, so it cannot name a parameter
         return ActionRow(shapes.frames.pattern, lambda pattern, **keys: Never(pattern, keys["for"]), {"for": span})
 
 
 class Poll(NamedTuple):
-    """Send again and again until a frame is as wanted, `within` seconds at most.
+    """Send again and again until a matching frame comes, for up to `within` s.
 
-    The time from one to the next grows by a `factor` each time.
+    The time from one to the next is multiplied by `factor` each time.
     """
 
     sent: Sent
@@ -198,28 +205,32 @@ class Poll(NamedTuple):
         return f"poll {self.sent}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
+        """Run the action; raises as `suite.StepAction.run`."""
         tester.ask()
-        started, start, last = tester.trace.now, tester.mark, None
-        deadline, count, periods = tester.deadline(self.within), 0, 0
+        started = tester.trace.now
+        start = tester.mark
+        last = None
+        deadline = tester.deadline(self.within)
+        count = 0
+        periods = 0
         while tester.trace.now < deadline:
             await tester.put(self.sent.frame(tester.variables))
             periods += self.factor**count
             count += 1
-            # counted from the start, so that what sending takes does not add up over many polls
+            # counted from the start, so that the time for sending does not add up
             pause = min(started + periods * self.every, deadline)
             while (found := await tester.next([self.until], start, pause)) is not None:
                 number, last = found
                 start = number + 1
                 if not tester.mismatches(self.until, last):
                     tester.use(number)
-                    tester.came(last.time - started, tester.longest(self.within))
+                    tester.note_wait(last.time - started, tester.longest(self.within))
                     return
         raise tester.with_last(f"{self.until} not as wanted after {count} x {self.sent}", self.until, last)
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         question = {"send": Key(shapes.frames.sent, "what is sent", needed=True), **EVERY, "factor": Key(COUNT)}
         until = {"until": Key(shapes.frames.pattern, "which frame ends it", needed=True), **WITHIN}
         polled = yaml_shapes.record(lambda send, every, factor=1: (send, every, factor), question)
@@ -228,10 +239,10 @@ class Poll(NamedTuple):
 
 @dataclass(frozen=True)  # not a named tuple: those have a method `count`
 class Period:
-    """See that `count` distances between frames are `every` seconds, give or take `tolerance`.
+    """Fail unless `count` distances between frames are `every` s, within the tolerance.
 
-    So is their median, and each of them, but for the time by which the tester itself was late meanwhile; with `worst`
-    one of them may be off by that.
+    The median has to be within `tolerance`, each single distance as well, plus the time by which the tester itself was
+    late; `worst` replaces `tolerance` for a single one.
     """
 
     message: Pattern
@@ -242,14 +253,14 @@ class Period:
 
     @property
     def most(self) -> float:
-        """By how much a single distance may be off, in s."""
+        """Tolerance of a single distance, in s."""
         return self.tolerance if self.worst is None else self.worst
 
     def __str__(self) -> str:
         return f"period of {self.message}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
+        """Run the action; raises as `suite.StepAction.run`."""
         with tester.trace.lateness() as late:
             seen = await self._seen(tester)
             own = late()
@@ -271,10 +282,10 @@ class Period:
             tester.remark = f"{self.message} every {wanted}: at the worst {shown}"
 
     async def _seen(self, tester: BenchTester) -> list[SeenFrame]:
-        """Return one frame more than there are periods between them."""
+        """Return the frames of the periods, one more than there are periods."""
         seen: list[SeenFrame] = []
         for number in range(self.count + 1):
-            # A frame that is late is still seen, one that is left out is not waited for.
+            # Long enough for a late frame, not for the one after a missing frame.
             latest = self.most + self.every * (1 + bool(seen))
             start = seen[-1].time if seen else tester.trace.now
             found = await tester.next([self.message], tester.edge, start + latest)
@@ -290,7 +301,7 @@ class Period:
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         measured = {
             "message": Key(shapes.frames.pattern, "which frame", needed=True),
             **EVERY,
@@ -302,7 +313,7 @@ class Period:
 
 
 class Unheard(NamedTuple):
-    """See that nobody but the tester has sent a frame with an identifier since the suite began."""
+    """Fail if anyone but the tester has used this COB-ID since the suite began."""
 
     cob_id: int
 
@@ -310,7 +321,7 @@ class Unheard(NamedTuple):
         return f"nothing on 0x{self.cob_id:03X}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
+        """Run the action; raises as `suite.StepAction.run`."""
         seen = [each for each in tester.trace.frames if each.frame.cob_id == self.cob_id and not each.own]
         if seen and (suite.Reported.HEARD, self.cob_id) in tester.reported:
             raise Skipped("it came again, and was red before")
@@ -321,12 +332,12 @@ class Unheard(NamedTuple):
 
     @staticmethod
     def row(_: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         return ActionRow(yaml_shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier"), Unheard)
 
 
 class Save(NamedTuple):
-    """Give variables the values of fields of the messages received last."""
+    """Set variables to fields of the last received messages."""
 
     variables: Mapping[str, suite.FieldOf]
 
@@ -334,7 +345,7 @@ class Save(NamedTuple):
         return f"save {', '.join(self.variables)}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
+        """Run the action; raises as `suite.StepAction.run`."""
         for name, (binding, field) in self.variables.items():
             frames = (each.frame for each in reversed(tester.trace.frames) if not each.own)
             last = next((frame for frame in frames if frame.cob_id == binding.cob_id), None)
@@ -344,7 +355,7 @@ class Save(NamedTuple):
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         return ActionRow(yaml_shapes.mapping(shapes.frames.field, NAME), Save)
 
 
@@ -365,4 +376,4 @@ ACTIONS = {
     "emcy": Expect.emcy,
     "save": Save.row,
 }
-"""The actions of this module by their keys."""
+"""The actions of this module by key."""

@@ -1,4 +1,4 @@
-"""Actions with a whole node by SDO: its boot-up, its errors, and all that it keeps."""
+"""Actions with a whole node by SDO: its boot-up, its errors, and a dump of its objects."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from eurobot_od.support.texts import amount
 from eurobot_od.support.yaml_shapes import Key
 
 BOOTED = bytes([NmtState.INITIALISING])
-"""The data of a boot-up (CiA 301, 7.3.2.2.2)."""
+"""Data of a boot-up message (CiA 301, 7.3.2.2.2)."""
 
 ERROR_CONTROL = range(ERROR_CONTROL_BASE + 1, ERROR_CONTROL_BASE + 0x80)
 
 POLLED = 0.1
-"""Seconds for an answer to the question whether a node is there."""
+"""Maximum time for the answer of a node that may still boot, in s."""
 
 
 class BootUp(NamedTuple):
-    """Wait for the boot-up that ends a reset; without one ask by SDO, as long again, whether the node is there."""
+    """Wait for the boot-up after a reset; without one, ask by SDO for as long again whether the node is there."""
 
     node: NodeServices
     within: float | None = None
@@ -46,9 +46,12 @@ class BootUp(NamedTuple):
         return f"boot-up of {self.node.name}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Wait for a boot-up; raises Failed once for a node that sends none, Gone for one that does not come back."""
+        """Wait for the boot-up.
+
+        Raises Failed, once per node, if the node answers without a boot-up, Gone if it does not come back.
+        """
         missing = Reported.NO_BOOT_UP, self.node
-        # One that sends none is waited for once, and reported once.
+        # For a node without boot-up, only the first step waits for one.
         if missing not in tester.reported and await self._booted(tester):
             return
         deadline = tester.deadline(self.within)
@@ -62,20 +65,22 @@ class BootUp(NamedTuple):
             raise Failed(f"{self._no_boot_up(tester)}, but the node answers SDO requests")
 
     async def _booted(self, tester: BenchTester) -> bool:
-        """Wait for the boot-up since the last question; False if none comes in its time."""
-        own, deadline = frozenset([ERROR_CONTROL_BASE + self.node.node_id]), tester.deadline(self.within)
-        begun, start = tester.trace.now, tester.mark
-        # What comes before it was under way when the node heard of the reset: heartbeats, answers to guarding.
+        """Wait for a boot-up since the last request; return whether it came."""
+        own = frozenset([ERROR_CONTROL_BASE + self.node.node_id])
+        deadline = tester.deadline(self.within)
+        begun = tester.trace.now
+        start = tester.mark
+        # Heartbeats and answers to guarding may come first, as they were queued before the reset.
         while (number := await tester.trace.first(own, start, deadline)) is not None:
             start = number + 1
             if tester.trace.frames[number].frame.data == BOOTED:
                 tester.use(number)
-                tester.came(tester.trace.frames[number].time - begun, tester.longest(self.within))
+                tester.note_wait(tester.trace.frames[number].time - begun, tester.longest(self.within))
                 return True
         return False
 
     def _no_boot_up(self, tester: BenchTester) -> str:
-        """Say that no boot-up came, and whose came instead: a node may come back with another node-ID."""
+        """Return that no boot-up came, and which other node-ID booted instead: the node may have changed its own."""
         seen = (frame for _, frame, own in tester.trace.frames[tester.mark :] if not own and frame.data == BOOTED)
         others = sorted({frame.cob_id - ERROR_CONTROL_BASE for frame in seen if frame.cob_id in ERROR_CONTROL})
         instead = f" (node {', '.join(map(str, others))} booted instead)" if others else ""
@@ -84,7 +89,7 @@ class BootUp(NamedTuple):
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         awaited = Key(yaml_shapes.named({"awaited": True}, "boot-up"), "the boot-up is waited for", needed=True)
         services = shapes.services
         boot_up = services.service("when", awaited, lambda _, given: BootUp(services.of(given)))
@@ -92,10 +97,10 @@ class BootUp(NamedTuple):
 
 
 class Dump(NamedTuple):
-    """Read many objects, and keep what they have, or see that it is what was kept.
+    """Read many objects, and keep their values, or compare them with those kept.
 
-    `process_data` are those that the device's own application writes: they are read, but not compared. So are those
-    that change while nobody writes them.
+    `process_data` are objects that the device's application writes: they are read, but not compared. Objects that
+    change between two reads are not compared, either.
     """
 
     node: NodeServices
@@ -107,7 +112,7 @@ class Dump(NamedTuple):
         return f"dump of {amount(len(self.variables), 'object')}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
+        """Run the action; raises as `suite.StepAction.run`."""
         if self.equal and not tester.dumped:
             raise Skipped("nothing was read before")
         tester.ask()
@@ -115,7 +120,8 @@ class Dump(NamedTuple):
         if not self.equal:
             again = await self._values(tester)
             sent = {objects.label(each) for each in self.variables if objects.address_of(each) in self.process_data}
-            tester.dumped, tester.process_data = again, sent | {each for each in dump if dump[each] != again[each]}
+            tester.dumped = again
+            tester.process_data = sent | {each for each in dump if dump[each] != again[each]}
             return
         before = {each: tester.dumped.get(each, "not read") for each in dump}
         differing = [each for each in dump if before[each] != dump[each]]
@@ -133,14 +139,14 @@ class Dump(NamedTuple):
             tester.remark = f"not as before, but process data, which is not compared: {', '.join(left_out)}"
 
     async def _values(self, tester: BenchTester) -> dict[str, str]:
-        """Read the objects; one that is refused has the abort in place of its value."""
+        """Read the objects; a refused one has the abort as its value."""
         dump = {}
         for variable in self.variables:
             try:
                 read = partial(whole_upload, objects.address_of(variable), tester.timeout)
                 data = await tester.asked(read, self.node)
                 dump[objects.label(variable)] = data.hex(" ").upper()
-            except sdo.Aborted as error:  # a dump is red only if something has changed, a refusal too
+            except sdo.Aborted as error:  # a refusal is a value, too: a dump is red only for changes
                 dump[objects.label(variable)] = code_and_reason(error.code)
             except sdo.OddAnswer as error:
                 dump[objects.label(variable)] = str(error)
@@ -148,18 +154,18 @@ class Dump(NamedTuple):
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         when = Key(yaml_shapes.named({"before": False, "equal": True}, "dump"), "before or equal", needed=True)
 
         def make(is_equal: bool, given: Dictionary | None) -> Dump:
             node = shapes.services.dictionary(given)
-            # What keeps its value while nobody writes it: `ro` is measured, a DOMAIN a file of any size. Of the
-            # history it is the number: what is left there is to be cleared by who left it.
+            # Objects that keep their value unless written: `ro` is measured, a DOMAIN is a file of any size. Of the
+            # error history only the number, as errors can be cleared only by the client that caused them.
             steady = (each for each in objects.all_objects(node.objects) if each.access_type in ("rw", "const"))
             kept = (each for each in steady if each.index not in COMMANDS or objects.address_of(each) == ERRORS)
             seen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
             chosen = (each for each in seen if objects.data_type(each) is not DOMAIN)
-            # What a TPDO carries out of the device, its own application writes.
+            # The device's application writes the objects that TPDOs send.
             pdos = node.read_pdos(node.default, lambda _: None)
             sent = (entry.address for each in pdos if each.direction is PdoDirection.TPDO for entry in each.mapping)
             return Dump(NodeServices.of(node), tuple(chosen), is_equal, frozenset(sent))
@@ -168,7 +174,7 @@ class Dump(NamedTuple):
 
 
 class SelfReported(NamedTuple):
-    """See that a node reports no error itself: by its error register 0x1001, and its error history 0x1003."""
+    """Fail if a node reports an error by its error register 0x1001, with the errors of its history 0x1003."""
 
     node: NodeServices
 
@@ -176,7 +182,7 @@ class SelfReported(NamedTuple):
         return "no error"
 
     async def run(self, tester: BenchTester) -> None:
-        """Read what errors the node has; raises NoAnswer, Failed with all of them in words, Skipped without 0x1001."""
+        """Read the node's errors; raises NoAnswer, Failed with all errors as text, Skipped if it has no 0x1001."""
         tester.ask()
         try:
             register = await tester.asked(partial(sdo.upload, ERROR_REGISTER, tester.timeout), self.node)
@@ -185,12 +191,12 @@ class SelfReported(NamedTuple):
         bits = int.from_bytes(register, "little")
         if bits:
             words = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
-            with suppress(sdo.Aborted):  # no device has to remember its errors: 0x1003 is optional (CiA 301, 7.5.2.4)
+            with suppress(sdo.Aborted):  # the history 0x1003 is optional (CiA 301, 7.5.2.4)
                 count = await tester.asked(partial(sdo.upload, ERRORS, tester.timeout), self.node)
                 for sub in range(1, min(int.from_bytes(count, "little"), HISTORY) + 1):
                     read = partial(sdo.upload, (ERROR_FIELD, sub), tester.timeout)
                     remembered = await tester.asked(read, self.node)
-                    # Its lower half is the error code, the upper half the maker's.
+                    # The lower half is the error code, the upper half the manufacturer's.
                     code = int.from_bytes(remembered[:2], "little")
                     words.append(f"0x{code:04X} {error_words(code, {})}")
             tester.reported.add((Reported.OWN_ERROR, self.node))
@@ -198,16 +204,17 @@ class SelfReported(NamedTuple):
 
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
-        """Return how a suite names it."""
+        """Return the row for the table of actions."""
         none = Key(yaml_shapes.named({"none": True}, "errors"), "none are there", needed=True)
         services = shapes.services
         return ActionRow(services.service("wanted", none, lambda _, given: SelfReported(services.of(given))))
 
 
 async def follows_from_own_error(tester: BenchTester, action: object) -> bool:
-    """Return whether a node that does not send what is awaited has a known error, and was just told to be OPERATIONAL.
+    """Return whether a missing frame follows from an error that the node has reported before.
 
-    By 0x1029 such a node may refuse that, or leave it again.
+    A node with an error may refuse to enter OPERATIONAL or leave it again (0x1029), so after an NMT start its frames
+    may be missing.
     """
     nodes = (each for _, each in tester.reported if isinstance(each, NodeServices))
     node = next((each for each in nodes if each.node_id == tester.started), None)
@@ -221,4 +228,4 @@ async def follows_from_own_error(tester: BenchTester, action: object) -> bool:
 
 
 ACTIONS = {"dump": Dump.row, "boot-up": BootUp.row, "errors": SelfReported.row}
-"""The actions of this module by their keys."""
+"""The actions of this module by key."""

@@ -1,4 +1,4 @@
-"""Actions with one object by SDO: read it, write it, put it back."""
+"""Actions with one object by SDO: read, write, restore."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 import yaml
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.check.shapes import ABORTS, NAME, TRANSFERS, WITHIN, ActionRow, DocumentShapes, pairs_at
+from eurobot_od.check.shapes import ABORTS, NAME, TRANSFERS, WITHIN, ActionRow, DocumentShapes, MakeRow, pairs_at
 from eurobot_od.check.suite import AbortCodes, Blocks, Mismatch, NodeServices
 from eurobot_od.check.tester import BenchTester, Failed, Skipped
 from eurobot_od.check.values import Expected, ObjectValues, Operand, ValueProblem, Variables, expectation
@@ -31,10 +31,9 @@ NOT_WHILE_VALID = (COB_ID, values.INHIBIT_TIME, values.SYNC_START)
 
 
 class SdoRead(NamedTuple):
-    """Read an object: its value is `expected`, or the node aborts with `abort`; may be saved in a variable.
+    """Read an object: its value is `expected`, or the node aborts with `abort`; `save` names a variable for the value.
 
-    A node that refuses with one of the codes in `optional` lacks what is asked for: the step is skipped. `blocks` has
-    it transferred in blocks.
+    If the node aborts with one of the codes in `optional`, the step is skipped. `blocks` selects the transfer.
     """
 
     node: NodeServices
@@ -50,17 +49,17 @@ class SdoRead(NamedTuple):
         return f"SDO read {objects.label(self.variable)}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
+        """Run the action; raises as `suite.StepAction.run`."""
         tester.ask()
         if self.save is not None:
-            tester.variables.pop(self.save, None)  # what another object had under this name is not this one's
+            tester.variables.pop(self.save, None)  # another object may have set this variable
         begin = _UPLOADS[self.blocks]
         address = objects.address_of(self.variable)
         data = await _transferred(tester, self, partial(begin, address, tester.longest(self.within)))
         if data is None:
             return
         size = objects.data_type(self.variable).size
-        # Size 0 is a type of any length. Another length is red by itself: decoding would fill it up or cut it off.
+        # Size 0 is a type of any length. A wrong length is an error of its own: decoding would pad or cut the value.
         if size not in (0, len(data)):
             raise ValueProblem(f"{amount(len(data), 'byte')} came, the object has {size}")
         value = objects.decode(self.variable, data)
@@ -75,7 +74,7 @@ class SdoRead(NamedTuple):
 
 
 class SdoWrite(NamedTuple):
-    """Write an object; the node takes it, or aborts with `abort`. `optional` and `blocks` are as for SdoRead."""
+    """Write an object; the node accepts the value, or aborts with `abort`. Other fields are as for SdoRead."""
 
     node: NodeServices
     variable: ODVariable
@@ -86,9 +85,9 @@ class SdoWrite(NamedTuple):
     within: float | None = None
 
     def content(self, variables: Variables) -> bytes:
-        """Return the bytes that are written; raises NotSaved, FieldError.
+        """Return the bytes to write; raises NotSaved, FieldError.
 
-        Of what a variable holds, the node says itself whether it is within the limits.
+        The value of a variable may exceed the limits in the file: the node has to check it.
         """
         return objects.encode(objects.unlimited(self.variable), self.value.resolve(variables))
 
@@ -96,7 +95,7 @@ class SdoWrite(NamedTuple):
         return f"SDO write {objects.label(self.variable)}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Do it; raises as `suite.StepAction.run`."""
+        """Run the action; raises as `suite.StepAction.run`."""
         tester.ask()
         begin = _DOWNLOADS[self.blocks]
         content = self.content(tester.variables)
@@ -105,7 +104,7 @@ class SdoWrite(NamedTuple):
 
 
 class SdoRestore(NamedTuple):
-    """Give an object the value that a variable has kept, unless it has it; of a PDO as CiA 301, 7.5.2.35, says."""
+    """Write the value of a variable back to its object, if it differs; for a PDO as CiA 301, 7.5.2.35, requires."""
 
     node: NodeServices
     variable: ODVariable
@@ -113,7 +112,7 @@ class SdoRestore(NamedTuple):
     within: float | None = None
 
     def content(self, variables: Variables) -> bytes:
-        """Return the bytes that were kept; raises FieldError."""
+        """Return the bytes of the kept value; raises FieldError."""
         value = variables[self.saved]
         return value if isinstance(value, bytes) else objects.encode(self.variable, value)
 
@@ -121,23 +120,28 @@ class SdoRestore(NamedTuple):
         return f"SDO restore {objects.label(self.variable)}"
 
     async def run(self, tester: BenchTester) -> None:
-        """Write only what differs; raises Failed if the node does not have the value afterwards."""
-        # An interrupt may have come before it was read, and the variable still have what another object had.
+        """Write back what differs; raises Failed if the node does not have the value afterwards."""
+        # After an interrupt the variable may be unset, or hold another object's value.
         if self.saved not in tester.variables or tester.kept[self.saved] != objects.address_of(self.variable):
             raise Skipped("it was not read before, so nothing of it has been changed")
         tester.ask()
-        address, content = objects.address_of(self.variable), self.content(tester.variables)
+        address = objects.address_of(self.variable)
+        content = self.content(tester.variables)
         tester.taken.discard(address)
         if await self._read(tester, address) == content:
             return
         if address == ERRORS and any(content):
             raise Skipped("errors can be cleared, but not brought back")  # (CiA 301, 7.5.2.4)
-        before, after, refused = list[tuple[Address, bytes]](), list[tuple[Address, bytes]](), ""
-        for other, change in _meanwhile(address):
+        before = list[tuple[Address, bytes]]()
+        after = list[tuple[Address, bytes]]()
+        refused = ""
+        for other, change in _unlocking(address):
             old = await self._read(tester, other)
             new = change(int.from_bytes(old, "little")).to_bytes(len(old), "little")
-            before += [(other, new)] * (new != old)
-            after += [(other, old)] * (new != old and other != address)
+            if new != old:
+                before.append((other, new))
+                if other != address:
+                    after.append((other, old))
         for at, data in (*before, (address, content), *reversed(after)):
             try:
                 await tester.asked(partial(sdo.download, at, data, tester.longest(self.within)), self.node)
@@ -145,14 +149,14 @@ class SdoRestore(NamedTuple):
                 refused = f" ({label(at)}: {error})"
         now = await self._read(tester, address)
         if refused and address[0] in MAPPINGS and address[1] and not any(content):
-            # No clause says that an entry behind the last one can be 0, which is not an object.
+            # No clause allows to write 0, which is no object, to an entry behind the last one.
             raise Skipped(f"an entry that maps nothing{refused}")
         if now != content:
             what = f"{objects.label(self.variable)} cannot be put back{refused}"
             raise Failed(what, content.hex(" ").upper(), now.hex(" ").upper() or "nothing")
 
     async def _read(self, tester: BenchTester, address: Address) -> bytes:
-        """Read an object; one that cannot be read now is empty."""
+        """Read an object; return nothing if it is refused."""
         with suppress(sdo.Aborted):
             return await tester.asked(partial(sdo.upload, address, tester.longest(self.within)), self.node)
         return b""
@@ -164,11 +168,12 @@ SdoAction: TypeAlias = "SdoRead | SdoWrite | SdoRestore"
 async def _transferred(
     tester: BenchTester, action: SdoRead | SdoWrite, begin: Callable[[], sdo.Transfer]
 ) -> bytes | None:
-    """Do a transfer that may have to be refused; None if it was refused as it had to be.
+    """Do the transfer of a step; return None if the node refused as expected.
 
     Raises Failed, Skipped, NoAnswer, OddAnswer.
     """
-    wanted, address = None if action.abort is None else str(action.abort), objects.address_of(action.variable)
+    wanted = None if action.abort is None else str(action.abort)
+    address = objects.address_of(action.variable)
     if action.abort is not None and not action.abort.codes:
         tester.skip_if_taken(action.variable)
     try:
@@ -201,15 +206,16 @@ _DOWNLOADS: Mapping[Blocks, Callable[[Address, bytes, float], sdo.Transfer]] = {
 
 
 def whole_upload(address: Address, wait: float) -> sdo.Transfer:
-    """Return the transfer that reads an object of any length by segments, within `wait` s for each answer."""
+    """Return a transfer that reads an object of any length by segments, within `wait` s for each answer."""
     return _UPLOADS[Blocks.NONE](address, wait)
 
 
-def _meanwhile(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:
-    """Yield the objects that must have another value while an object is changed, and what becomes of theirs."""
+def _unlocking(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:
+    """Yield the objects that must have another value while an object is written, with the function for that value."""
     index, sub = address
     if index in MAPPINGS or (index in values.COMMUNICATIONS and sub in NOT_WHILE_VALID):
-        yield (index - values.MAPPING_OFFSET * (index in MAPPINGS), COB_ID), lambda cob_id: cob_id | values.NOT_VALID
+        record = index - values.MAPPING_OFFSET if index in MAPPINGS else index
+        yield (record, COB_ID), lambda cob_id: cob_id | values.NOT_VALID
     if index in MAPPINGS and sub:
         yield (index, 0), lambda _: 0  # (CiA 301, 7.5.2.36)
     if address == SYNC_COUNTER:
@@ -220,7 +226,7 @@ def _meanwhile(address: Address) -> Iterator[tuple[Address, Callable[[int], int]
 
 
 class SdoReader:
-    """Reads an `sdo` step with the words of one document."""
+    """Reads `sdo` steps of one document."""
 
     def __init__(self, shapes: DocumentShapes) -> None:
         self._words, self._services = shapes.words, shapes.services
@@ -237,7 +243,7 @@ class SdoReader:
         }
 
     def read(self, node: yaml.Node, problems: Problems) -> SdoAction:
-        """Read the step; raises ReadError with the problems noted."""
+        """Read the step; raises ReadError after adding the problems."""
         verbs = {key for key, _ in pairs_at(node)} & self._parts.keys()
         if len(verbs) != 1:
             refuse(node, problems, "an SDO step has either 'read' or 'write' or 'restore'")
@@ -252,7 +258,8 @@ class SdoReader:
         value = next((given[key] for key in ("data", "expect", "value") if key in given), None)
         where = given[verb] if value is None else value
         variable = taken(where, problems, lambda _: _looked_at(named, given, dictionary))
-        scale, service = self._words.scale(ObjectValues(variable)), NodeServices.of(dictionary)
+        scale = self._words.scale(ObjectValues(variable))
+        service = NodeServices.of(dictionary)
         refusals = {"abort": given.get("abort"), "optional": given.get("optional")}
         blocks: Blocks = given.get("transfer", Blocks.NONE)
         if verb == "restore":
@@ -265,18 +272,18 @@ class SdoReader:
 
 
 def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dictionary) -> ODVariable:
-    """Return an object as a step looks at it; raises LocalError for a value of one that no file describes."""
-    # Bytes are compared whatever the type; so are those of an object that the file lacks and the step only reads.
+    """Return an object as a step uses it; raises LocalError if the step has a value and no file describes its type."""
+    # `data` is compared as bytes; so is an object that no file describes and the step only reads.
     if "data" in given or not ({"expect", "value"} & given.keys() or objects.is_described(variable)):
         return objects.changed(variable, data_type=DOMAIN.code)
     if not objects.is_described(variable):
         raise LocalError(f"{objects.label(variable)} is not in the EDS of {dictionary.name}; use 'data'")
-    # What is to be refused may be all that its type can carry.
+    # A value to be refused may be any that the type can hold.
     return objects.unlimited(variable) if "abort" in given else variable
 
 
 def _check_together(verb: str, given: Mapping[str, Any]) -> None:
-    """Raise LocalError for keys of an SDO step that do not go together."""
+    """Check that the keys of an SDO step go together; raises LocalError."""
     if verb == "write" and ("value" in given) == ("data" in given):
         raise LocalError("an SDO write has either 'value' or 'data'")
     if verb == "read" and "data" in given and "expect" in given:
@@ -285,9 +292,5 @@ def _check_together(verb: str, given: Mapping[str, Any]) -> None:
         raise LocalError("an SDO read that is refused with 'abort' has nothing to expect or save")
 
 
-def _row(shapes: DocumentShapes) -> ActionRow:
-    return ActionRow(Shape(SdoReader(shapes).read), extra=WITHIN)
-
-
-ACTIONS = {"sdo": _row}
-"""The actions of this module by their keys."""
+ACTIONS: Mapping[str, MakeRow] = {"sdo": lambda shapes: ActionRow(Shape(SdoReader(shapes).read), extra=WITHIN)}
+"""The actions of this module by key."""

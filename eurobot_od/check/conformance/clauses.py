@@ -1,7 +1,7 @@
-"""What a conformance suite is made of: a device as its file describes it, and the clauses of a standard as steps.
+"""The parts of a conformance suite: a device as its file describes it, and the clauses of a standard as steps.
 
-A clause has its number, topic and tier, what it needs of a file, and its steps' names. A report has no more of a step
-than its name: `StepName` writes it for the suite, and reads it again for the report.
+A clause has its number, topic and tier, its needs in the file, and its steps' names. A report knows only a step's name:
+`StepName` writes it for the suite and parses it for the report.
 """
 
 from __future__ import annotations
@@ -36,25 +36,27 @@ NO_DEVICE_TYPE = "the file has no device type (0x1000)"
 EVERY_INDEX = range(0x10000)
 
 LONGEST_INHIBIT = 1000
-"""The longest time between two EMCY for which a step waits, in 100 us."""
+"""Maximum time between two EMCYs that a step waits for, in 100 us."""
 
 
 class Tier(Enum):
-    """What a step may cost; the value is the word in reports, and of the option."""
+    """What steps may change; the value is the word in reports, and the name of the option."""
 
     READING = "reading"
-    """Nothing is written but the heartbeat time, which acts at once and is put back; no other node is addressed."""
+    """Writes only the heartbeat time, which acts at once and is restored; addresses no other node."""
     REVERSIBLE = "reversible"
-    """NMT commands and resets, PDO records, own values written back, refused values of communication objects."""
+    """NMT commands and resets, PDO records, own values written again, refused values of communication objects."""
     DESTRUCTIVE = "destructive"
-    """All else: other values, refused values of the maker's objects, store and restore, frames to others."""
+    """Everything else: other values, refused values of manufacturer objects, store and restore, frames to others."""
     MOTION = "motion"
     """Drives only: the motor gets torque, and moves."""
     OUTPUTS = "outputs"
     """I/O modules only: outputs are switched."""
 
     def allows(self, tier: Tier) -> bool:
-        """Return whether a run of this tier does the steps of another one; all but reading include reversible ones."""
+        """Return whether a run of this tier does steps of another; each tier includes reading, all but reading
+        reversible.
+        """
         return tier in (self, Tier.READING) or (tier is Tier.REVERSIBLE and self is not Tier.READING)
 
 
@@ -62,18 +64,18 @@ class Tier(Enum):
 
 
 class Lacks(Exception):
-    """The file lacks what some steps need; the text is the reason with which they are skipped."""
+    """The file lacks what some steps need; the text is the reason for skipping them."""
 
 
 def need(found: FoundT | None, reason: str) -> FoundT:
-    """Return what was found; raises Lacks with the reason if that is None, False, or empty."""
+    """Return `found`; raises Lacks with the reason if it is None, False or empty."""
     if not found:
         raise Lacks(reason)
     return found
 
 
 def has(needed: Callable[..., object], *arguments: object) -> bool:
-    """Return whether the file lacks nothing of what is needed."""
+    """Return whether a need is met."""
     try:
         needed(*arguments)
     except Lacks:
@@ -82,7 +84,7 @@ def has(needed: Callable[..., object], *arguments: object) -> bool:
 
 
 def or_skipped(name: str, steps: Callable[..., Steps], *arguments: object) -> list[Data]:
-    """Make some steps, or in their place a skip of this name with the reason why they cannot be made."""
+    """Return the steps, or a skip of this name with the reason if the file lacks something."""
     try:
         return list(steps(*arguments))
     except Lacks as lack:
@@ -93,8 +95,8 @@ def or_skipped(name: str, steps: Callable[..., Steps], *arguments: object) -> li
 
 
 @dataclass(frozen=True)
-class Subject:
-    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one."""
+class DeviceUnderTest:
+    """The device under test, the `tier` of its steps, and in `only` the indices that are tested one by one."""
 
     dictionary: Dictionary
     tier: Tier = Tier.READING
@@ -102,22 +104,22 @@ class Subject:
 
     @cached_property
     def model(self) -> Device:
-        """A device that is its file: what it has after power-on is what the suites expect."""
+        """A simulated device made from the file; the suites expect its values after power-on."""
         return Device(self.dictionary)
 
     @cached_property
     def pdos(self) -> list[Pdo]:
-        """The PDOs that the file describes well, valid or not."""
+        """The PDOs with a correct description in the file, valid or not."""
         return list(self.dictionary.read_pdos(self.model.objects.value, lambda _: None))
 
     def of(self, direction: PdoDirection) -> list[Pdo]:
-        """Return the PDOs of a direction."""
+        """Return the PDOs of one direction."""
         return [each for each in self.pdos if each.direction is direction]
 
     def need_seen(self, pdo: Pdo) -> None:
-        """Need a PDO whose frames come, and can be distinguished from others; raises Lacks."""
+        """Need a PDO whose frames can be recognised; raises Lacks."""
         need(pdo.valid, f"{pdo.title} is not valid by default")
-        # Counted over all PDOs and services: by its identifier alone nobody could say whose frame it was that came.
+        # A frame is recognised by its COB-ID, so no other PDO or service may use that.
         taken = Counter(each.cob_id for each in self.pdos if each.valid) + Counter(self.model.service_identifiers)
         need(taken[pdo.cob_id] <= 1, f"{pdo.title} shares its COB-ID 0x{pdo.cob_id:03X}")
         need(pdo.length, f"{pdo.title} maps nothing")
@@ -125,34 +127,37 @@ class Subject:
         need(pdo.index in mapped, f"{pdo.title} has a mapping that does not hold")
 
     def seen(self, direction: PdoDirection) -> list[Pdo]:
-        """Return the PDOs of a direction whose frames can be looked at."""
+        """Return the PDOs of one direction whose frames can be recognised."""
         return [each for each in self.of(direction) if has(self.need_seen, each)]
 
     @property
     def rpdo(self) -> Pdo:
-        """The first valid RPDO with data that takes effect at once, else the first at all; raises Lacks without one."""
-        # One that waits for SYNC takes effect only with the next one, and some devices look at its length only then.
+        """The first valid RPDO with data that takes effect at once, otherwise the first with data; raises Lacks if
+        none.
+        """
+        # A synchronous RPDO takes effect with the next SYNC, and some devices check its length only then.
         found = min(self.seen(PdoDirection.RPDO), key=lambda each: each.is_synchronous, default=None)
         return need(found, "the file has no valid RPDO with data")
 
     @cached_property
     def objects(self) -> list[ODVariable]:
-        """The variables of the file, by address."""
+        """The variables of the file, in the order of their addresses."""
         chosen = (index for index in sorted(self.dictionary.members) if index in self.only)
         return [each for index in chosen for each in members(self.dictionary.objects, index)]
 
     @property
     def probe(self) -> Address:
-        """An object to ask for, to see whether the device answers: its error register, else a number that fits a frame.
+        """An object to read to see whether the device answers: the error register, otherwise a number that fits one
+        frame.
 
-        Never a text, which may have no value, or need segments.
+        Never a text, which may have no value or need segments.
         """
         numbers = (each for each in self.objects if each.readable and 0 < data_type(each).size <= 4)
         others = (address_of(each) for each in numbers)
         return ERROR_REGISTER if self.readable(ERROR_REGISTER) is not None else next(others, ERROR_REGISTER)
 
     def kept(self, addresses: Iterable[Address]) -> list[tuple[ODVariable, str]]:
-        """Return those of some objects that can be put back, each with the name of what keeps its value."""
+        """Return the objects among these that can be restored, each with the variable for its value."""
         found = filter(None, map(self.settable, addresses))
         return [(each, f"kept_{each.index:04X}_{each.subindex}") for each in found]
 
@@ -161,55 +166,55 @@ class Subject:
         return self.dictionary.variable(address)
 
     def readable(self, address: Address) -> ODVariable | None:
-        """Return a variable that can be read; None if there is none."""
+        """Return a variable that can be read, None if it cannot."""
         found = self.find(address)
         return found if found is not None and found.readable else None
 
     def settable(self, address: Address) -> ODVariable | None:
-        """Return a variable that can be read, written, and given its default again; None if there is none."""
+        """Return a variable that can be read, written and set to its default again, None if it cannot."""
         found = self.readable(address)
-        # A default outside the file's own limits could not be given back.
+        # A default outside the file's own limits could not be written again.
         usable = found is not None and found.writable and in_limits(found, self.model.objects.kept(address))
         return found if usable else None
 
     def number(self, address: Address) -> int:
-        """Return the number that a variable has after power-on, 0 without one."""
+        """Return the integer that a variable has after power-on, 0 without a value."""
         return self.model.objects.raw(address)
 
     @property
     def another(self) -> int:
-        """A node-ID that neither the device has nor its file watches: the tester plays that node."""
-        # One that the device watches would be reported as lost when the tester stops playing it.
+        """A node-ID that neither the device has nor its file monitors; the tester plays this node."""
+        # A monitored node would be reported as lost when the tester stops to play it.
         watched = {heartbeat_entry(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
-        # From above: makers and teams count their devices from 1, so that a high number is most likely nobody's.
+        # From the highest one down, as node-IDs are usually assigned from 1 on.
         return next(each for each in reversed(NODE_IDS) if each != self.dictionary.node_id and each not in watched)
 
     def may_be(self, address: Address, *values: int) -> bool:
-        """Return whether an object can be written, given its default again, and may have some values meanwhile."""
+        """Return whether an object can be written, may have all these values, and can be set to its default again."""
         found = self.settable(address)
         return found is not None and all(in_limits(found, value) for value in values)
 
     # Emergencies
 
     def need_emcy(self) -> None:
-        """Need an EMCY with an identifier in the file: reports find it only there; raises Lacks."""
+        """Need an EMCY with a COB-ID in the file, as reports take it from there; raises Lacks."""
         need(base_identifier(self.dictionary.default(EMCY)) is not None, NO_EMCY)
 
     def need_prompt_emcy(self) -> None:
-        """Need an EMCY that can be waited for; raises Lacks."""
+        """Need an EMCY whose inhibit time is short enough to wait for; raises Lacks."""
         self.need_emcy()
-        # The EMCY may come as late as that after the one before, and a step that waits less would be red for nothing.
+        # An EMCY may be delayed by this time after the one before; a step that waits less would be red without a fault.
         late = f"the file's EMCY may be {LONGEST_INHIBIT // 10} ms apart and more (0x1015)"
         need(self.number(EMCY_INHIBIT_TIME) <= LONGEST_INHIBIT, late)
 
     # Frames of its SDO server
 
     def request(self, data: bytes) -> Data:
-        """Return the step that sends an SDO request as it is."""
+        """Return the action that sends an SDO request as a raw frame."""
         return {"send": {"raw": f"{self.model.sdo_service.requests:03X}#{data.hex().upper()}"}}
 
     def answer(self, digits: str) -> Data:
-        """Return the pattern of an answer of the SDO server, `?` for any digit."""
+        """Return the pattern of an answer of the SDO server; `?` is any digit."""
         return {"raw": f"{self.model.sdo_service.answers:03X}#{digits}"}
 
 
@@ -217,24 +222,24 @@ class Subject:
 
 
 def fresh(command: str = "reset communication") -> Steps:
-    """Give the communication the values of power-on by a reset, and wait until the device is in PRE-OPERATIONAL."""
+    """Set the communication to the values of power-on by a reset, and bring the device to PRE-OPERATIONAL."""
     yield step.nmt(command)
-    # A reset takes as long as the device likes: it may answer meanwhile, and then lose what it was sent. The boot-up
-    # alone ends it (CiA 301, 7.3.2.2.2).
+    # A reset may take any time: the device may still answer, and then lose a request. Only the boot-up ends it
+    # (CiA 301, 7.3.2.2.2).
     yield step.booted()
     yield step.nmt("pre-operational")
 
 
-def awake(subject: Subject, name: str = "answers an SDO request") -> Data:
-    """Ask for an object until it is answered, if only by an abort: the device is up after a reset.
+def awake(device: DeviceUnderTest, name: str = "answers an SDO request") -> Data:
+    """Read an object until the device answers, if only by an abort.
 
-    A device that does not come back is reported once: nothing else can be asked then.
+    If the device does not come back, this is reported once, as nothing else can be tested then.
     """
     return {
         "name": name,
         "needed": "yes",
-        "poll": {**subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe)), "every": "100 ms"},
-        "until": subject.answer("?" * 16),
+        "poll": {**device.request(initiate(ClientCommand.UPLOAD << 5, device.probe)), "every": "100 ms"},
+        "until": device.answer("?" * 16),
         "within": step.BOOT_TIME,
     }
 
@@ -251,7 +256,10 @@ OWN_NUMBER = re.compile(r" \[CTT ([\d.]+)\]")
 
 
 class StepName(NamedTuple):
-    """The parts of a name: `ctt` as it is written, of a skipped step `2.8, 2.9`; `inside` is the step of a group."""
+    """The parts of a step's name.
+
+    `ctt` are numbers of CiA's tool, of a skipped step also several: `2.8, 2.9`. `inside` names the step of a group.
+    """
 
     clause: str
     topic: str
@@ -262,7 +270,7 @@ class StepName(NamedTuple):
 
     @classmethod
     def of(cls, name: str) -> StepName | None:
-        """Read the name of a step; None if it is not one of a conformance suite."""
+        """Parse the name of a step; return None if it is not from a conformance suite."""
         match = NAME.fullmatch(name)
         return cls(**{key: text or "" for key, text in match.groupdict().items()}) if match else None
 
@@ -273,76 +281,79 @@ class StepName(NamedTuple):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """The numbers of CiA's tool: of a step that is done at most one, which a step of a group may have itself."""
+        """Numbers of CiA's tool: at most one for a step that is done; a step of a group may have its own."""
         own = OWN_NUMBER.findall(self.inside)
         return tuple(own[-1:] or filter(None, self.ctt.split(", ")))
 
 
 ANSWERS = "7.2.4.3.5 SDO: the device answers [reading]"
-"""The name of the step by which each suite begins."""
+"""Name of the first step of each suite."""
 
-SubjectT = TypeVar("SubjectT", bound=Subject)
+DeviceT = TypeVar("DeviceT", bound=DeviceUnderTest)
 
-StepsOf: TypeAlias = Callable[[SubjectT], Steps]
-"""Makes the steps of a clause, whose names do not have its number yet; raises Lacks."""
+StepsOf: TypeAlias = Callable[[DeviceT], Steps]
+"""Makes the steps of a clause, whose names lack the clause's number; raises Lacks."""
 
-Need: TypeAlias = Callable[[SubjectT], object]
-"""Raises Lacks if the file lacks something."""
+Need: TypeAlias = Callable[[DeviceT], object]
+"""Checks the file; raises Lacks if something is missing."""
 
 
-def settable(address: Address, *values: int, lack: str) -> Need[Subject]:
-    """Need an object that can have some values, and be put back; `lack` is the reason."""
-    return lambda subject: need(subject.may_be(address, *values), lack)
+def settable(address: Address, *values: int, lack: str) -> Need[DeviceUnderTest]:
+    """Return a need: an object that may have these values and can be restored; `lack` is the reason for skipping."""
+    return lambda device: need(device.may_be(address, *values), lack)
 
 
 def _noted(data: Data) -> Data:
-    """Have the number of CiA's tool that a step inside a step asks stand in its name."""
+    """Return a step with the numbers of CiA's tool in the names of its inner steps."""
     noted: dict[str, object] = {key: value for key, value in data.items() if key != "ctt"}
     if "steps" in data:
-        noted["steps"] = [_noted({**each, "name": _with_number(each)}) for each in data["steps"]]
+        inside = [_noted(each) for each in data["steps"]]
+        noted["steps"] = [
+            {**new, "name": f"{new['name']} [CTT {old['ctt']}]"} if old.get("ctt") else new
+            for new, old in zip(inside, data["steps"])
+        ]
     return noted
 
 
-def _with_number(data: Data) -> str:
-    return f"{data['name']} [CTT {data['ctt']}]" if data.get("ctt") else str(data["name"])
-
-
 def _numbers_inside(data: Data) -> bool:
-    """Return whether steps inside a step say themselves what they ask of CiA's tool."""
+    """Return whether an inner step has its own number of CiA's tool."""
     return any(each.get("ctt") or _numbers_inside(each) for each in data.get("steps", ()))
 
 
-class Chapter(list["tuple[Clause[SubjectT], StepsOf[SubjectT]]"], Generic[SubjectT]):
-    """A suite: its word, what it is about, and its clauses in the order of its file, with what makes their steps.
+class Chapter(list["tuple[Clause[DeviceT], StepsOf[DeviceT]]"], Generic[DeviceT]):
+    """A suite: its tag, its topic, and its clauses in the order of their file, each with what makes its steps.
 
-    Groups of steps that leave traces in the communication begin and end with a reset of it if it is `fresh`, and put
-    back what the objects that they `change` had.
+    If it is `fresh`, its groups begin and end with a reset of the communication, and restore the objects that they
+    `change`.
     """
 
     def __init__(
         self, word: str, about: str, *, standard: int = 301, fresh: bool = False, change: Sequence[Address] = ()
     ) -> None:
         super().__init__()
-        self.word, self.about, self._fresh, self._change = word, f"CiA {standard}, {about}", fresh, change
+        self.word = word
+        self.about = f"CiA {standard}, {about}"
+        self._fresh = fresh
+        self._change = change
 
-    def group(self, subject: SubjectT, name: str, steps: Steps) -> Data:
+    def group(self, device: DeviceT, name: str, steps: Steps) -> Data:
         """Return a group of this chapter."""
-        kept = subject.kept(self._change)
+        kept = device.kept(self._change)
         before = [*fresh(), *(step.save(*each) for each in kept)] if self._fresh else ()
-        # Not by the reset alone: one that takes what it should refuse may keep it.
+        # Also written back after the reset, as a faulty device may keep a value that it should refuse.
         after = [*step.undoing(*fresh()), *(step.put_back(*each) for each in kept)] if self._fresh else ()
         return step.group(name, *before, *steps, *after)
 
-    def suite(self, subject: SubjectT, tag: str, before: Sequence[Data], after: Sequence[Data]) -> Data:
-        """Return the suite of a device, with what is done before and after the clauses."""
-        steps = (each for clause, made in self for each in clause.named(subject, made))
+    def suite(self, device: DeviceT, tag: str, before: Sequence[Data], after: Sequence[Data]) -> Data:
+        """Return the suite of a device; `before` is its setup, `after` its teardown."""
+        steps = (each for clause, made in self for each in clause.named(device, made))
         return {
             "spec": VERSION,
             "name": self.about,
-            "node": subject.dictionary.name,
+            "node": device.dictionary.name,
             "tags": [tag, self.word],
             "setup": before,
-            # Clauses that say the same of themselves are left out with one line.
+            # Equal skips become one step.
             "steps": [
                 *{each["name"] if "skip" in each else number: each for number, each in enumerate(steps)}.values()
             ],
@@ -351,15 +362,15 @@ class Chapter(list["tuple[Clause[SubjectT], StepsOf[SubjectT]]"], Generic[Subjec
 
 
 @dataclass(frozen=True)
-class Clause(Generic[SubjectT]):
-    """A clause: its number or the object that it is about, and its topic; it decorates what makes its steps.
+class Clause(Generic[DeviceT]):
+    """A clause, used as a decorator of the function that makes its steps: its number, or its object, and its topic.
 
-    A function that is decorated twice has first the lower one. `ctt` are the numbers that the same tests have in CiA's
-    conformance test tool, `only` the indices that it looks at. The steps are a `group` of this name, or each stands for
-    itself. If the file lacks one of its `needs` a skip called like the group, or `name`, takes the place of its steps.
+    Of two decorators of a function, the lower one comes first. `ctt` are the numbers of these tests in CiA's
+    conformance test tool, `only` the indices that are tested. The steps become one `group` of this name, or stay
+    single. If the file lacks one of the `needs`, a skip with the name of the group, or `name`, replaces the steps.
     """
 
-    chapter: Chapter[SubjectT]
+    chapter: Chapter[DeviceT]
     number: str
     topic: str
     tier: Tier = Tier.READING
@@ -367,26 +378,28 @@ class Clause(Generic[SubjectT]):
     _: KW_ONLY
     group: str = ""
     name: str = ""
-    needs: Sequence[Need[SubjectT]] = ()
+    needs: Sequence[Need[DeviceT]] = ()
     only: range = EVERY_INDEX
 
-    def __call__(self, steps: StepsOf[SubjectT]) -> StepsOf[SubjectT]:
-        """Enter a function in the chapter."""
+    def __call__(self, steps: StepsOf[DeviceT]) -> StepsOf[DeviceT]:
+        """Add a function to the chapter."""
         self.chapter.append((self, steps))
         return steps
 
-    def named(self, subject: SubjectT, steps: StepsOf[SubjectT]) -> Iterator[Data]:
-        """Yield the steps, each with a name that begins with the clause and ends with tier and CTT number."""
-        left_out = [step.skip("not done", f"only with --{self.tier.value}")]
-        allowed = subject.tier.allows(self.tier)
-        for each in or_skipped(self.group or self.name, self._made, subject, steps) if allowed else left_out:
+    def named(self, device: DeviceT, steps: StepsOf[DeviceT]) -> Iterator[Data]:
+        """Yield the steps, with names that begin with the clause and end with tier and CTT number."""
+        if device.tier.allows(self.tier):
+            made = or_skipped(self.group or self.name, self._made, device, steps)
+        else:
+            made = [step.skip("not done", f"only with --{self.tier.value}")]
+        for each in made:
             asked = "" if _numbers_inside(each) else each.get("ctt", self.ctt)
             name = StepName(self.number, self.topic, each["name"], self.tier.value, asked)
             yield {**_noted(each), "name": str(name)}
 
-    def _made(self, subject: SubjectT, steps: StepsOf[SubjectT]) -> Steps:
+    def _made(self, device: DeviceT, steps: StepsOf[DeviceT]) -> Steps:
         for needed in self.needs:
-            needed(subject)
-        # A subject of its own only where it has to be: each builds its model of the device anew.
-        seen = subject if self.only == EVERY_INDEX else replace(subject, only=self.only)
+            needed(device)
+        # A new DeviceUnderTest only if needed, as each builds its own model.
+        seen = device if self.only == EVERY_INDEX else replace(device, only=self.only)
         yield from [self.chapter.group(seen, self.group, steps(seen))] if self.group else steps(seen)

@@ -1,4 +1,4 @@
-"""The suites that are made from device files: which ones, and how far they may go."""
+"""The suites that are generated from device files: by which standard, and up to which tier."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from eurobot_od.od.dictionary import Dictionary
 class MadeSuites(NamedTuple):
     """Suites by CiA 301, or by a device `profile` (401, 402), up to a `tier`.
 
-    Those of 402 also move the motor by `motion`, a distance and a velocity in the drive's units; those of 401 also
-    switch the `outputs`.
+    `motion`, a distance and a velocity in the drive's units, lets those of 402 move the motor; `outputs` lets those of
+    401 switch outputs.
     """
 
     profile: int | None = None
@@ -29,7 +29,7 @@ class MadeSuites(NamedTuple):
     outputs: bool = False
 
     def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
-        """Make the suites of each device, by what reports call their file; raises LocalError."""
+        """Return the suites of each device, by the file name for reports; raises LocalError."""
         is_reversible = self.tier is not Tier.READING
         if self.profile is None:
             make = partial(chapters.text, tier=self.tier)
@@ -43,11 +43,11 @@ class MadeSuites(NamedTuple):
     def device_runs(
         self, dictionaries: Iterable[Dictionary], results: Sequence[SuiteResult], made: str
     ) -> list[DeviceRun]:
-        """Return what there is to say about each device; `made` says by what and when."""
+        """Return the results by device; `made` says by which program and when."""
         of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
         return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
 
 
 def file_of(device: Dictionary) -> Path:
-    """Return what the file of a device's suites is called."""
+    """Return the file name of a device's suites."""
     return Path(f"{device.name}.yaml")

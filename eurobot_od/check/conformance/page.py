@@ -1,9 +1,8 @@
-"""What a run says of a device: a page to hand to its maker, and what became of each test of CiA's own tool (CTT).
+"""The report of a run, for a device's manufacturer, and the result of each test of CiA's own tool (CTT).
 
-`DeviceRun` has all that the page says: what was asked, the score by chapter, and each red step with its frames; the
-forms (Markdown, HTML) only write it. The tests of CiA's conformance test tool have its numbers, and our words.
-One that a device cannot be asked is skipped with the reason; it counts as executed only if a step of ours has passed or
-failed.
+`DeviceRun` has all facts of the report: the run, the score by chapter, and each red step with its frames; the formats
+(Markdown, HTML) only write them. The tests have the numbers of CiA's conformance test tool, and our words. A test that
+cannot be done is skipped with the reason; it counts as executed only if a step of ours has passed or failed.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ TPDO_WAYS = (
     "by SYNC after an event",
     "from the SYNC of its start value on",
 )
-"""When a TPDO is sent: in OPERATIONAL it comes (3.3 to 3.8), in STOPPED and PRE-OPERATIONAL it does not."""
+"""When a TPDO is sent: it comes in OPERATIONAL (3.3 to 3.8), and does not in STOPPED and PRE-OPERATIONAL."""
 
 ASKS: Mapping[str, str] = {
     "1.0": "the EDS is sound",
@@ -149,10 +148,10 @@ ASKS: Mapping[str, str] = {
     "10.3": "OPERATIONAL from every state",
     "10.4": "STOPPED from every state",
 }
-"""The tests of the tool by number, and what each asks."""
+"""The tests of the tool by number, with their subject."""
 
 LINT = "1.0"
-"""The test of the file, not of the device."""
+"""Number of the test of the file."""
 
 NOT_ASKED = "no step of this run asks it"
 
@@ -161,18 +160,18 @@ NEVER_ASKED = {
     "4.7": "as 4.1, and not counted",
     "4.8": "as 4.2, and not counted",
 }
-"""Tests that no step of ours asks, and why."""
+"""Tests that no step of ours does, with the reason."""
 
 
 WORST_FIRST = Status.FAILED, Status.SKIPPED, Status.PASSED
-"""What can become of a group: it is red if a step is, and has asked something only if all of it was done."""
+"""Statuses of a group, by priority: red if a step is red, and green only if all steps were done."""
 
 RED_OR_GREEN_FIRST = Status.FAILED, Status.PASSED, Status.SKIPPED
-"""What can become of a test, for which several groups may stand: one that was skipped counts least."""
+"""Statuses of a test, by priority: a skipped group counts only if no other group was done."""
 
 
 class CttResult(NamedTuple):
-    """A test of the tool by its number: what became of it, and why, of a failed one the step that is red."""
+    """The result of one test of the tool, by its number; `why` is the red step or the reason for skipping."""
 
     number: str
     verdict: Status
@@ -180,25 +179,26 @@ class CttResult(NamedTuple):
 
     @property
     def asks(self) -> str:
-        """What the test asks."""
+        """Subject of the test."""
         return ASKS[self.number]
 
 
 def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> list[CttResult]:
-    """Return what a run says about each test; `file_errors` are lint's errors in the device's file."""
-    # What one group asks of it, by the group: a group that was not done to its end has not asked.
+    """Return the result of each test; `file_errors` are lint's errors in the device's file."""
+    # By test: its groups, each with the first reason for each status. A group counts only if all of it was done.
     asked: dict[str, dict[object, dict[Status, str]]] = {number: {} for number in ASKS}
     asked[LINT][LINT] = {Status.FAILED: file_errors[0]} if file_errors else {Status.PASSED: ""}
     for step in (step for result in results for step in result.steps):
-        name, verdict = StepName.of(step.name), step.status if step.status in WORST_FIRST else Status.SKIPPED
+        name = StepName.of(step.name)
+        verdict = step.status if step.status in WORST_FIRST else Status.SKIPPED
         why = step.reason.what if step.reason and verdict is Status.SKIPPED else step.name
-        for number in asked.keys() & (name.numbers if name else ()):  # somebody may have edited the names
+        for number in asked.keys() & (name.numbers if name else ()):  # edited suites may have other names
             asked[number].setdefault(name and name[:3], {}).setdefault(verdict, why)
     return [_judged(number, groups.values()) for number, groups in asked.items()]
 
 
 def _judged(number: str, groups: Iterable[Mapping[Status, str]]) -> CttResult:
-    """Return what becomes of a test by what its groups have found, and why."""
+    """Return the result of a test from the statuses of its groups."""
     worst = ((each, next(verdict for verdict in WORST_FIRST if verdict in each)) for each in groups)
     found = {verdict: each[verdict] for each, verdict in worst}
     verdict = next((each for each in RED_OR_GREEN_FIRST if each in found), None)
@@ -208,13 +208,13 @@ def _judged(number: str, groups: Iterable[Mapping[Status, str]]) -> CttResult:
 
 
 def score(tests: Sequence[CttResult]) -> str:
-    """Return the line that such a report ends with."""
+    """Return the score, the report's last line."""
     counts = Counter(each.verdict for each in tests)
     return f"{len(tests) - counts[Status.SKIPPED]} of {len(tests)} tests executed: {report.counted(counts)}"
 
 
 def lines(tests: Sequence[CttResult]) -> Iterator[str]:
-    """Yield the report of a run as the tool's: a line for each test, and the score."""
+    """Yield one line per test, and the score."""
     for each in tests:
         why = f" ({each.why})" if each.why else ""
         yield f"{each.number:>6}  {each.verdict.value:<8} {each.asks}{why}"
@@ -225,7 +225,7 @@ def lines(tests: Sequence[CttResult]) -> Iterator[str]:
 
 
 class DeviceRun(NamedTuple):
-    """A run: the device, up to which tier it was asked, its results, and by what and when they were `made`."""
+    """A run: the device, the tier of the steps, the results, and by which program and when they were `made`."""
 
     dictionary: Dictionary
     tier: Tier
@@ -234,8 +234,9 @@ class DeviceRun(NamedTuple):
 
     @property
     def facts(self) -> list[tuple[str, str]]:
-        """What the page begins with."""
-        device, document = self.dictionary, self.dictionary.device.document
+        """The facts at the top of the report, with their headings."""
+        device = self.dictionary
+        document = self.dictionary.device.document
         said = [(what.capitalize(), document.text("deviceinfo", key)) for what, key in forms.INFORMATION]
         run = next((each.how for each in self.results), "not run")
         facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), *said]
@@ -248,30 +249,30 @@ class DeviceRun(NamedTuple):
 
     @property
     def skipped(self) -> Counter[str]:
-        """Why steps were skipped, and how many of them."""
+        """The reasons for skipped steps, with the number of steps."""
         skipped = (step for result in self.results for step in result.steps if step.status is Status.SKIPPED)
         return Counter(step.reason.what if step.reason else "a step before it is red" for step in skipped)
 
     @property
     def tests(self) -> list[CttResult]:
-        """What the run says about each test of CiA's tool; the file is checked by `lint`."""
+        """The results by test of CiA's tool; `lint` checks the file."""
         found = lint(self.dictionary.content, self.dictionary.file.name)
         return results_of(self.results, [str(each) for each in found if each.severity is Severity.ERROR])
 
 
 def text(file: Path, reports: Sequence[DeviceRun]) -> str:
-    """Return the page of some devices in the form of a file's suffix; raises UnknownName."""
+    """Return the report of some devices in the format of the file's suffix; raises UnknownName."""
     return forms.FORMS[forms.form_of(file)]([block for each in reports for block in blocks(each)])
 
 
-# What it says
+# Blocks of the report
 
 
 def blocks(run: DeviceRun) -> Iterator[DocBlock]:
-    """Yield the page of a device."""
+    """Yield the report of a device."""
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
-    told = report.changed, report.remarks, report.slowest, report.not_run
-    yield from (Paragraph(line) for each in told for line in each(run.results))
+    for notes in (report.changed, report.remarks, report.slowest, report.not_run):
+        yield from map(Paragraph, notes(run.results))
     yield Paragraph(f"{report.summary(run.results)}.")
     yield DocTable(("", ""), run.facts)
     yield DocHeading(2, "Score by chapter")
@@ -303,7 +304,7 @@ def _all_red(run: DeviceRun) -> Iterator[DocBlock]:
 
 
 def _belongs_to(step: StepResult) -> tuple[str, ...]:
-    """Return what steps have in common that one fault makes red: their group, else the question put to each object."""
+    """Return what red steps with a common cause share: their group, otherwise their clause."""
     name = StepName.of(step.name)
     if name is None:
         return (step.name,)
@@ -311,12 +312,14 @@ def _belongs_to(step: StepResult) -> tuple[str, ...]:
 
 
 def _also_red(step: StepResult) -> tuple[str, str, str]:
-    name, reason = StepName.of(step.name), step.reason or StepReason("red")
+    name = StepName.of(step.name)
+    reason = step.reason or StepReason("red")
     return (name.inside or name.what if name else step.name), reason.expected or reason.what, reason.came
 
 
 def _red(step: StepResult) -> Iterator[DocBlock]:
-    name, reason = StepName.of(step.name), step.reason or StepReason("red")
+    name = StepName.of(step.name)
+    reason = step.reason or StepReason("red")
     yield DocHeading(3, step.name if name is None else f"{name.topic}: {name.inside or name.what}")
     rows = [("what", reason.what), *reason.facts]
     if name is not None:

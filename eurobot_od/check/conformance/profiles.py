@@ -1,13 +1,12 @@
 """Suites for devices of a profile: drives by CiA 402, I/O modules by CiA 401.
 
-Rule of this file: only what needs `--motion` gives a motor torque, and keeps to the speed and distance that it says; at
-its end the motor stands where it stood before, or where its last step says. Only what needs `--outputs` switches an
-output.
+Only steps that need `--motion` give a motor torque, within the given speed and distance; at the end the motor is where
+it was before, or where the last step says. Only steps that need `--outputs` switch an output.
 
-A drive is asked for its objects, its state machine as a table, quick stop, a lost heartbeat, moves; a module for its
-objects, its settings, and outputs that are written and read back. Over the bus nobody sees a terminal: an output that
-never switches answers as one that does, so there is only what objects say. CiA 401 has a clause for each object; steps
-are named by the object, as the clauses' numbers differ from version to version.
+A drive is tested for its objects, its state machine as a table, quick stop, a lost heartbeat, and moves; a module for
+its objects, its settings, and outputs that are written and read back. Terminals cannot be seen over the bus: an output
+that never switches answers like one that does. CiA 401 has a clause per object; steps are named by the object, as
+clause numbers differ between versions.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from typing import NamedTuple, TypeAlias
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Clause, Need, Subject, Tier, awake, need
+from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Clause, DeviceUnderTest, Need, Tier, awake, need
 from eurobot_od.check.conformance.step import Data, Steps, hexadecimal, title
 from eurobot_od.check.conformance.suite import documents
 from eurobot_od.device.nmt import NmtState
@@ -37,17 +36,17 @@ from eurobot_od.sdo.wire import ClientCommand, initiate
 # Drives
 
 SOON, MOVED = "2 s", "30 s"
-"""How long an arrow of the state machine, and a move, may take."""
+"""Maximum time of a state transition, and of a move."""
 
 WATCHED = 200
-"""Milliseconds of the heartbeat that is lost."""
+"""Consumer heartbeat time for the heartbeat that is lost, in ms."""
 
 STAYS, LEAVES = 6, 2
-"""Quick stop option codes: with the first the drive stays in Quick stop active."""
+"""Quick stop option codes: the drive stays in Quick stop active, or leaves it."""
 
 
 class MotionBounds(NamedTuple):
-    """How far a motor may be moved, and how fast, in the drive's units."""
+    """Maximum distance and velocity of a motor, in the drive's units."""
 
     distance: int
     velocity: int
@@ -57,38 +56,41 @@ NOT_AT_ALL = MotionBounds(0, 0)
 
 
 @dataclass(frozen=True)
-class TestedDrive(Subject):
-    """A drive under test; `motion` is how far and how fast its motor may be moved."""
+class DriveUnderTest(DeviceUnderTest):
+    """A drive under test, with the bounds of its `motion`."""
 
     motion: MotionBounds = NOT_AT_ALL
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """The modes of operation that the file says it has."""
+        """The modes of operation in the file."""
         return cia402.supported(self.number((cia402.SUPPORTED_MODES, 0)))
 
     def raw(self, index: int, value: int) -> int | str:
-        """Return how a step writes a raw value of an object."""
+        """Return a raw value as a step writes it."""
         variable = self.dictionary.variable((index, 0))
         return value if variable is None else step.raw(variable, value)
 
 
-DRIVE: Chapter[TestedDrive] = Chapter("cia402", "drive", standard=402)
-"""The suite, in the order of this file: what gives no torque comes first."""
+DRIVE: Chapter[DriveUnderTest] = Chapter("cia402", "drive", standard=402)
+"""The suite in the order of this file: steps without torque come first."""
 
 
 def _digits(mask: int, bits: int) -> str:
-    """Return the pattern of a byte that has these bits."""
-    # Patterns compare digits: of each four bits of the mask come the digits that it lets through.
+    """Return the pattern of a byte that has these bits where the mask has ones."""
+    # A pattern lists the possible hexadecimal digits of each half.
     digits = ""
     for m, b in ((mask >> 4, bits >> 4), (mask & 15, bits & 15)):
         allowed = "".join(f"{n:X}" for n in range(16) if n & m == b)
-        digits += "?" if len(allowed) == 16 else allowed if len(allowed) == 1 else f"[{allowed}]"
+        if len(allowed) == 16:
+            digits += "?"
+        else:
+            digits += allowed if len(allowed) == 1 else f"[{allowed}]"
     return digits
 
 
-def _until(drive: TestedDrive, name: str, mask: int, bits: int, within: str = SOON) -> Data:
-    """Ask for the statusword until it has these bits."""
+def _until(drive: DriveUnderTest, name: str, mask: int, bits: int, within: str = SOON) -> Data:
+    """Return a step that reads the statusword until it has these bits."""
     ask = drive.request(initiate(ClientCommand.UPLOAD << 5, (cia402.STATUSWORD, 0)))
     # 4B is an expedited answer of 2 bytes (CiA 301, 7.2.4.3); the other two bytes may be anything.
     head = f"4B{cia402.STATUSWORD & 0xFF:02X}{cia402.STATUSWORD >> 8:02X}00"
@@ -97,7 +99,7 @@ def _until(drive: TestedDrive, name: str, mask: int, bits: int, within: str = SO
     return {"name": name, "poll": poll, "until": drive.answer(f"{head}{word}????"), "within": within}
 
 
-def _state(drive: TestedDrive, state: State) -> Data:
+def _state(drive: DriveUnderTest, state: State) -> Data:
     return _until(drive, f"it is in {state.words}", state.mask, state.bits)
 
 
@@ -110,13 +112,14 @@ def _commanded(command: DriveCommand) -> Data:
 
 
 WAY = DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE, DriveCommand.QUICK_STOP
-"""The commands that bring a drive from Switch on disabled into one state after the other."""
+"""Commands from Switch on disabled through each further state."""
 
 
-def _into(drive: TestedDrive, state: State) -> Steps:
-    """Bring the drive into a state of that way, each arrow seen."""
+def _into(drive: DriveUnderTest, state: State) -> Steps:
+    """Command the drive into a state of `WAY`, and check each state on the way."""
     yield _commanded(DriveCommand.DISABLE_VOLTAGE)
-    present, commands = State.DISABLED, iter(WAY)
+    present = State.DISABLED
+    commands = iter(WAY)
     yield _state(drive, present)
     while present is not state:
         command = next(commands)
@@ -125,17 +128,18 @@ def _into(drive: TestedDrive, state: State) -> Steps:
         yield _state(drive, present)
 
 
-def _off(drive: TestedDrive) -> Steps:
+def _off(drive: DriveUnderTest) -> Steps:
     return _into(drive, State.DISABLED)
 
 
 @Clause(DRIVE, "6.2", "Objects")
-def _objects(drive: TestedDrive) -> Steps:
+def _objects(drive: DriveUnderTest) -> Steps:
     for index in (cia402.CONTROLWORD, cia402.STATUSWORD):  # mandatory: a drive without them is red
         variable = drive.find((index, 0))
         yield step.read(title(variable) if variable else hexadecimal(index), (index, 0))
     for index in (cia402.MODE_DISPLAY, cia402.SUPPORTED_MODES, cia402.ERROR_CODE):
-        variable, lack = drive.readable((index, 0)), f"the file has no {hexadecimal(index)} that can be read"
+        variable = drive.readable((index, 0))
+        lack = f"the file has no {hexadecimal(index)} that can be read"
         yield step.read(title(variable), (index, 0)) if variable else step.skip(hexadecimal(index), lack)
 
 
@@ -143,15 +147,15 @@ LEADS_TO: Mapping[tuple[State, DriveCommand | None], State] = {
     **{pair: arrow.after for pair, arrow in ARROWS.items()},
     (State.READY, DriveCommand.ENABLE): State.ENABLED,  # two arrows with one command (CiA 402-2, table of commands)
 }
-"""The state after a command, by the state before; a command that is not here leaves the state as it is."""
+"""The state after a command, by the state before; other commands do not change the state."""
 
 
-def _table(drive: TestedDrive, powered: bool) -> Steps:
-    """Give the rows of the state machine: each command in each state, those with torque or those without."""
+def _table(drive: DriveUnderTest, powered: bool) -> Steps:
+    """Return a group for each command in each state, either those with torque or those without."""
     for before in (State.DISABLED, State.READY, State.SWITCHED_ON, State.ENABLED):
         for command in DriveCommand:
             after = LEADS_TO.get((before, command), before)
-            # In states with torque "no command", which precedes a fault reset, is Disable voltage.
+            # With torque, the controlword 0 before a fault reset is Disable voltage.
             edge = command is DriveCommand.FAULT_RESET and before is not State.DISABLED
             if edge or powered is not bool({before, after} & {*POWERED}) or after is State.QUICK_STOP:
                 continue
@@ -166,11 +170,11 @@ Clause(DRIVE, "8.1", "States with torque", Tier.MOTION)(partial(_table, powered=
 
 
 @Clause(DRIVE, "8.4", "Quick stop", Tier.MOTION)
-def _quick_stop(drive: TestedDrive) -> Steps:
+def _quick_stop(drive: DriveUnderTest) -> Steps:
     option = cia402.QUICK_STOP_OPTION, 0
     stopped = _commanded(DriveCommand.QUICK_STOP)
     if not drive.may_be(option, STAYS):
-        # Where its option code leads is the maker's matter; all that can be asked is that it is not a fault.
+        # The manufacturer defines the option codes, so the step only checks that there is no fault.
         ended = _until(drive, "it stops", State.DISABLED.mask & 0x08, 0)
         yield step.group("from Operation enabled", *_into(drive, State.ENABLED), stopped, ended, *_off(drive))
         return
@@ -185,9 +189,11 @@ def _quick_stop(drive: TestedDrive) -> Steps:
 
 
 @Clause(DRIVE, "8.4", "Connection", Tier.MOTION, group="a lost heartbeat, and its reset")
-def _lost_heartbeat(drive: TestedDrive) -> Steps:
-    """Lose a heartbeat that the drive watches: it has a fault, which a rising edge resets."""
-    watched, option, another = (CONSUMED_HEARTBEATS, 1), (cia402.ABORT_CONNECTION, 0), drive.another
+def _lost_heartbeat(drive: DriveUnderTest) -> Steps:
+    """Lose a heartbeat that the drive monitors: the drive has a fault, which a rising edge resets."""
+    watched = (CONSUMED_HEARTBEATS, 1)
+    option = (cia402.ABORT_CONNECTION, 0)
+    another = drive.another
     entry = another << 16 | WATCHED
     settable = drive.may_be(watched, entry) and drive.may_be(option, 1)
     need(settable, "the file has no 0x1016:1 and 0x6007 that can be written")
@@ -197,7 +203,7 @@ def _lost_heartbeat(drive: TestedDrive) -> Steps:
     yield step.write(f"watch node {another}", watched, value=entry)
     yield {"name": "its heartbeat, and no second one", "send": {"raw": beat}}
     yield _state(drive, State.FAULT)
-    # No command leaves a fault but the reset, and that only with a rising edge (CiA 402-2, transition 15).
+    # Only a fault reset leaves the fault, and only by a rising edge (CiA 402-2, transition 15).
     yield _command(DriveCommand.ENABLE.bits, "Enable operation")
     yield _state(drive, State.FAULT)
     yield step.write("watch nobody", watched, value=0)
@@ -207,17 +213,17 @@ def _lost_heartbeat(drive: TestedDrive) -> Steps:
     yield step.write("abort connection as before", option, value=drive.number(option))
 
 
-def _mode(drive: TestedDrive, mode: Mode) -> Steps:
-    """Choose a mode of operation, and enable."""
+def _mode(drive: DriveUnderTest, mode: Mode) -> Steps:
+    """Select a mode of operation, and enable."""
     yield step.write(f"mode {cia402.MODE_WORDS[mode]}", (cia402.MODE, 0), value=int(mode))
     yield step.read("it is the mode", (cia402.MODE_DISPLAY, 0), expect=int(mode))
     yield from _into(drive, State.ENABLED)
 
 
-def _has(mode: Mode, *indices: int) -> Need[TestedDrive]:
-    """Need a drive with a mode, and the objects by which it is commanded."""
+def _has(mode: Mode, *indices: int) -> Need[DriveUnderTest]:
+    """Return a need: the drive has a mode, and the objects that command it."""
 
-    def has(drive: TestedDrive) -> None:
+    def has(drive: DriveUnderTest) -> None:
         need(mode in drive.modes, f"the file has no mode {cia402.MODE_WORDS[mode]} (0x6502)")
         lacks = [hexadecimal(index) for index in (cia402.MODE, *indices) if drive.find((index, 0)) is None]
         need(not lacks, f"the file has no {', '.join(lacks)}")
@@ -226,13 +232,13 @@ def _has(mode: Mode, *indices: int) -> Need[TestedDrive]:
 
 
 HOME_IS_HERE = 37
-"""The homing method that does not move."""
+"""Homing method without a move."""
 
 HOMES = [_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION)]
 
 
 @Clause(DRIVE, "11.1", "Homing", Tier.MOTION, group="present position is home", needs=HOMES)
-def _homing(drive: TestedDrive) -> Steps:
+def _homing(drive: DriveUnderTest) -> Steps:
     done = cia402.BIT_12 | cia402.TARGET_REACHED
     yield step.write(f"method {HOME_IS_HERE}", (cia402.HOMING_METHOD, 0), value=HOME_IS_HERE)
     yield from _mode(drive, Mode.HOMING)
@@ -247,11 +253,11 @@ MOVES = [_has(Mode.PROFILE_POSITION, cia402.TARGET_POSITION, cia402.PROFILE_VELO
 
 
 @Clause(DRIVE, "10.1", "Profile position", Tier.MOTION, group="there and back", needs=MOVES)
-def _position(drive: TestedDrive) -> Steps:
-    """Move by the distance that is allowed, and back."""
+def _position(drive: DriveUnderTest) -> Steps:
+    """Move by the allowed distance, and back."""
     distance, velocity = drive.motion
     window = drive.number((cia402.POSITION_WINDOW, 0)) & 0xFFFFFFFF
-    # A window of all bits is switched off (CiA 402-2, clause 12.3.4), and one as wide as the way would see nothing.
+    # A window of all ones is off (CiA 402-2, 12.3.4), and one as wide as the move would accept everything.
     near = max(distance // 50, window if window < distance else 0, 1)
     yield step.read("where it is", (cia402.POSITION, 0), save="start")
     at = cia402.PROFILE_VELOCITY
@@ -264,8 +270,9 @@ def _position(drive: TestedDrive) -> Steps:
     yield from _off(drive)
 
 
-def _moved(drive: TestedDrive, distance: int) -> Steps:
-    enable, reached = DriveCommand.ENABLE.bits, cia402.TARGET_REACHED | cia402.BIT_12
+def _moved(drive: DriveUnderTest, distance: int) -> Steps:
+    enable = DriveCommand.ENABLE.bits
+    reached = cia402.TARGET_REACHED | cia402.BIT_12
     bits = enable | cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE
     yield step.write(f"by {distance}", (cia402.TARGET_POSITION, 0), value=drive.raw(cia402.TARGET_POSITION, distance))
     yield _command(bits, "new set-point, relative")
@@ -279,8 +286,9 @@ TURNS = [_has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY)]
 
 
 @Clause(DRIVE, "14.1", "Profile velocity", Tier.MOTION, group="up, and quick stop", needs=TURNS)
-def _velocity(drive: TestedDrive) -> Steps:
-    velocity, target = drive.motion.velocity, (cia402.TARGET_VELOCITY, 0)
+def _velocity(drive: DriveUnderTest) -> Steps:
+    velocity = drive.motion.velocity
+    target = (cia402.TARGET_VELOCITY, 0)
     within = drive.raw(cia402.VELOCITY, max(velocity // 20, 1))
     yield step.write("velocity 0", target, value=0)
     yield from _mode(drive, Mode.PROFILE_VELOCITY)
@@ -295,14 +303,18 @@ def _velocity(drive: TestedDrive) -> Steps:
 
 
 def drive_text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds | None = None) -> str:
-    """Return the suite of a drive; `reversible` writes its controlword, `motion` gives it torque within its limits."""
-    tier = Tier.MOTION if motion else Tier.REVERSIBLE if reversible else Tier.READING
-    drive = TestedDrive(dictionary, tier, motion=motion or NOT_AT_ALL)
+    """Return the suite of a drive; `reversible` writes its controlword, `motion` allows torque within its bounds."""
+    tier = Tier.REVERSIBLE if reversible else Tier.READING
+    if motion:
+        tier = Tier.MOTION
+    drive = DriveUnderTest(dictionary, tier, motion=motion or NOT_AT_ALL)
     reset = [_command(0, "no command"), _commanded(DriveCommand.FAULT_RESET), _command(0, "no command")]
     off = {**_commanded(DriveCommand.DISABLE_VOLTAGE), "name": "8.1 States: no torque [reversible]"}
     is_written = tier.allows(Tier.REVERSIBLE)
-    healthy = [step.group("8.1 States: any fault is reset [reversible]", *reset)] * is_written
-    return documents([DRIVE.suite(drive, "profile", [awake(drive, ANSWERS), *healthy], [off] * is_written)])
+    before = [awake(drive, ANSWERS)]
+    if is_written:
+        before.append(step.group("8.1 States: any fault is reset [reversible]", *reset))
+    return documents([DRIVE.suite(drive, "profile", before, [off] if is_written else [])])
 
 
 # I/O modules
@@ -311,16 +323,16 @@ Kind: TypeAlias = "DigitalInputs | DigitalOutputs | AnalogueInputs | AnalogueOut
 
 
 @dataclass(frozen=True)
-class TestedModule(Subject):
+class ModuleUnderTest(DeviceUnderTest):
     """A module under test."""
 
     def blocks(self, kinds: Sequence[Kind]) -> Iterator[tuple[Kind, ODVariable]]:
-        """Yield the blocks and channels of some kinds that the file has."""
+        """Yield the blocks and channels of these kinds in the file."""
         subs = ((kind, (kind.value, sub)) for kind in kinds for sub in self.dictionary.members.get(kind.value, ()))
         return ((kind, found) for kind, at in subs if 0 < at[1] < 0xFF and (found := self.find(at)))
 
     def settings(self, *indices: int) -> list[ODVariable]:
-        """Return the settings that the file has, and that can be written and put back."""
+        """Return the settings in the file that can be written and restored."""
         members = self.dictionary.members
         subs = ((index, sub) for index in indices for sub in members.get(index, ()) if sub or len(members[index]) == 1)
         return [*filter(None, map(self.settable, subs))]
@@ -329,12 +341,12 @@ class TestedModule(Subject):
 _INPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
 _OUTPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_OUTPUTS, *cia401.ANALOGUE_OUTPUTS)
 
-MODULE: Chapter[TestedModule] = Chapter("cia401", "I/O module", standard=401)
-"""The suite, in the order of this file: what switches nothing comes first."""
+MODULE: Chapter[ModuleUnderTest] = Chapter("cia401", "I/O module", standard=401)
+"""The suite in the order of this file: steps that switch nothing come first."""
 
 
 def _every(bits: int, byte: int = 0xFF) -> int:
-    """Return a block that repeats the same byte."""
+    """Return the value of a block whose bytes are all the same."""
     return int.from_bytes(bytes([byte]) * (bits // 8), "little")
 
 
@@ -359,32 +371,34 @@ FUNCTIONS: Mapping[int, tuple[Sequence[Kind], int]] = {
     18: (cia401.ANALOGUE_INPUTS, 0x6401),
     19: (cia401.ANALOGUE_OUTPUTS, 0x6411),
 }
-"""What a bit of 0x1000 says that there is, and the object where it usually is."""
+"""What a bit of 0x1000 stands for: the kinds of blocks, and the index where these usually are."""
 
 
 @Clause(MODULE, "0x1000", "Device type")
-def _device_type(module: TestedModule) -> Steps:
+def _device_type(module: ModuleUnderTest) -> Steps:
     says = module.number(DEVICE_TYPE)
     yield step.read("an I/O module", DEVICE_TYPE, expect=says)
     for bit, (kinds, usual) in FUNCTIONS.items():
-        words, found = cia401.FUNCTION_BITS[bit], [address_of(each) for _, each in module.blocks(kinds)]
-        if says >> bit & 1:  # what is usual is asked for where the file has none: it is not there, and the step is red
+        words = cia401.FUNCTION_BITS[bit]
+        found = [address_of(each) for _, each in module.blocks(kinds)]
+        if says >> bit & 1:  # without an object in the file, read the usual one, so that the step is red
             yield step.read(words, found[0] if found else (usual, 1), data="any")
         else:
             yield step.skip(words, f"0x1000 says that it has no {words}")
 
 
 @Clause(MODULE, "0x6000", "Inputs")
-def _inputs(module: TestedModule) -> Steps:
+def _inputs(module: ModuleUnderTest) -> Steps:
     return [step.read(title(each), address_of(each), data="any") for _, each in module.blocks(_INPUTS)]
 
 
 @Clause(MODULE, "0x6002", "Polarity of inputs", Tier.REVERSIBLE)
-def _input_polarity(module: TestedModule) -> Steps:
-    """Invert one bit after the other; the inputs have to be at rest."""
+def _input_polarity(module: ModuleUnderTest) -> Steps:
+    """Invert one bit after the other; the inputs must not change meanwhile."""
     for kind, each in module.blocks(cia401.DIGITAL_INPUTS):
         assert isinstance(kind, DigitalInputs)
-        at, polarity = address_of(each), (kind.polarity, each.subindex)
+        at = address_of(each)
+        polarity = (kind.polarity, each.subindex)
         inverted = module.settable(polarity) if module.may_be(polarity, _every(kind.bits)) else None
         if inverted is None:
             yield _without(title(each), kind.polarity)
@@ -392,7 +406,7 @@ def _input_polarity(module: TestedModule) -> Steps:
         steps = [step.save(each, "input")]
         for bit in range(kind.bits):
             steps.append(_set(polarity, 1 << bit))
-            # It differs, and by the value of this bit: so it is this one, and no other.
+            # The value differs, and by this bit only.
             steps.append(step.read(f"bit {bit} is inverted", at, expect="not {input}"))
             steps.append(step.read(f"no other than bit {bit}", at, expect=f"{{input}} +- {1 << bit}"))
         yield step.keeping(title(each), inverted, *steps)
@@ -409,10 +423,10 @@ SETTINGS: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
     "Analogue error mode": ((0x6443,), (0, 1)),
     "Analogue error value": ((0x6444,), (0, 100)),
 }
-"""Settings that only count with an event or an error: their objects, and values that are written and read back."""
+"""Settings that act only at an event or error: their objects, and values to write and read back."""
 
 
-def _settings(module: TestedModule, indices: tuple[int, ...], values: tuple[int, ...]) -> Steps:
+def _settings(module: ModuleUnderTest, indices: tuple[int, ...], values: tuple[int, ...]) -> Steps:
     found = [each for each in module.settings(*indices) if module.may_be(address_of(each), *values)]
     return [_written_and_read(each, values) for each in found] or [_without("written and read back", indices[0])]
 
@@ -423,11 +437,11 @@ for _topic, (_indices, _values) in SETTINGS.items():
 
 
 SWITCHED = 0x55, 0xAA, 0xFF, 0x00
-"""Each bit both ways, next to bits that differ from it and to bits that do not; off at the end."""
+"""Values that switch each bit both ways, with equal and different neighbours; all off at the end."""
 
 
 @Clause(MODULE, "0x6200", "Outputs", Tier.OUTPUTS)
-def _outputs(module: TestedModule) -> Steps:
+def _outputs(module: ModuleUnderTest) -> Steps:
     for kind, each in module.blocks(_OUTPUTS):
         values = [_every(kind.bits, byte) for byte in SWITCHED] if isinstance(kind, DigitalOutputs) else [1, 100, 0]
         usable = [value for value in values if module.may_be(address_of(each), value)]
@@ -435,8 +449,9 @@ def _outputs(module: TestedModule) -> Steps:
 
 
 def module_text(dictionary: Dictionary, reversible: bool = False, outputs: bool = False) -> str:
-    """Return the suite of a module; `reversible` writes settings, `outputs` switches."""
-    module = TestedModule(dictionary, Tier.OUTPUTS if outputs else Tier.REVERSIBLE if reversible else Tier.READING)
+    """Return the suite of a module; `reversible` writes settings, `outputs` switches outputs."""
+    tier = Tier.REVERSIBLE if reversible else Tier.READING
+    module = ModuleUnderTest(dictionary, Tier.OUTPUTS if outputs else tier)
     settable = [each for _, each in module.blocks(_OUTPUTS) if module.settable(address_of(each))] if outputs else []
     off = [
         step.write(f"0x6200 Outputs: {label(at)} as after power-on [outputs]", at, value=module.number(at))

@@ -1,6 +1,6 @@
-"""SDO transfers frame by frame: expedited, by segments, in blocks, toggle bits, aborts, time-outs (CiA 301, 7.2.4.3).
+"""SDO transfers frame by frame: expedited, by segments, in blocks, toggle bits, aborts, timeouts (CiA 301, 7.2.4.3).
 
-Rule of this file: an object is given the value that it has after a reset, and gets back what it had before.
+An object is written with its value after a reset, and then gets back its former value.
 """
 
 from __future__ import annotations
@@ -8,7 +8,16 @@ from __future__ import annotations
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import NO_DEVICE_TYPE, Chapter, Clause, Subject, Tier, awake, fresh, need
+from eurobot_od.check.conformance.clauses import (
+    NO_DEVICE_TYPE,
+    Chapter,
+    Clause,
+    DeviceUnderTest,
+    Tier,
+    awake,
+    fresh,
+    need,
+)
 from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED, NO_OBJECT
 from eurobot_od.check.conformance.step import NO_BLOCKS, Data, Steps, codes, title
 from eurobot_od.check.suite import Blocks
@@ -18,13 +27,15 @@ from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
-CHAPTER: Chapter[Subject] = Chapter("sdo", "SDO transfers")
+CHAPTER: Chapter[DeviceUnderTest] = Chapter("sdo", "SDO transfers")
 
 QUIET = "200 ms"
 
 LEFT_ALONE, LEFT_AT_FIRST = "12 s", "1 s"
-"""How long a server is given at most to be ready again after a transfer that was left alone, and until it is first
-asked; no clause names a time."""
+"""Maximum time until a server is ready after an abandoned transfer, and time before the first request.
+
+No clause names a time.
+"""
 
 NOTHING_SHORT = "the file has no number of up to 4 bytes that can be read"
 NO_SEGMENTS = "the file has no object of more than 4 bytes whose value is known"
@@ -32,69 +43,69 @@ NO_NUMBER = "the file has no number of up to 4 bytes that can be written and who
 
 SDO_SERVERS = range(SDO_REQUESTS[0], SDO_CLIENTS[0])
 SDO_BASES = {SDO_REQUESTS: SDO_REQUEST_BASE, SDO_ANSWERS: SDO_RESPONSE_BASE}
-"""Where the COB-IDs of the first server are, without the node-ID."""
+"""COB-IDs of the first server without the node-ID."""
 
 
 def _known(each: ODVariable) -> bool:
-    """Return whether an object is readable, and has the file's value after a reset."""
+    """Return whether an object can be read and has the file's value after a reset."""
     steady = each.access_type in CONFIGURED or each.index in FIXED
     return each.readable and steady and default_bytes(each) is not None and each.index not in ACTING
 
 
 def _content(each: ODVariable) -> bytes:
-    """Return the known value of an object."""
+    """Return the known value of an object as bytes."""
     return default_bytes(each) or b""
 
 
-def _long(subject: Subject) -> ODVariable | None:
-    """Return the object with the longest known value over 4 bytes."""
-    # Up to 4 bytes go into the first answer: only a longer value shows segments (CiA 301, 7.2.4.3.6).
-    found = [each for each in subject.objects if _known(each) and len(_content(each)) > 4]
+def _long(device: DeviceUnderTest) -> ODVariable | None:
+    """Return the object with the longest known value of more than 4 bytes."""
+    # Up to 4 bytes fit the first answer; only longer values need segments (CiA 301, 7.2.4.3.6).
+    found = [each for each in device.objects if _known(each) and len(_content(each)) > 4]
     return max(found, key=lambda each: len(_content(each)), default=None)
 
 
-def _number(subject: Subject) -> ODVariable:
-    """Return a number that can be written as it is: the heartbeat time, or the first other one without a COB-ID.
+def _number(device: DeviceUnderTest) -> ODVariable:
+    """Return an integer that can be written with its own value: the heartbeat time, otherwise the first one.
 
-    Where nothing is to be written but the heartbeat time there is no other. Raises Lacks without one.
+    In the reading tier only the heartbeat time may be written. Raises Lacks if there is none.
     """
-    settable = [each for each in subject.objects if _known(each) and subject.settable(address_of(each))]
+    settable = [each for each in device.objects if _known(each) and device.settable(address_of(each))]
     integers = [each for each in settable if data_type(each).is_integer and data_type(each).size <= 4]
-    # From 0x1400 on a PDO's record may refuse even the value it has while the PDO is valid, and CiA 302's objects act.
+    # A valid PDO's record may refuse even its own value, and writing CiA 302's objects may be a command.
     found = [each for each in integers if not 0x1400 <= each.index < 0x2000]
-    if subject.tier is Tier.READING:
+    if device.tier is Tier.READING:
         found = [each for each in found if address_of(each) == HEARTBEAT_TIME]
     return need(min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None), NO_NUMBER)
 
 
-def _usual(subject: Subject) -> Address:
-    """Return the object that frames are about which have to be refused: that of CiA's tool."""
-    return DEVICE_TYPE if subject.readable(DEVICE_TYPE) is not None else subject.probe
+def _usual(device: DeviceUnderTest) -> Address:
+    """Return the object for requests that must be refused: that of CiA's tool."""
+    return DEVICE_TYPE if device.readable(DEVICE_TYPE) is not None else device.probe
 
 
 # Uploads
 
 
 @Clause(CHAPTER, "7.2.4.3.6", "SDO upload", ctt="2.1, 2.13")
-def _expedited_upload(subject: Subject) -> Steps:
-    need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
-    answer = step.expect("4 bytes", subject.answer("4[23]001000????????"))
-    # CiA's tool reads it a second time "by segments": of 4 bytes both are the same frames.
+def _expedited_upload(device: DeviceUnderTest) -> Steps:
+    need(device.find(DEVICE_TYPE), NO_DEVICE_TYPE)
+    answer = step.expect("4 bytes", device.answer("4[23]001000????????"))
+    # CiA's tool reads it a second time "by segments"; for 4 bytes the frames are the same.
     for name, asked in (("the device type in one answer", "2.1"), ("the device type once more", "2.13")):
-        yield step.asking(asked, step.group(name, _asked(subject, DEVICE_TYPE), answer))
+        yield step.asking(asked, step.group(name, _asked(device, DEVICE_TYPE), answer))
 
 
 @Clause(CHAPTER, "7.2.4.3.7", "SDO upload", ctt="2.16, 2.17, 2.18", name="by segments")
-def _segmented_upload(subject: Subject) -> Steps:
-    each = need(_long(subject), NO_SEGMENTS)
+def _segmented_upload(device: DeviceUnderTest) -> Steps:
+    each = need(_long(device), NO_SEGMENTS)
     yield step.asking("2.16", step.read(f"{title(each)} by segments", address_of(each), data="any"))
     wrong = step.group(
         "a wrong toggle bit is refused",
-        _asked(subject, address_of(each)),
-        step.expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????")),
+        _asked(device, address_of(each)),
+        step.expect("it begins", device.answer(f"4?{_multiplexer(each)}????????")),
         # The first segment has the toggle bit 0 (CiA 301, 7.2.4.3.7).
-        _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
-        _aborted(subject, AbortCode.TOGGLE_BIT),
+        _sent(device, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
+        _aborted(device, AbortCode.TOGGLE_BIT),
     )
     yield step.asking("2.17", wrong)
     yield step.asking("2.18", step.read(f"{title(each)} as a whole", address_of(each), data="any"))
@@ -104,9 +115,10 @@ WITH_CRC, WITHOUT_CRC = Blocks.PLAIN.value, Blocks.WITHOUT_CRC.value
 
 
 @Clause(CHAPTER, "7.2.4.3.12", "SDO block upload")
-def _block_upload(subject: Subject) -> Steps:
-    # Block transfer is optional; a server without it refuses the first request, and nothing else is wrong with it.
-    device_type, long = subject.find(DEVICE_TYPE), _long(subject)
+def _block_upload(device: DeviceUnderTest) -> Steps:
+    # Block transfer is optional; a server without it refuses the first request.
+    device_type = device.find(DEVICE_TYPE)
+    long = _long(device)
     for each, transfer, asked in (
         (device_type, WITHOUT_CRC, "2.19"),
         (long, WITHOUT_CRC, "2.22"),
@@ -124,46 +136,46 @@ NOT_GUARDED = "the file has no guard time (0x100C) that can be read, written and
 
 
 def _asked_of(each: ODVariable, guard: str, heartbeat: str) -> str:
-    """Return the tool's number for an object that is downloaded, if it is one of the tool's."""
+    """Return the number of CiA's tool for the download of an object, empty if it has none."""
     return {GUARD_TIME: guard, HEARTBEAT_TIME: heartbeat}.get(address_of(each), "")
 
 
 @Clause(CHAPTER, "7.2.4.3.4", "SDO download", name="by segments")
-def _segmented_download(subject: Subject) -> Steps:
-    each = _number(subject)
-    yield _by_segments(subject, each)
-    # With its own value: a server that does not look at the bit writes what is there already.
+def _segmented_download(device: DeviceUnderTest) -> Steps:
+    each = _number(device)
+    yield _by_segments(device, each)
+    # The object's own value, in case the server ignores the toggle bit.
     segment = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, _content(each), last=True)
-    wrong = _sent(subject, "the only segment, with the toggle bit set", segment)
-    refused = wrong, _aborted(subject, AbortCode.TOGGLE_BIT), step.unchanged(each)
-    yield step.keeping("a wrong toggle bit is refused", each, *_begun(subject, each), *refused)
+    wrong = _sent(device, "the only segment, with the toggle bit set", segment)
+    refused = wrong, _aborted(device, AbortCode.TOGGLE_BIT), step.unchanged(each)
+    yield step.keeping("a wrong toggle bit is refused", each, *_begun(device, each), *refused)
 
 
 @Clause(CHAPTER, "7.2.4.3.4", "SDO download", Tier.REVERSIBLE, "2.14", name="0x100C by segments")
-def _segmented_guard_time(subject: Subject) -> Steps:
-    each = need(subject.settable(GUARD_TIME), NOT_GUARDED)
-    yield _by_segments(subject, need(each if _known(each) else None, NOT_GUARDED))
+def _segmented_guard_time(device: DeviceUnderTest) -> Steps:
+    each = need(device.settable(GUARD_TIME), NOT_GUARDED)
+    yield _by_segments(device, need(each if _known(each) else None, NOT_GUARDED))
 
 
-def _by_segments(subject: Subject, each: ODVariable) -> Data:
+def _by_segments(device: DeviceUnderTest, each: ODVariable) -> Data:
     content = _content(each)
     whole = (
-        *_begun(subject, each),
-        _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
-        step.expect("it is taken", subject.answer(f"20{'?' * 14}")),
+        *_begun(device, each),
+        _sent(device, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
+        step.expect("it is taken", device.answer(f"20{'?' * 14}")),
         step.read("it has the value", address_of(each), data=content.hex(" ")),
     )
     return step.asking(_asked_of(each, "2.14", "2.15"), step.keeping(f"{title(each)} by segments", each, *whole))
 
 
 @Clause(CHAPTER, "7.2.4.3.8", "SDO block download", name="in blocks")
-def _block_download(subject: Subject) -> Steps:
-    return _in_blocks(_number(subject))
+def _block_download(device: DeviceUnderTest) -> Steps:
+    return _in_blocks(_number(device))
 
 
 @Clause(CHAPTER, "7.2.4.3.8", "SDO block download", Tier.REVERSIBLE, "2.20, 2.24", name="0x100C in blocks")
-def _block_guard_time(subject: Subject) -> Steps:
-    return _in_blocks(need(subject.settable(GUARD_TIME), NOT_GUARDED))
+def _block_guard_time(device: DeviceUnderTest) -> Steps:
+    return _in_blocks(need(device.settable(GUARD_TIME), NOT_GUARDED))
 
 
 def _in_blocks(each: ODVariable) -> Steps:
@@ -177,99 +189,101 @@ def _in_blocks(each: ODVariable) -> Steps:
 
 
 @Clause(CHAPTER, "7.2.4.3.17", "SDO abort", ctt="2.7", group="an unknown command is refused")
-def _unknown_command(subject: Subject) -> Steps:
-    # 0xE0: the one of eight that no request has (CiA 301, 7.2.4.3). It is about an object that there is, so that only
-    # the command can be refused.
-    sent = _sent(subject, "command specifier 7", initiate(0xE0, _usual(subject)))
-    return [sent, _aborted(subject, AbortCode.UNKNOWN_COMMAND, AbortCode.GENERAL)]
+def _unknown_command(device: DeviceUnderTest) -> Steps:
+    # 0xE0 is the only command specifier without a meaning (CiA 301, 7.2.4.3). The object exists, so only the command
+    # can be refused.
+    sent = _sent(device, "command specifier 7", initiate(0xE0, _usual(device)))
+    return [sent, _aborted(device, AbortCode.UNKNOWN_COMMAND, AbortCode.GENERAL)]
 
 
 @Clause(CHAPTER, "7.2.4.3.17", "SDO abort", group="a client's abort is not answered")
-def _client_aborts(subject: Subject) -> Steps:
-    yield _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL))
-    # An abort that is answered by an abort would go to and fro for ever.
-    yield step.never("no answer", subject.answer("?" * 16), QUIET)
-    yield awake(subject, "the next request is")
+def _client_aborts(device: DeviceUnderTest) -> Steps:
+    yield _sent(device, "abort", wire.aborted(device.probe, AbortCode.GENERAL))
+    # Two sides that answer aborts by aborts would never stop.
+    yield step.never("no answer", device.answer("?" * 16), QUIET)
+    yield awake(device, "the next request is")
 
 
 @Clause(CHAPTER, "7.2.4.3.17", "SDO abort", name="a transfer that is left alone")
-def _unfinished(subject: Subject) -> Steps:
-    each = _number(subject)
-    begun, same = [*_begun(subject, each)], step.unchanged(each)
-    # A device that answers an abort is red for that above; here it is waited out.
-    abort = _sent(subject, "abort", wire.aborted(address_of(each), AbortCode.GENERAL)), step.wait("50 ms")
+def _unfinished(device: DeviceUnderTest) -> Steps:
+    each = _number(device)
+    begun = [*_begun(device, each)]
+    same = step.unchanged(each)
+    # A device that answers an abort is red for that above; here the answer is ignored.
+    abort = _sent(device, "abort", wire.aborted(address_of(each), AbortCode.GENERAL)), step.wait("50 ms")
     yield step.keeping("a transfer that the client aborts changes nothing", each, *begun, *abort, same)
-    # No clause names a time-out; but a client that went away must not keep all later ones out until the next reset.
-    # Asked again after twice the time each time, as each request may begin the server's own time-out anew, and be
-    # refused for the old transfer (CiA 301 leaves both open).
-    begins = subject.answer(f"4?{_multiplexer(each)}????????")
-    asked = {**subject.request(initiate(ClientCommand.UPLOAD << 5, address_of(each))), "every": LEFT_AT_FIRST}
+    # No clause names a timeout, but a lost client must not block all others until the next reset. The time between
+    # requests doubles, as each may restart the server's timeout and be refused because of the old transfer (CiA 301
+    # leaves both open).
+    begins = device.answer(f"4?{_multiplexer(each)}????????")
+    asked = {**device.request(initiate(ClientCommand.UPLOAD << 5, address_of(each))), "every": LEFT_AT_FIRST}
     name = f"it answers within {LEFT_ALONE}, asked after 1 s, 2 s, 4 s and 8 s"
     ready = {"name": name, "poll": {**asked, "factor": 2}, "until": begins, "within": LEFT_ALONE}
     left_alone = step.wait(LEFT_AT_FIRST), ready
     yield step.keeping("a transfer that is left alone does not block the server", each, *begun, *left_alone, same)
 
 
-# Numbers of blocks
+# Block sizes
 
 
 @Clause(CHAPTER, "7.2.4.3.12", "SDO block upload", ctt="2.26", group="a block of 128 segments is refused")
-def _block_size(subject: Subject) -> Steps:
-    """Ask for blocks of one segment more than there are."""
-    need(subject.readable(_usual(subject)), NOTHING_SHORT)
-    # 127 is the most that seven bits can number (CiA 301, 7.2.4.3.12).
+def _block_size(device: DeviceUnderTest) -> Steps:
+    """Request blocks of one segment more than allowed."""
+    need(device.readable(_usual(device)), NOTHING_SHORT)
+    # 127 is the maximum (CiA 301, 7.2.4.3.12).
     size = bytes([wire.BLOCK_SEGMENTS + 1])
-    yield _sent(subject, "128 segments", initiate(ClientCommand.BLOCK_UPLOAD << 5, _usual(subject), size))
-    yield _aborted(subject, AbortCode.BLOCK_SIZE, AbortCode.GENERAL, *NO_BLOCKS)
+    yield _sent(device, "128 segments", initiate(ClientCommand.BLOCK_UPLOAD << 5, _usual(device), size))
+    yield _aborted(device, AbortCode.BLOCK_SIZE, AbortCode.GENERAL, *NO_BLOCKS)
 
 
 @Clause(CHAPTER, "7.2.4.3.13", "SDO block upload", ctt="2.27", group="an acknowledgement of 128 segments is refused")
-def _sequence_number(subject: Subject) -> Steps:
+def _sequence_number(device: DeviceUnderTest) -> Steps:
     """Acknowledge more segments than a block can have."""
-    need(subject.readable(_usual(subject)), NOTHING_SHORT)
-    upload, most = ClientCommand.BLOCK_UPLOAD << 5, wire.BLOCK_SEGMENTS
-    # Kept, so that without blocks, refused or not, nothing further is asked.
+    need(device.readable(_usual(device)), NOTHING_SHORT)
+    upload = ClientCommand.BLOCK_UPLOAD << 5
+    most = wire.BLOCK_SEGMENTS
+    # With `save`, so that the rest of the group is skipped for a server without blocks.
     blocks = {"data": "any", "transfer": "block", "save": "blocks", "optional": codes(*NO_BLOCKS)}
-    yield step.read("blocks are there", _usual(subject), **blocks)
-    yield _sent(subject, "the first request", initiate(upload, _usual(subject), bytes([most])))
-    yield step.expect("it begins", subject.answer(f"C?{'?' * 14}"))
-    yield _sent(subject, "start", wire.plain(upload | wire.Block.START))
-    yield step.expect("the first segment", subject.answer(f"?1{'?' * 14}"))
+    yield step.read("blocks are there", _usual(device), **blocks)
+    yield _sent(device, "the first request", initiate(upload, _usual(device), bytes([most])))
+    yield step.expect("it begins", device.answer(f"C?{'?' * 14}"))
+    yield _sent(device, "start", wire.plain(upload | wire.Block.START))
+    yield step.expect("the first segment", device.answer(f"?1{'?' * 14}"))
     beyond = wire.plain(upload | wire.Block.ACKNOWLEDGE, bytes([most + 1, most]))
-    yield _sent(subject, "128 segments acknowledged", beyond)
-    yield _aborted(subject, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND)
-    yield step.wait("50 ms")  # what a server without blocks still has to say is not an answer to the next request
+    yield _sent(device, "128 segments acknowledged", beyond)
+    yield _aborted(device, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND)
+    yield step.wait("50 ms")  # so that late frames of the server are not taken for answers to the next request
 
 
 # Servers
 
 
 @Clause(CHAPTER, "7.5.2.33", "SDO server")
-def _servers(subject: Subject) -> Steps:
-    """Read where each server is; the first has the identifiers of the predefined connection set."""
-    for index in subject.dictionary.members:
-        for found in filter(None, (subject.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
-            # 0x600 and 0x580 plus the node-ID: a master that knows nothing else of a device must be able to ask it.
+def _servers(device: DeviceUnderTest) -> Steps:
+    """Read the COB-IDs of each server; the first has those of the predefined connection set."""
+    for index in device.dictionary.members:
+        for found in filter(None, (device.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
+            # 0x600 and 0x580 plus the node-ID, as a master knows nothing else of the device at first.
             base = SDO_BASES.get(address_of(found))
-            usual = None if base is None else base + subject.dictionary.node_id
-            if usual is not None and subject.number(address_of(found)) != usual:
+            usual = None if base is None else base + device.dictionary.node_id
+            if usual is not None and device.number(address_of(found)) != usual:
                 yield step.skip(title(found), f"the file itself has another one than 0x{usual:X}")
             elif found.readable:
                 data = "any" if usual is None else data_type(found).write(usual).hex(" ").upper()
                 asked = "2.28" if base is None else "2.12"
                 yield step.asking(asked, step.read(title(found), address_of(found), data=data))
     second = SDO_SERVERS[1]
-    if second not in subject.dictionary.members:
+    if second not in device.dictionary.members:
         absent = step.read(f"0x{second:04X} is not there", (second, 1), abort=codes(*NO_OBJECT))
         yield step.asking("2.28", absent)
-    if SDO_REQUESTS[0] not in subject.dictionary.members:
+    if SDO_REQUESTS[0] not in device.dictionary.members:
         yield step.skip("0x1200", "the file has no SDO server (0x1200)")
 
 
 @Clause(CHAPTER, "7.5.2.33", "SDO server", Tier.REVERSIBLE, "2.29", name="further servers")
-def _further_servers(subject: Subject) -> Steps:
-    """See that further servers have their defaults after a reset of the communication."""
-    further = [each for each in subject.objects if each.index in SDO_SERVERS[1:] and _known(each)]
+def _further_servers(device: DeviceUnderTest) -> Steps:
+    """Check that further servers have their defaults after a reset of the communication."""
+    further = [each for each in device.objects if each.index in SDO_SERVERS[1:] and _known(each)]
     need(further, "the file has no further SDO server (0x1201) with defaults")
     seen = (step.read(title(each), address_of(each), data=_content(each).hex(" ").upper()) for each in further)
     yield step.group("further servers after reset communication", *fresh(), *seen)
@@ -278,26 +292,26 @@ def _further_servers(subject: Subject) -> Steps:
 # Frames
 
 
-def _begun(subject: Subject, each: ODVariable) -> Steps:
+def _begun(device: DeviceUnderTest, each: ODVariable) -> Steps:
     """Begin a download by segments."""
     size = len(_content(each)).to_bytes(4, "little")
     begin = initiate(ClientCommand.DOWNLOAD << 5 | wire.SIZE_GIVEN, address_of(each), size)
-    yield _sent(subject, "the first request", begin)
-    yield step.expect("it begins", subject.answer(f"60{_multiplexer(each)}????????"))
+    yield _sent(device, "the first request", begin)
+    yield step.expect("it begins", device.answer(f"60{_multiplexer(each)}????????"))
 
 
-def _asked(subject: Subject, address: Address) -> Data:
-    return _sent(subject, "the first request", initiate(ClientCommand.UPLOAD << 5, address))
+def _asked(device: DeviceUnderTest, address: Address) -> Data:
+    return _sent(device, "the first request", initiate(ClientCommand.UPLOAD << 5, address))
 
 
-def _sent(subject: Subject, name: str, data: bytes) -> Data:
-    return {"name": name, **subject.request(data)}
+def _sent(device: DeviceUnderTest, name: str, data: bytes) -> Data:
+    return {"name": name, **device.request(data)}
 
 
-def _aborted(subject: Subject, *aborts: AbortCode) -> Data:
-    """Expect one of some aborts; which object it names is open where the request did not name one."""
-    answers = [subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}") for code in aborts]
-    # CiA 301 names codes, but leaves it to a server how exactly it knows what is wrong.
+def _aborted(device: DeviceUnderTest, *aborts: AbortCode) -> Data:
+    """Expect one of these aborts, for any object, as the request may name none."""
+    answers = [device.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}") for code in aborts]
+    # CiA 301 names the codes, but a server may give a more general one.
     return step.expect("abort", {"any": answers} if len(answers) > 1 else answers[0])
 
 

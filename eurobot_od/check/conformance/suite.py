@@ -1,4 +1,4 @@
-"""Puts the chapters together: the suites of a device as the text of one file."""
+"""Writes the suites of a device, from all chapters, as the text of one file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from eurobot_od.check.conformance import broadcasts, nmt, objects, pdo, sdo, step, storage
-from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Subject, Tier, awake
+from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, DeviceUnderTest, Tier, awake
 from eurobot_od.check.conformance.step import Data, hexadecimal, title
 from eurobot_od.check.report import AS_THEY_WERE
 from eurobot_od.od.dictionary import Dictionary
@@ -19,11 +19,11 @@ BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|nul
 """Texts that need no quotes: hexadecimal numbers, durations, the words of the format."""
 
 QUOTED = ("name", "skip", "data")
-"""Keys whose values are texts, whatever they look like."""
+"""Keys whose values are always texts."""
 
 
 def documents(suites: Iterable[Data]) -> str:
-    """Write suites as documents of one file."""
+    """Return suites as the YAML documents of one file."""
     lines: list[str] = []
     for suite in suites:
         lines.append("---")
@@ -37,7 +37,7 @@ def documents(suites: Iterable[Data]) -> str:
 
 
 def _step_lines(data: Data, indent: str) -> Iterator[str]:
-    """Write a step on one line, a group with a line for each of its steps."""
+    """Yield a step on one line, a group with one line per step."""
     if "steps" not in data:
         yield f"{indent}- {_inline(data)}"
         return
@@ -63,28 +63,30 @@ CHAPTERS = (
     nmt.GUARDED,
     broadcasts.SYNC_CHAPTER,
 )
-"""The suites, in the order in which they are run: what the later ones rely on comes first."""
+"""The suites in the order in which they are run: later ones rely on services that earlier ones test."""
 
 
 def text(dictionary: Dictionary, tier: Tier = Tier.READING) -> str:
-    """Return the conformance suites of a device, one for each chapter, with the steps up to a tier."""
-    return documents(_suite(Subject(dictionary, tier), chapter) for chapter in CHAPTERS)
+    """Return the conformance suites of a device, one per chapter, with the steps up to a tier."""
+    return documents(_suite(DeviceUnderTest(dictionary, tier), chapter) for chapter in CHAPTERS)
 
 
 MARKS = {"7.5.2.4": (Tier.DESTRUCTIVE, [ERRORS]), "7.5.2.23": (Tier.READING, VERIFY_CONFIGURATION)}
-"""What a device itself changes when it is asked, by clause, and from which tier on: errors that it remembers, and the
-date of its configuration, without which a master would take it for one that has not been configured."""
+"""Objects that the device itself changes during a run, by clause, with the first tier where it does.
+
+They are restored: errors that it remembers, and the date of its configuration, which masters rely on.
+"""
 
 
-def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
-    # The reading tier sends no NMT command: it is for a device at work, which a reset would stop.
-    resets = subject.tier.allows(Tier.REVERSIBLE)
+def _suite(device: DeviceUnderTest, chapter: Chapter[DeviceUnderTest]) -> Data:
+    # The reading tier sends no NMT command, as a reset would stop a device at work.
+    resets = device.tier.allows(Tier.REVERSIBLE)
     reset = {**step.nmt("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on [reversible]"}
     pause = {**step.nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [reversible]", "needed": "no"}
-    # One that sends no boot-up is red for that, and asked for all the rest.
+    # Not needed, so that a device without boot-up is red for that only.
     up = {**step.booted("7.2.8.3.3 Boot-up: boot-up after reset [reversible]"), "needed": "no"}
-    alive = awake(subject, ANSWERS)
-    marks = {clause: subject.kept(each) for clause, (tier, each) in MARKS.items() if subject.tier.allows(tier)}
+    alive = awake(device, ANSWERS)
+    marks = {clause: device.kept(each) for clause, (tier, each) in MARKS.items() if device.tier.allows(tier)}
     named = [(f"{clause} Values: {title(each[0])}", each) for clause, kept in marks.items() for each in kept]
     kept = [{**step.save(*each), "name": f"{name} [reading]", "needed": "no"} for name, each in named]
     back = [{**step.put_back(*each), "name": f"{name} is as it was [reading]"} for name, each in named]
@@ -92,7 +94,7 @@ def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
     first = {"name": "7.4 Values: they are read, to be compared in the end [reading]", "dump": "before", "needed": "no"}
     last = {"name": AS_THEY_WERE, "dump": "equal"}
     return chapter.suite(
-        subject,
+        device,
         "conformance",
         [*([reset, up] * resets), alive, *([pause] * resets), *kept, first],
         [*([reset, up, alive] * resets), *back, last, *([alone] * resets)],

@@ -113,7 +113,7 @@ class _Check:
         notes = [*report.changed(results), *report.remarks(results), *report.not_run(results)]
         return {"summary": report.summary(results), "notes": notes} | self._kept(results)
 
-    # What hears of the run (`runs.Told`)
+    # What hears of the run (`runs.RunListener`)
 
     def heading(self, suite: Suite, how: str) -> None:
         """Enter that a suite begins."""

@@ -7,41 +7,41 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, Clause, StepName, Subject, Tier, need, settable
+from eurobot_od.check.conformance.clauses import Chapter, Clause, DeviceUnderTest, StepName, Tier, need, settable
 from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.eds_text import DEVICE_TYPE, variable
 
-CHAPTER = Chapter[Subject]("odd", "odd things", fresh=True)
+CHAPTER = Chapter[DeviceUnderTest]("odd", "odd things", fresh=True)
 
 
 @Clause(CHAPTER, "7.1", "Nothing needed")
-def _alone(_: Subject) -> Steps:
+def _alone(_: DeviceUnderTest) -> Steps:
     return [step.wait("2 ms"), step.wait("3 ms")]
 
 
 @Clause(CHAPTER, "7.2", "A need", ctt="2.1", group="together", needs=[settable(HEARTBEAT_TIME, 5, lack="no 5 ms")])
-def _grouped(_: Subject) -> Steps:
+def _grouped(_: DeviceUnderTest) -> Steps:
     return [step.wait("4 ms")]
 
 
 @Clause(CHAPTER, "7.3", "Found on the way", name="whatever")
-def _found_late(_: Subject) -> Steps:
+def _found_late(_: DeviceUnderTest) -> Steps:
     yield step.wait("5 ms")
     need(0, "there is none")
 
 
 @Clause(CHAPTER, "7.4", "Twice", Tier.REVERSIBLE)
 @Clause(CHAPTER, "7.4", "Twice", Tier.REVERSIBLE)
-def _reversible(_: Subject) -> Steps:
+def _reversible(_: DeviceUnderTest) -> Steps:
     return [step.wait("6 ms")]
 
 
 def made(heartbeat: str, tier: Tier = Tier.READING) -> list[Data]:
     text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", "0", heartbeat)
     dictionary = Dictionary.read(text.encode(), Path("device.eds"), 5)
-    steps: list[Data] = CHAPTER.suite(Subject(dictionary, tier), "tag", [], [])["steps"]
+    steps: list[Data] = CHAPTER.suite(DeviceUnderTest(dictionary, tier), "tag", [], [])["steps"]
     return steps
 
 
@@ -54,7 +54,7 @@ def test_what_a_file_lacks_is_skipped_with_the_reason_in_place_of_all_steps() ->
     assert left_out == {"name": "7.4 Twice: not done [reversible]", "skip": "only with --reversible"}
 
 
-def test_a_group_begins_and_ends_as_its_chapter_says() -> None:
+def test_a_group_of_a_fresh_chapter_begins_and_ends_with_a_reset() -> None:
     together = made("")[2]
     assert together["name"] == "7.2 A need: together [reading, CTT 2.1]"
     reset = ["NMT reset communication", "boot-up", "NMT pre-operational"]
@@ -62,7 +62,7 @@ def test_a_group_begins_and_ends_as_its_chapter_says() -> None:
     assert [each.get("undo", "") for each in together["steps"]] == ["", "", "", "", "yes", "yes", "yes"]
 
 
-def test_a_tier_that_allows_a_clause_does_it() -> None:
+def test_a_clause_of_an_allowed_tier_is_done() -> None:
     assert [each["wait"] for each in made("", Tier.REVERSIBLE)[-1:]] == ["6 ms"]
 
 
@@ -75,7 +75,7 @@ ALLOWED = {
 }
 
 
-def test_what_each_tier_may_do() -> None:
+def test_each_tier_allows_itself_and_those_below() -> None:
     assert {tier: {each for each in Tier if tier.allows(each)} for tier in Tier} == ALLOWED
 
 
@@ -88,7 +88,7 @@ NAMES = [
 ]
 
 
-def test_a_name_is_read_as_it_is_written() -> None:
+def test_a_step_name_is_parsed_as_written() -> None:
     assert [str(StepName.of(name)) for name in NAMES] == NAMES
     assert StepName.of("send Check Drive Request") is None
 

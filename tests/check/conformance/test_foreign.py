@@ -218,7 +218,7 @@ def test_a_reset_that_takes_its_time_is_green() -> None:
     assert red(done(LateReset, Tier.REVERSIBLE, "nmt", "storage")) == []
 
 
-def test_an_entry_that_maps_nothing_may_be_refused() -> None:
+def test_a_device_may_refuse_a_mapping_entry_of_0() -> None:
     assert red(done(NoEmptyEntries, Tier.REVERSIBLE, "pdo")) == []
 
 
@@ -236,29 +236,29 @@ def test_an_abort_that_is_answered_is_red_once() -> None:
     assert red(done(AnsweredAbort, Tier.READING, "sdo")) == [answered]
 
 
-def test_what_a_red_step_leaves_open_makes_no_other_step_red() -> None:
+def test_a_transfer_that_a_red_step_leaves_open_makes_no_other_step_red() -> None:
     assert red(done(StaysOpen, Tier.READING, "sdo")) == [
         "7.2.4.3.7 SDO upload: a wrong toggle bit is refused [reading, CTT 2.17]: abort",
         "7.2.4.3.4 SDO download: a wrong toggle bit is refused [reading]: abort",
     ]
 
 
-def test_a_device_that_crashes_in_a_transfer_is_red_for_that_alone() -> None:
+def test_a_crash_in_a_transfer_makes_one_step_red() -> None:
     crash = "7.2.4.3.13 SDO block upload: an acknowledgement of 128 segments is refused [reading, CTT 2.27]: abort"
     assert red(done(Crashes, Tier.READING, "sdo")) == [crash]
 
 
-def test_a_device_that_crashes_is_red_for_that_and_because_it_does_not_come_back() -> None:
+def test_a_crash_makes_the_step_and_the_missing_boot_up_red() -> None:
     crash = "7.2.4.3.17 Wrong length: 0x1017:0 Producer heartbeat time [reversible]: 1 byte, too few [CTT 2.9]"
     assert red(done(Crashes, Tier.REVERSIBLE, "objects")) == [crash, NO_BOOT_UP]
 
 
-def test_what_an_empty_history_says_is_asked_once() -> None:
+def test_the_aborts_of_an_empty_history_are_tested_once() -> None:
     newest = "7.5.2.4 Error history: the newest of them [reading, CTT 5.3]"
     assert red(done(EmptyHistory, Tier.READING, "objects", "emcy")) == [newest]
 
 
-def test_a_time_that_a_valid_pdo_takes_is_red_once_for_each() -> None:
+def test_an_inhibit_time_that_a_valid_pdo_accepts_is_red_once_per_pdo() -> None:
     fault = CONFORMANCE["inhibit-time-changed-while-valid"].given_to(SimulatedDevice)
     seen = red(done(fault, Tier.REVERSIBLE, "pdo"))
     assert seen
@@ -270,11 +270,11 @@ def test_one_cause_is_one_red_step(kind: type[Node]) -> None:
     assert red(done(kind, Tier.REVERSIBLE, "nmt", "storage", "emcy")) == [ONE_CAUSE[kind]]
 
 
-def test_a_device_that_sends_no_boot_up_is_asked_for_the_rest() -> None:
+def test_without_a_boot_up_all_other_steps_are_done() -> None:
     assert sum(each.status is Status.PASSED for each in done(NoBootUp, Tier.REVERSIBLE, "nmt")) > 60
 
 
-def test_a_device_that_comes_back_elsewhere_is_said_to() -> None:
+def test_a_boot_up_with_another_node_id_is_reported() -> None:
     (failed,) = [each for each in done(Elsewhere, Tier.REVERSIBLE, "nmt") if each.status is Status.FAILED]
     assert failed.reason is not None
     assert failed.reason.what == (
@@ -282,7 +282,7 @@ def test_a_device_that_comes_back_elsewhere_is_said_to() -> None:
     )
 
 
-def test_what_an_error_of_its_own_leaves_undone_says_so() -> None:
+def test_steps_skipped_for_the_nodes_own_error_have_that_reason() -> None:
     skipped = [each for each in done(OwnError, Tier.REVERSIBLE, "nmt") if each.status is Status.SKIPPED]
     reasons = [each.reason.what for each in skipped if each.reason]
     assert any("the node has an error of its own (0x1001), which is red" in each for each in reasons)
@@ -325,7 +325,7 @@ TAKEN = {
 @pytest.mark.parametrize(
     "name", [pytest.param(each, marks=pytest.mark.long) if TAKEN[each] == "objects" else each for each in TAKEN]
 )
-def test_a_device_that_takes_wrong_values_and_keeps_them_gets_back_what_it_had(name: str) -> None:
+def test_a_device_that_accepts_and_keeps_wrong_values_is_restored(name: str) -> None:
     device = stubborn(CONFORMANCE[name].given_to(SimulatedDevice)).load(MODULE, NODE_ID)
     (asked,) = suites(MODULE, Tier.REVERSIBLE, TAKEN[name])
     before = kept(device)
@@ -334,7 +334,7 @@ def test_a_device_that_takes_wrong_values_and_keeps_them_gets_back_what_it_had(n
 
 
 @pytest.mark.parametrize("chapter", ["storage", pytest.param("sync", marks=pytest.mark.long)])
-def test_a_device_that_restores_nothing_gets_back_what_it_had(chapter: str) -> None:
+def test_a_device_whose_0x1011_does_nothing_is_restored(chapter: str) -> None:
     device = stubborn(SimulatedDevice).load(MODULE, NODE_ID)
     (asked,) = suites(MODULE, Tier.DESTRUCTIVE, chapter)
     before = kept(device)
@@ -344,7 +344,7 @@ def test_a_device_that_restores_nothing_gets_back_what_it_had(chapter: str) -> N
 
 @pytest.mark.parametrize("chapter", ["nmt", "pdo"])
 @pytest.mark.parametrize("number", [*range(40, 46), *range(200, 206)])
-def test_an_interrupt_anywhere_puts_back_what_was_changed(chapter: str, number: int) -> None:
+def test_an_interrupt_at_any_frame_restores_all_values(chapter: str, number: int) -> None:
     """The device keeps all over resets: only what is written back is as it was."""
     (asked,) = suites(MODULE, Tier.REVERSIBLE, chapter)
     device, interrupt = stubborn(SimulatedDevice).load(MODULE, NODE_ID), Interrupt()
@@ -361,7 +361,7 @@ def test_an_interrupt_anywhere_puts_back_what_was_changed(chapter: str, number: 
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_puts_back_what_was_changed(end: signal.Signals) -> None:
+def test_a_signal_restores_all_values(end: signal.Signals) -> None:
     (asked,) = suites(MODULE, Tier.REVERSIBLE, "pdo")
     device, interrupt = stubborn(SimulatedDevice).load(MODULE, NODE_ID), Interrupt()
     before, differs = kept(device), list[bool]()
@@ -396,7 +396,7 @@ def test_an_entry_in_the_error_history_is_named_with_how_to_clear_it() -> None:
     assert "`emcy --clear`" in line
 
 
-def test_a_file_within_the_device_is_read_in_blocks() -> None:
+def test_a_domain_is_read_in_blocks() -> None:
     """The device keeps its EDS: a request for each 7 bytes of it, or for each 889."""
     requests = list[int]()
 
@@ -413,7 +413,7 @@ def test_a_file_within_the_device_is_read_in_blocks() -> None:
 
 
 @pytest.mark.parametrize("chapter", ["nmt", "sdo"])
-def test_a_check_behind_a_configuration_leaves_0x1020(chapter: str) -> None:
+def test_a_check_after_a_configuration_restores_0x1020(chapter: str) -> None:
     """The device clears 0x1020 with each change of 0x1017, as CiA 301, 7.5.2.23, has it."""
     marks = dict(zip(VERIFY_CONFIGURATION, (9000, 36_000_000), strict=True))
     device = SimulatedDevice.load(MODULE, NODE_ID)
@@ -429,7 +429,7 @@ def test_a_check_behind_a_configuration_leaves_0x1020(chapter: str) -> None:
     assert {at: device.device.objects.raw(at) for at in marks} == marks
 
 
-def test_errors_that_the_suite_caused_are_cleared_behind_it() -> None:
+def test_errors_that_the_suite_caused_are_cleared() -> None:
     device = stubborn(SimulatedDevice).load(MODULE, NODE_ID)
     (asked,) = suites(MODULE, Tier.DESTRUCTIVE, "error-control")
     result = run_simulated(asked, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
@@ -448,7 +448,7 @@ class Application(SimulatedDevice):
         return super().receive(frame, now)
 
 
-def test_what_the_application_writes_is_not_compared_and_named() -> None:
+def test_process_data_is_not_compared_and_this_is_reported() -> None:
     (asked,) = suites(MODULE, Tier.READING, "emcy")
     result = run_simulated(asked, RunOptions(keep_going=True), of_kind(Application))
     assert not result.failed

@@ -60,18 +60,18 @@ SAID = [
 ]
 
 
-def test_the_page_says_what_was_asked_and_what_came() -> None:
+def test_the_report_has_expected_and_received_values() -> None:
     text = page.text(Path("page.md"), [report()])
     assert [said for said in SAID if said not in text] == []
 
 
-def test_the_html_is_one_page_with_everything_escaped() -> None:
+def test_the_html_is_one_page_with_all_text_escaped() -> None:
     html = page.text(Path("page.html"), [report()])
     assert html.startswith("<!DOCTYPE html>")
     assert "&gt; 705#R1" in html
 
 
-def test_what_is_red_for_the_same_reason_is_a_line_each() -> None:
+def test_steps_red_for_the_same_reason_are_one_line_each() -> None:
     kind = CONFORMANCE["unknown-object-code-wrong"].given_to(SimulatedDevice)
     done = list(results(suites(IO_MODULE, chapter="objects"), kind))
     run = DeviceRun(Dictionary.load(IO_MODULE, NODE_ID), Tier.REVERSIBLE, done, "today")
@@ -80,7 +80,7 @@ def test_what_is_red_for_the_same_reason_is_a_line_each() -> None:
     assert "| read 0x5FFF:0 |" in text
 
 
-def test_what_follows_a_red_step_of_its_group_is_skipped_for_it() -> None:
+def test_steps_after_a_red_one_of_their_group_are_skipped() -> None:
     assert report().skipped["'2. PRE-OPERATIONAL, toggle bit 1 [CTT 7.3]' before it is red"] == 12
 
 
@@ -110,7 +110,7 @@ def asked_by(several: Iterable[Suite]) -> dict[str, list[StepName]]:
     return asked
 
 
-def test_each_test_of_the_tool_is_asked_of_some_file_or_said_not_to_be() -> None:
+def test_each_ctt_number_is_tested_with_some_file_or_listed_as_never() -> None:
     asked = asked_by(each for file in (MODULE, IO_MODULE, AXIS_DRIVE) for each in suites(file, Tier.DESTRUCTIVE))
     assert len(page.ASKS) == 127
     assert {*asked, page.LINT, *page.NEVER_ASKED, *LACKING} == set(page.ASKS)
@@ -120,7 +120,7 @@ LACKING = {"8.5", "8.6", "8.7", "8.8"}
 """Of 0x1010:2 and 0x1011:2, which none of these files has; `stored` makes one that has."""
 
 
-def test_the_communication_is_stored_by_itself() -> None:
+def test_communication_parameters_are_stored_separately() -> None:
     assert passed(stored()) >= {"8.1", "8.2", "8.3", "8.4", *LACKING}
     assert [number for number in LACKING if lacking(stored(), number)] == []
 
@@ -384,13 +384,13 @@ def test_a_red_step_fails_a_test_and_a_green_one_passes_it(
     assert (judged["2.5"].verdict, judged["2.5"].why) == (verdict, why)
 
 
-def test_the_file_is_the_first_test() -> None:
+def test_ctt_1_0_is_the_lint_of_the_file() -> None:
     fine, wrong = (page.results_of([], errors)[0] for errors in ([], ["device.eds:3:1: E101 odd"]))
     assert (fine.number, fine.verdict) == ("1.0", Status.PASSED)
     assert (wrong.verdict, wrong.why) == (Status.FAILED, "device.eds:3:1: E101 odd")
 
 
-def test_the_last_line_is_the_score() -> None:
+def test_the_last_line_of_a_report_is_the_score() -> None:
     tests = page.results_of([run(("2.5", Status.FAILED, ""), ("2.6", Status.PASSED, ""))], [])
     assert list(page.lines(tests))[-1] == "3 of 127 tests executed: 2 ok, 1 FAILED, 124 skipped"
 

@@ -24,19 +24,19 @@ def suite(reversible: bool = True, motion: MotionBounds | None = LIMITS) -> list
     return read(SERVO, drive_text(SERVO, reversible, motion))
 
 
-def test_a_healthy_drive_is_green() -> None:
+def test_a_drive_without_faults_is_green() -> None:
     done = list(steps(suite(), SimulatedDrive))
     assert {each.status for each in done} == {Status.PASSED}
     assert len(done) > 300
 
 
 @pytest.mark.long
-def test_the_first_red_step_is_the_one_that_a_fault_names() -> None:
+def test_the_first_red_step_is_the_one_named_by_the_fault() -> None:
     red = {name: first_red(suite(), fault.given_to(SimulatedDrive)) for name, fault in DRIVE_FAULTS.items()}
     assert {name: step for name, step in red.items() if not step.startswith(DRIVE_FAULTS[name].caught_by.step)} == {}
 
 
-def test_a_device_that_does_not_move_is_red() -> None:
+def test_a_drive_that_does_not_move_is_red() -> None:
     assert first_red(suite(), SimulatedDevice).startswith("8.1 States: ")
 
 
@@ -58,7 +58,7 @@ def test_without_motion_the_motor_gets_no_torque(reversible: bool, states: set[s
     assert {*moved} == {0.0}
 
 
-def test_nothing_is_faster_or_farther_than_it_may_be() -> None:
+def test_moves_stay_within_speed_and_distance() -> None:
     places: list[float] = []
     speeds: list[float] = []
 

@@ -25,13 +25,13 @@ def suite(reversible: bool = True, outputs: bool = True, file: Path = EDS) -> li
     return read(dictionary, module_text(dictionary, reversible, outputs))
 
 
-def test_a_healthy_module_is_green() -> None:
+def test_a_module_without_faults_is_green() -> None:
     done = list(steps(suite(), SimulatedModule))
     assert {each.status for each in done} == {Status.PASSED}
     assert len(done) > 150
 
 
-def test_a_module_that_does_not_heed_the_polarity_of_its_inputs_is_red_there() -> None:
+def test_a_module_that_ignores_the_polarity_of_its_inputs_is_red() -> None:
     assert first_red(suite(), PolarityIgnored).startswith("0x6002 Polarity of inputs: ")
 
 
@@ -47,14 +47,14 @@ class Watched(SimulatedModule):
 
 
 @pytest.mark.parametrize("reversible", [False, True])
-def test_nothing_is_switched_without_the_option_for_it(reversible: bool) -> None:
+def test_without_outputs_nothing_is_switched(reversible: bool) -> None:
     seen: set[tuple[Address, int]] = set()
     done = steps(suite(reversible, False), type("Kept", (Watched,), {"seen": seen}))
     assert {each.status for each in done} <= {Status.PASSED, Status.SKIPPED}
     assert {value for _, value in seen} == {0}
 
 
-def test_with_it_outputs_are_switched_and_are_as_after_power_on_in_the_end() -> None:
+def test_with_outputs_they_are_switched_and_restored() -> None:
     seen: set[tuple[Address, int]] = set()
     kept = list[SimulatedModule]()
 
@@ -69,6 +69,6 @@ def test_with_it_outputs_are_switched_and_are_as_after_power_on_in_the_end() -> 
     assert {*kept[-1].outputs.values()} == {0}
 
 
-def test_a_makers_file_with_nothing_but_inputs_and_outputs_is_green() -> None:
+def test_a_manufacturers_file_of_inputs_and_outputs_is_green() -> None:
     done = steps(suite(file=IO_MODULE), SimulatedModule)
     assert {each.status for each in done} == {Status.PASSED, Status.SKIPPED}

@@ -57,18 +57,18 @@ CLAUSE = re.compile(r"7\.\d(\.\d+)* [A-Z]")
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
-def test_no_step_is_red_on_a_device_that_is_its_file(file: Path) -> None:
+def test_no_step_is_red_on_a_device_made_from_its_file(file: Path) -> None:
     assert red(asked_for_everything(file, Tier.REVERSIBLE).steps) == []
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("file", MADE, ids=lambda file: file.stem)
-def test_nor_on_a_makers_device_with_everything_that_may_be_asked(file: Path) -> None:
+def test_no_step_is_red_on_a_manufacturers_device_in_all_tiers(file: Path) -> None:
     assert red(asked_for_everything(file).steps) == []
 
 
 @pytest.mark.long
-def test_nor_on_a_node_that_acts_on_what_is_written() -> None:
+def test_no_step_is_red_on_a_node_that_acts_on_written_values() -> None:
     assert red(steps(suites(plant.load("lift").file))) == []
 
 
@@ -93,7 +93,7 @@ ASKED = [
 
 
 @pytest.mark.long
-def test_a_device_with_everything_is_asked_for_everything() -> None:
+def test_a_device_with_every_service_has_every_step() -> None:
     passed = [each.name for each in asked_for_everything(MODULE).steps if each.status is Status.PASSED]
     assert [each for each in ASKED if each not in passed] == []
     assert sum("changed in order, and not otherwise [" in each for each in passed) >= 4
@@ -115,7 +115,7 @@ ASKED_OF_MAKERS = {
 
 
 @pytest.mark.parametrize("file", ASKED_OF_MAKERS)
-def test_a_makers_device_is_asked_for_what_it_has(file: Path) -> None:
+def test_a_manufacturers_device_has_the_steps_for_its_objects(file: Path) -> None:
     passed = [each.name for each in asked_for_everything(file).steps if each.status is Status.PASSED]
     assert [step for step in ASKED_OF_MAKERS[file] if not any(each.endswith(step) for each in passed)] == []
 
@@ -149,7 +149,7 @@ HEARTBEAT_LIMITS = {
 
 
 @pytest.mark.parametrize("limits", HEARTBEAT_LIMITS)
-def test_states_are_watched_by_heartbeats_that_come_soon_or_not_at_all(limits: str) -> None:
+def test_states_are_followed_by_fast_heartbeats_or_skipped(limits: str) -> None:
     default, watched = HEARTBEAT_LIMITS[limits]
     text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", default, limits)
     dictionary = Dictionary.read(text.encode(), Path("device.eds"), NODE_ID)
@@ -199,11 +199,11 @@ def test_a_number_of_the_device_info_that_its_object_cannot_have_is_skipped() ->
     assert "[DeviceInfo] of the file: 7 is not VISIBLE_STRING" in text
 
 
-def test_of_a_device_without_a_number_that_may_be_written_none_is_written() -> None:
+def test_without_a_writable_integer_none_is_written() -> None:
     assert NO_NUMBER in made()
 
 
-def test_what_the_object_flags_exclude_is_not_touched() -> None:
+def test_objects_excluded_by_their_objflags_are_not_used() -> None:
     done = [step.action for each in suites(AXIS_DRIVE, Tier.DESTRUCTIVE) for step in all_steps(each)]
     touched = {address_of(each.variable) for each in done if isinstance(each, (SdoRead, SdoWrite))}
     assert (0x2100, 0) in touched
@@ -221,7 +221,7 @@ def test_a_device_whose_node_id_the_defaults_would_move_is_not_restored() -> Non
     assert "0x1011 would make the device node 1, as its file says" in {each.reason.what for each in done if each.reason}
 
 
-def test_the_makers_own_defaults_are_never_restored() -> None:
+def test_manufacturer_defaults_are_never_restored() -> None:
     written = suite.text(Dictionary.load(AXIS_DRIVE, NODE_ID), Tier.DESTRUCTIVE)
     assert 'write: "0x1011:1", data: "6c 6f 61 64"' in written
     assert 'write: "0x1011:4"' not in written
@@ -293,7 +293,7 @@ def all_steps(each: Suite) -> Iterator[Step]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("tier", [Tier.READING, Tier.REVERSIBLE])
-def test_a_run_proves_itself_that_all_is_as_it_was(tier: Tier) -> None:
+def test_a_run_compares_all_values_at_its_end(tier: Tier) -> None:
     """The device sets another object whenever its heartbeat time is written, and keeps that over resets."""
 
     kept: dict[Address, Value] = {}
@@ -363,7 +363,7 @@ def only_says(address: bytes) -> type[SimulatedDevice]:
 
 @pytest.mark.long
 @pytest.mark.parametrize(("address", "step"), [(b"\x10\x10\1", "it is kept"), (b"\x11\x10\1", "the default is back")])
-def test_a_device_that_only_says_that_it_stores_or_restores_is_red(address: bytes, step: str) -> None:
+def test_a_device_that_confirms_but_does_not_store_or_restore_is_red(address: bytes, step: str) -> None:
     done = steps(suites(MODULE, Tier.DESTRUCTIVE, "storage"), only_says(address))
     failed = [each.name for each in done if each.status is Status.FAILED]
     assert any("stored and restored" in each and f": {step} [CTT" in each for each in failed), failed
@@ -379,7 +379,7 @@ class Mute(Leaving, SimulatedDevice):
         return []
 
 
-def test_a_device_that_does_not_answer_is_red_at_once_and_all_else_is_skipped() -> None:
+def test_without_an_answer_the_first_step_is_red_and_the_rest_skipped() -> None:
     statuses = Counter(each.status for each in steps(suites(MODULE), Mute) if each.section is not SuitePart.TEARDOWN)
     assert statuses[Status.FAILED] == len(suite.CHAPTERS)
     assert statuses[Status.PASSED] == len(suite.CHAPTERS)  # the NMT command before
@@ -409,7 +409,7 @@ TIMED = {
 """Steps whose time a clause names, by the beginning of their name: all others may take as long as a late answer."""
 
 
-def test_no_time_is_a_limit_that_no_clause_names() -> None:
+def test_only_steps_with_a_time_from_a_clause_wait_less_than_for_a_late_answer() -> None:
     short = set()
     for each in yaml.safe_load_all(suite.text(Dictionary.load(MODULE, NODE_ID), Tier.DESTRUCTIVE)):
         left = [*each["setup"], *each["steps"], *each["teardown"]]
@@ -446,7 +446,7 @@ RENAMED = ["Measured value", "Output", "Output mode", "Input", "Channel 1", "Cha
 """Names in the sample, one for each of those above, and more."""
 
 
-def test_any_name_of_a_file_is_read_back(tmp_path: Path) -> None:
+def test_any_parametername_is_read_back_from_the_suite(tmp_path: Path) -> None:
     text = MODULE.read_text()
     for before, name in zip(RENAMED, NAMES, strict=False):
         assert text.count(f"ParameterName={before}\n") == 1
