@@ -1,7 +1,7 @@
-"""The one error tree: every error says what is wrong and where, in one line; only a YAML file's problems are several.
+"""The error tree: every error says in one line what is wrong and where; only a YAML file may have several lines.
 
-An error tells whose fault it is. Local errors are a caller's mistake, dictionary errors a file's, remote errors a
-peer's; an exception outside this tree is a bug of ours.
+Local errors are the caller's mistakes, dictionary errors a file's, remote errors a peer's; any other exception is a bug
+of ours.
 """
 
 from __future__ import annotations
@@ -17,37 +17,39 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 LONGEST_NAME = 100
-"""Most characters of a name that are compared with others: the time for it grows with their square."""
+"""Maximum length of a name that is compared with others, as that takes quadratic time."""
 
 ALIKE = 0.75
-"""How much of two names has to be the same for one to be a slip of the other."""
+"""Minimum similarity of two names for one to be suggested for the other, from 0 to 1."""
 
 SHORTEST_PART, MOST_LIKE = 3, 6
-"""Least characters that are looked for within known names, and most names that are suggested."""
+"""Minimum length of a part that is searched in known names, and maximum number of suggested names."""
 
 MOST_SHOWN = 700
-"""Most characters of known names that are listed where none is like the unknown one: 200 faults would have more."""
+"""Maximum length of a list of known names in an error; longer ones are left out."""
 
 LISTED_BY = {"fault": "; `faults` lists them", **dict.fromkeys(("object", "setting"), "; `show --objects` lists them")}
-"""What shows all names of a kind of which there may be more."""
+"""Commands that list all names, by the kind of name."""
 
 
 class EurobotError(Exception):
-    """Base of all errors of this package; `str()` of it is one line for a person."""
+    """Base of all errors of this package; its `str()` is one line."""
 
 
 # A caller's mistakes
 
 
 class LocalError(EurobotError):
-    """What the caller asked for cannot be done; nothing was sent."""
+    """A request that cannot be done; nothing was sent."""
 
 
 class UnknownName(LocalError):
-    """A name that is not in its list: a message, a field, a dialect, a barrier."""
+    """A name that does not exist: of a message, field, dialect, barrier."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
-        self.kind, self.name, self.known = kind, name, tuple(dict.fromkeys(map(str, known)))
+        self.kind = kind
+        self.name = name
+        self.known = tuple(dict.fromkeys(map(str, known)))
         hint = f"; known: {', '.join(self.known)}" if self.known else ""
         if len(hint) > MOST_SHOWN:
             hint = f"; {len(self.known)} are known, and none is like it{LISTED_BY.get(kind, '')}"
@@ -55,26 +57,26 @@ class UnknownName(LocalError):
 
 
 def look_up(kind: str, name: str, table: Mapping[str, T]) -> T:
-    """Return what a table has under a name; raises UnknownName."""
+    """Return the value of a name in a table; raises UnknownName."""
     if name not in table:
         raise UnknownName(kind, name, table)
     return table[name]
 
 
 def meant(written: str, known: Sequence[str], alike: float = ALIKE) -> str:
-    """Return a question for the known names that somebody may have meant; `` if none is like what was written."""
+    """Return a question with the known names that are like the given one; empty if there are none."""
     near = _like(written[:LONGEST_NAME], known, alike)
     more = f", or one of {len(near) - MOST_LIKE} more" if len(near) > MOST_LIKE else ""
     return f"; did you mean {' or '.join(near[:MOST_LIKE])}{more}?" if near else ""
 
 
 def _like(written: str, known: Sequence[str], alike: float) -> list[str]:
-    """Return the known names that somebody may have meant, once each, in any letter case, the likeliest first.
+    """Return the known names that are like the given one, once each, ignoring case, the most similar first.
 
-    That is the one that is the same but for its case; or else those that are spelled nearly so, or else after
-    their last dot, and those with all words of what was written.
+    A name that differs only in case; otherwise names that are similar, otherwise names whose last part is similar; and
+    names that contain all its words.
     """
-    from difflib import get_close_matches  # not before it is needed: every command starts with this file
+    from difflib import get_close_matches  # here, as every command imports this module
 
     wanted, *spelled = (each.lower().replace("_", " ") for each in (written, *known))
     lower = dict(zip(spelled, known))
@@ -89,13 +91,16 @@ def _like(written: str, known: Sequence[str], alike: float) -> list[str]:
 
 
 class FieldError(LocalError):
-    """A field value that cannot be sent: `message`, `field`, `value` and what is `allowed`."""
+    """A field value that cannot be sent: `message`, `field`, `value` and the `allowed` values."""
 
     def __init__(self, message: str, field: str, value: object, allowed: str) -> None:
-        self.message, self.field, self.value, self.allowed = message, field, value, allowed
+        self.message = message
+        self.field = field
+        self.value = value
+        self.allowed = allowed
         try:
             shown = value.name.lower() if isinstance(value, Enum) else repr(value)
-        except ValueError:  # an integer with more digits than Python writes
+        except ValueError:  # an integer with more digits than Python converts
             shown = "a number of thousands of digits"
         super().__init__(f"{message}: {field} = {shown} is not allowed; allowed: {allowed}")
 
@@ -105,19 +110,20 @@ class ListenerError(LocalError):
 
 
 class StateError(LocalError):
-    """A call that does not fit the node's state, such as a goto after an emergency shutdown."""
+    """A call that is not allowed in the node's state, such as a goto after an emergency shutdown."""
 
 
 class NodeClassError(LocalError):
-    """A class of a node that cannot work: the `place` of the mistake, `file:line`, and what is wrong."""
+    """A node class that cannot work: the `place` of the mistake, `file:line`, and what is wrong."""
 
     def __init__(self, place: str, what: str) -> None:
-        self.place, self.what = place, what
+        self.place = place
+        self.what = what
         super().__init__(f"{place}: {what}")
 
 
 class ProgramFailed(EurobotError):
-    """A program that was run for somebody has hung, or has tried to end everything; the text says where."""
+    """A user's program that hangs, or tried to end the process; the text says where."""
 
 
 # A file's mistakes
@@ -127,12 +133,13 @@ class FileError(EurobotError):
     """A file that cannot be used: `file`, and `what` is wrong."""
 
     def __init__(self, file: str | Path, what: str) -> None:
-        self.file, self.what = str(file), what
+        self.file = str(file)
+        self.what = what
         super().__init__(f"{file}: {what}")
 
 
 class YamlError(FileError):
-    """YAML that cannot be used: all that is wrong with it, or several files, `file:line:column: what` for each."""
+    """YAML that cannot be used: all problems of one or more files, each as `file:line:column: what`."""
 
     def __init__(self, file: str | Path, problems: Iterable[str]) -> None:
         super().__init__(file, "\n".join(problems))
@@ -140,26 +147,27 @@ class YamlError(FileError):
 
 
 class DictionaryError(FileError):
-    """An EDS or DCF that cannot be used: `file`, `index` (object dictionary index or None) and what is wrong."""
+    """An EDS or DCF that cannot be used: `file`, `index` (in the object dictionary, or None) and what is wrong."""
 
     def __init__(self, file: str | Path, index: int | None, what: str) -> None:
         super().__init__(file if index is None else f"{file}: 0x{index:04X}", what)
-        self.file, self.index = str(file), index
+        self.file = str(file)
+        self.index = index
 
 
 class DamagedFile(DictionaryError):
-    """A file that is not as it was written: its checksum is not that of what it holds."""
+    """A file whose checksum does not match its content."""
 
 
 class MappingError(DictionaryError):
-    """A PDO mapping that does not hold: object missing, over 64 bits, identifier used twice, wrong fields."""
+    """An invalid PDO mapping: object missing, over 64 bits, COB-ID used twice, wrong fields."""
 
 
-# A peer's mistakes, and the wire's
+# A peer's mistakes, and those of the bus
 
 
 class NamedObject(NamedTuple):
-    """Which object of which node an error is about: node-ID, `address` (index, sub-index), and `name` if known."""
+    """The object that an error is about: node-ID, `address` (index, sub-index), and `name` if known."""
 
     node_id: int
     address: tuple[int, int]
@@ -167,11 +175,11 @@ class NamedObject(NamedTuple):
 
 
 class RemoteError(EurobotError):
-    """What came from the bus is not what the protocol says."""
+    """A frame that violates the protocol, or is missing."""
 
 
 class UnknownIdentifier(RemoteError):
-    """A frame whose COB-ID no PDO of the loaded dictionaries has."""
+    """A frame whose COB-ID belongs to no PDO of the loaded dictionaries."""
 
     def __init__(self, cob_id: int) -> None:
         self.cob_id = cob_id
@@ -179,22 +187,25 @@ class UnknownIdentifier(RemoteError):
 
 
 def shown_identifier(cob_id: int) -> str:
-    """Write an identifier as errors do, one of 29 bits without the bit that marks it."""
+    """Return a COB-ID as errors show it, without the bit that marks 29-bit identifiers."""
     return f"0x{cob_id & 0x1FFF_FFFF:03X}"
 
 
 class FrameLengthError(RemoteError):
-    """A frame too short for its mapping; it is refused whole (CiA 301, EMCY 0x8210)."""
+    """A frame too short for its mapping; it is refused as a whole (CiA 301, EMCY 0x8210)."""
 
     def __init__(self, message: str, cob_id: int, length: int, expected: str) -> None:
-        self.message, self.cob_id, self.length, self.expected = message, cob_id, length, expected
+        self.message = message
+        self.cob_id = cob_id
+        self.length = length
+        self.expected = expected
         super().__init__(f"{message} ({shown_identifier(cob_id)}): {length} bytes of data, expected {expected}")
 
 
 class NoAnswer(RemoteError):
-    """A peer did not answer in its time: `request`, empty if nothing was asked, `answer` and how often was asked.
+    """A peer did not answer in time: `request` (empty if none was sent), `answer` and the number of attempts.
 
-    `waited` is in seconds; `node_id` and `object` say of whom and what, None where it is of no one node or object.
+    `waited` is in s; `node_id` and `object` are the node and object, or None.
     """
 
     def __init__(
@@ -206,8 +217,12 @@ class NoAnswer(RemoteError):
         node_id: int | None = None,
         where: NamedObject | None = None,
     ) -> None:
-        self.request, self.answer, self.attempts, self.waited = request, answer, attempts, waited
-        self.node_id, self.object = node_id, where
+        self.request = request
+        self.answer = answer
+        self.attempts = attempts
+        self.waited = waited
+        self.node_id = node_id
+        self.object = where
         within = f"{waited * 1000:.0f} ms"
         after = f" after {request}" if request else ""
         asked = f"within {within}{after}" if attempts == 1 else f"after {attempts} x {request} ({within} each)"
@@ -215,29 +230,31 @@ class NoAnswer(RemoteError):
 
 
 class HeartbeatLost(NoAnswer):
-    """No heartbeat of a node came in its time: `node_id`, and `waited` in seconds."""
+    """A node's heartbeat did not come in time: `node_id`, and `waited` in s."""
 
     def __init__(self, node_id: int, waited: float) -> None:
         super().__init__("the last one", f"heartbeat of node {node_id}", 1, waited, node_id)
 
 
 class WrongAnswer(RemoteError):
-    """A node gave an answer that does not fit the `request`; `object` says which node and object."""
+    """A node's answer that does not fit the `request`; `object` says which node and object."""
 
     def __init__(self, request: str, what: str, where: NamedObject) -> None:
-        self.request, self.node_id, self.object = request, where.node_id, where
+        self.request = request
+        self.node_id = where.node_id
+        self.object = where
         super().__init__(f"node {where.node_id} gave an odd answer to {request}: {what}")
 
 
 class Cause(Enum):
-    """Why a node does not act on a message: the state it is in, or values that contradict each other."""
+    """Why a node does not act on a message: its state, or contradicting values."""
 
     STATE = "state"
     VALUES = "values"
 
 
 class Refused(RemoteError):
-    """A message that a node does not act on: the `cause`, and why in words."""
+    """A message that a node does not act on: the `cause`, and the reason as text."""
 
     def __init__(self, cause: Cause, why: str) -> None:
         self.cause = cause
@@ -245,21 +262,24 @@ class Refused(RemoteError):
 
 
 class NodeRefused(RemoteError):
-    """A node aborted an SDO transfer: `node_id`, `request`, abort `code` and `reason` (CiA 301, Table 22).
-
-    `object` is the object concerned.
+    """A node aborted an SDO transfer: `node_id`, `request`, abort `code` and `reason` (CiA 301, Table 22), and
+    `object`.
     """
 
     def __init__(self, node_id: int, request: str, code: int, reason: str, where: NamedObject | None = None) -> None:
-        self.node_id, self.request, self.code, self.reason, self.object = node_id, request, code, reason, where
+        self.node_id = node_id
+        self.request = request
+        self.code = code
+        self.reason = reason
+        self.object = where
         super().__init__(f"node {node_id} refused to {request}: {reason} (0x{code:08X})")
 
 
 class ConfigurationError(RemoteError):
-    """A node that could not be configured; the text says what was written and in which state the node is.
+    """A node that could not be configured; the text says what was written, and the node's state.
 
-    `written` are the objects that have their new values and are not stored, `left` those that still have their former
-    ones, both as `0x1017:0 Producer heartbeat time`; everything is in `left` once it was taken back.
+    `written` are the objects with new values that are not stored, `left` those with their former values, both like
+    `0x1017:0 Producer heartbeat time`. If everything was restored, all objects are in `left`.
     """
 
     def __init__(self, text: str, written: Iterable[str] = (), left: Iterable[str] = ()) -> None:
@@ -268,22 +288,22 @@ class ConfigurationError(RemoteError):
 
 
 class DriveError(RemoteError):
-    """A drive (CiA 402) has a fault, or did not do in its time what it was commanded; the text says its state."""
+    """A drive (CiA 402) with a fault, or one that did not follow a command in time; the text says its state."""
 
 
 class ProgramError(RemoteError):
-    """A program that could not be downloaded into a node; the text says in which state the node is."""
+    """A program that could not be downloaded into a node; the text says the node's state."""
 
 
 class WorldError(RemoteError):
-    """The world of a simulated robot, in another process, cannot be reached, or does not answer."""
+    """The simulated robot's world, in another process, cannot be reached or does not answer."""
 
 
 # Ours
 
 
 class NodeFailed(EurobotError):
-    """A node that has raised an exception, its own or its hardware's, and was stopped and ended."""
+    """A node that raised an exception, its own or its hardware's, and was stopped."""
 
 
 class BusError(EurobotError):
@@ -291,11 +311,11 @@ class BusError(EurobotError):
 
 
 class RobotWarning(UserWarning):
-    """A robot is left out: it cannot be loaded, or only a file names it and it is not an installed one."""
+    """A robot that is left out: it cannot be loaded, or only a file names it and it is not installed."""
 
 
 class PackageWarning(RobotWarning):
-    """What a device's maker brings is left out, or a part of it: it cannot be read or loaded, or does not fit."""
+    """A device package, or a part of it, that is left out: it cannot be read or loaded, or does not fit."""
 
 
 __all__ = [name for name, each in globals().items() if isinstance(each, type) and each.__module__ == __name__]

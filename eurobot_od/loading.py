@@ -1,17 +1,17 @@
-"""Where plug-ins come from, and which of them count: a robot, and any number of device packages.
+"""Where plug-ins come from, and which of them are used: one robot, and any number of device packages.
 
-Ours is found like anybody's. What the user has typed comes first, then what is in the environment, then what is
-installed, by an entry point:
+Ours is found like any other. What the user has typed takes precedence over the environment, this over what is installed
+(entry points):
 
-- One robot counts: what `--robot` or EUROBOT_OD_ROBOT names, or else the installed one that the network file names by
-  `robot:`, or else the installed one: one of somebody else's package before ours. For devices whose files are named,
-  and for the program `canopen-workbench`, there is none.
-- All device packages count, for devices of their identity: those that `--package` or EUROBOT_OD_PACKAGES names, before
-  those that are installed.
+- One robot is used: the one of `--robot` or EUROBOT_OD_ROBOT; otherwise the installed one that the network file names
+by `robot:`; otherwise the installed one, another package's rather than ours. For devices given by their files, and for
+the program `canopen-workbench`, there is none.
+- All device packages are used, for devices with their identity: those of `--package` or EUROBOT_OD_PACKAGES before the
+  installed ones.
 
-A user names an installed plug-in, a folder or file of Python, or a module. Data runs no code: a network file may have
-come with somebody's logs, and names what is installed. A plug-in that cannot be loaded is one warning, and what does
-not need it goes on; only a robot that the user has named is an error then.
+A user names an installed plug-in, a folder or file of Python, or a module. Data runs no code: a network file may come
+with somebody else's logs, so it can only name installed plug-ins. A plug-in that cannot be loaded is one warning, and
+the rest goes on; only a robot that the user has named is an error.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 
 
 class PluginKind(NamedTuple):
-    """A kind of plug-in, `what` it is called, and where one is found.
+    """A kind of plug-in: `what` it is called, and where plug-ins are found.
 
-    `group` is that of its entry points, `variable` the environment's that names it. In a folder it is the `attribute`
-    of the module in the `file`. A `warning` says that one is left out.
+    `group` is the group of entry points, `variable` the environment variable that names it. In a folder, it is the
+    `attribute` of the module in the `file`. `warning` is the category for one that is left out.
     """
 
     what: str
@@ -51,11 +51,11 @@ class PluginKind(NamedTuple):
     warning: type[RobotWarning]
 
     def installed(self) -> Mapping[str, Installed]:
-        """Return the installed ones by their names."""
+        """Return the installed plug-ins by name."""
         return _installed(self)
 
     def load(self, name: str) -> Plugin:
-        """Load the one that a user names; raises UnknownName, LocalError."""
+        """Load the plug-in that a user names; raises UnknownName, LocalError."""
         if name in self.installed():
             return self.installed()[name].load()
         if (path := Path(name)).is_dir() or path.suffix == ".py":
@@ -68,7 +68,9 @@ class PluginKind(NamedTuple):
         return self.imported(name, name, name)
 
     def imported(self, target: str, name: str, file: str) -> Plugin:
-        """Import one, `module:attribute`, of which `file` tells; raises LocalError for all that it raises."""
+        """Import a plug-in, `module:attribute`; `file` is the place for errors. Raises LocalError for anything that
+        fails.
+        """
         module, _, attribute = target.partition("[")[0].strip().partition(":")
         what = f"{self.what} {name}"
         with blaming(what, module, file):
@@ -86,7 +88,7 @@ class PluginKind(NamedTuple):
         return Guard(self, f"{self.what} {name}", loaded.__name__, str(file)).plugin(found)
 
     def if_possible(self, load: Callable[[], Plugin]) -> Plugin | None:
-        """Return a plug-in; None, and a warning, if it cannot be loaded."""
+        """Return a plug-in; None, with a warning, if it cannot be loaded."""
         try:
             return load()
         except (LocalError, OSError) as error:
@@ -94,7 +96,7 @@ class PluginKind(NamedTuple):
             return None
 
     def warn(self, what: str) -> None:
-        """Warn that one is left out."""
+        """Warn that a plug-in is left out."""
         from warnings import warn
 
         warn(what, self.warning, stacklevel=2)
@@ -106,33 +108,33 @@ DEVICES = PluginKind(
 )
 
 NONE = "none"
-"""What `--robot` says for the workbench alone."""
+"""Value of `--robot` for no robot."""
 
 OURS = "eurobot_od."
-"""What the names of the modules start with that this package brings itself."""
+"""Prefix of the names of this package's own modules."""
 
 
-# Which count
+# Which are used
 
 
 def find(name: str | None = None, network: str | Path = DEFAULT, *, alone: bool = False) -> Plugin:
-    """Return the robot that is meant: `name`, or the environment's, or the `network` file's, or the installed one.
+    """Return the robot to use: that of `name`, the environment, or the `network` file, otherwise the installed one.
 
-    `alone`: the installed one does not count. Raises UnknownName; LocalError, with the place, for a named one that
+    `alone`: the installed one is not used. Raises UnknownName; LocalError, with the place, for a named robot that
     cannot be loaded, and if several are installed; FileError for the network file.
     """
     return named(name, network) or (NOTHING if alone else the_installed())
 
 
 def named(name: str | None, network: str | Path = DEFAULT) -> Plugin | None:
-    """Return the robot that is named: `name`, or the environment's, or the `network` file's; None without a name.
+    """Return the robot that `name`, the environment or the `network` file names; None if none does.
 
     Raises as `find`.
     """
     if typed := name or os.environ.get(ROBOTS.variable):
         return _typed(ROBOTS, typed)
     if os.path.isfile(network):  # noqa: PTH113
-        from eurobot_od.od.network import read_network  # costs what most commands do not need
+        from eurobot_od.od.network import read_network  # here, as most commands do not need it
 
         if written := read_network(network).robot:
             return _written(written, Path(network))
@@ -145,7 +147,7 @@ def _typed(kind: PluginKind, name: str) -> Plugin:
 
 
 def _written(name: str, file: Path) -> Plugin:
-    """Return the robot that a network file names, none if it is not an installed one that can be loaded."""
+    """Return the robot that a network file names; NOTHING if it is not installed or cannot be loaded."""
     if name == NONE:
         return NOTHING
     if name in ROBOTS.installed():
@@ -158,8 +160,8 @@ def _written(name: str, file: Path) -> Plugin:
 
 
 def the_installed() -> Plugin:
-    """Return the robot that counts where none is named; raises LocalError if two do."""
-    for ours in (False, True):  # ours last: who has installed a robot of their own means that
+    """Return the robot to use if none is named; raises LocalError if there are several."""
+    for ours in (False, True):  # ours last: a user who has installed another robot wants that
         robots = [each for each in ROBOTS.installed().values() if each.is_ours is ours]
         loaded = {each.name: robot for each in robots if (robot := ROBOTS.if_possible(each.load))}
         if len(loaded) > 1:
@@ -170,7 +172,7 @@ def the_installed() -> Plugin:
 
 
 def packages(named: Sequence[str] = ()) -> tuple[Plugin, ...]:
-    """Return the device packages that count: those `named`, those of the environment, and the installed ones."""
+    """Return the device packages to use: those `named`, those of the environment, and the installed ones."""
     variable = [each for each in os.environ.get(DEVICES.variable, "").split(os.pathsep) if each]
     return _packages(DEVICES, tuple(dict.fromkeys((*named, *variable))))
 
@@ -186,7 +188,7 @@ def _packages(kind: PluginKind, named: tuple[str, ...]) -> tuple[Plugin, ...]:
 def table_of(name: str) -> Path | None:
     """Return the protocol table of an installed robot, which another table `extends`.
 
-    Raises UnknownName, LocalError: a table is data, and runs no code but what is installed.
+    Raises UnknownName, LocalError. Only installed robots, as a table is data and must not run code.
     """
     return look_up("installed robot", name, ROBOTS.installed()).load().table
 
@@ -195,7 +197,7 @@ def table_of(name: str) -> Path | None:
 
 
 class Installed(NamedTuple):
-    """An installed plug-in: its `name`, where it is (`module:attribute`), and the `file` that says so."""
+    """An installed plug-in: its `name`, where it is (`module:attribute`), and the `file` of its entry point."""
 
     kind: PluginKind
     name: str
@@ -204,16 +206,16 @@ class Installed(NamedTuple):
 
     @property
     def package(self) -> str:
-        """What pip calls the package that brings it."""
+        """Name of its package for pip."""
         return Path(self.file).parent.name.partition("-")[0]
 
     @property
     def is_ours(self) -> bool:
-        """Whether this package brings it itself."""
+        """Whether it belongs to this package."""
         return self.target.startswith(OURS)
 
     def load(self) -> Plugin:
-        """Import it; raises LocalError, with the place, whatever goes wrong in it."""
+        """Import it; raises LocalError, with the place, for anything that fails."""
         return self.kind.imported(self.target, self.name, self.file)
 
 
@@ -223,17 +225,16 @@ def _installed(kind: PluginKind) -> Mapping[str, Installed]:
     for file, text in _entry_points():
         for line in text.partition(f"[{kind.group}]")[2].partition("\n[")[0].splitlines():
             name, equals, target = map(str.strip, line.partition("="))
-            if equals:  # the first one counts, as it does for an import
+            if equals:  # the first one wins, as for an import
                 found.setdefault(name, Installed(kind, name, target, file))
     return found
 
 
 @lru_cache
 def _entry_points() -> Sequence[tuple[str, str]]:
-    """Return the files with entry points and their texts, in the order in which Python looks for packages.
+    """Return the files of entry points and their texts, in the order in which Python searches packages.
 
-    They are read from where packages have them (PyPA's "Entry points specification"), as `importlib.metadata` takes
-    40 ms for that.
+    They are read directly (PyPA's "Entry points specification"), as `importlib.metadata` takes 40 ms.
     """
     found = []
     for folder in dict.fromkeys(each or os.curdir for each in sys.path):  # "" in `sys.path` is the working folder
@@ -248,14 +249,14 @@ def _entry_points() -> Sequence[tuple[str, str]]:
     return found
 
 
-# What is wrong with one
+# Errors of plug-ins
 
 
 class Guard(NamedTuple):
-    """Keeps what a plug-in raises from ending the program with a traceback: `what` it is, its `module` and `file`.
+    """Turns the exceptions of a plug-in into errors or warnings: `what` it is, its `module` and `file`.
 
-    What is imported late can be broken, too. A part of a robot then raises LocalError, with the place. Of a device
-    package it is left out where all else can go on, and a warning says so once.
+    This includes parts that are imported later. A failing part of a robot raises LocalError, with the place. A failing
+    part of a device package is left out, with one warning, if everything else can go on.
     """
 
     kind: PluginKind
@@ -272,7 +273,7 @@ class Guard(NamedTuple):
         guarded = plugin._replace(**parts)
         if self.kind is not DEVICES:
             return guarded
-        # Once each: a function may define its classes anew in each call.
+        # Called once each, as a function may define new classes in each call.
         watchers = cache(lambda: [self._watcher(each) for each in guarded.watchers()])
         panels = cache(lambda: [self.spared(each, OF_PANELS) for each in guarded.panels()])
         program = plugin.program and partial(self._program, guarded)
@@ -281,7 +282,7 @@ class Guard(NamedTuple):
         )
 
     def call(self, part: Callable[..., Any], instead: Callable[..., Any] | None = None) -> Callable[..., Any]:
-        """Return a function that raises LocalError; with `instead` it warns, and returns what that returns."""
+        """Return a function that raises LocalError; with `instead` it warns, and returns the result of that."""
 
         def call(*args: Any) -> Any:
             try:
@@ -297,7 +298,7 @@ class Guard(NamedTuple):
         return call
 
     def spared(self, kind: type[Any], methods: Mapping[str, Callable[..., Any] | None]) -> type[Any]:
-        """Return a class whose `methods` are guarded as `call` does it, each with what stands in its place."""
+        """Return a class with guarded `methods`; each has a replacement as in `call`."""
         found: dict[str, Any] = {}
         for name, instead in methods.items():
             part = getattr(kind, name)
@@ -335,7 +336,7 @@ INSTEAD: Mapping[str, Callable[..., Any]] = {
     "actions": dict,
     "faults": dict,
 }
-"""What stands in place of a part of a device package that raises; without the other parts nothing can go on."""
+"""Replacements for failing parts of a device package; without the other parts, nothing can go on."""
 
 
 def nothing(*_: Any) -> None:
@@ -349,20 +350,20 @@ OF_PANELS: Mapping[str, Callable[..., Any] | None] = {
     "of": lambda panel, _: panel,
     "setup": lambda _: {},
     "beside": None,
-    "objection": None,  # what it may object to is not sent
+    "objection": None,  # a frame that it cannot check is not sent
 }
-"""Methods of a package's watchers and panels, and what stands in their place when they raise; None: a LocalError."""
+"""Replacements for failing methods of a package's panels; None: LocalError. `OF_WATCHERS` are those of watchers."""
 
 
 @contextmanager
 def blaming(what: str, module: str, otherwise: str) -> Iterator[None]:
-    """Turn all that somebody's `module` raises into a LocalError with its place there, or with `otherwise`."""
+    """Turn every exception of a plug-in's `module` into a LocalError with its place there, or with `otherwise`."""
     try:
-        with redirect_stdout(sys.stderr):  # standard output may be a document, such as --json
+        with redirect_stdout(sys.stderr):  # standard output may be JSON
             yield
     except (KeyboardInterrupt, LocalError):
         raise
-    except BaseException as error:  # SystemExit, and what `pytest.skip` raises, must not end what needs no plug-in
+    except BaseException as error:  # SystemExit and pytest's exceptions, too, as the rest must go on
         from eurobot_od.support import extras
 
         inside = f"{module.rpartition('.')[0] or module}."

@@ -1,12 +1,12 @@
-"""What a plug-in brings to the workbench: a robot's, or a device package of a maker's.
+"""What a plug-in adds to the workbench: a robot, or a manufacturer's device package.
 
-The workbench takes any device's EDS. What no EDS says comes in here, as one `Plugin`; nothing else of the workbench
-knows about a robot or a maker. `Plugins` are those that count for a command. What is asked about one device, such as
-the class of the simulated one, is answered by the plug-in that knows it: the robot that has its role, or else the most
-exact package for its identity. What is asked about a network, such as rules for `diagnose`, is answered by the robot
-and the packages of the devices there. Where plug-ins come from is in `loading`.
+The workbench works with any device's EDS. A `Plugin` adds what no EDS says; nothing else of the workbench knows a robot
+or a manufacturer. `Plugins` are those that a command uses. Questions about one device, such as its simulated class, go
+to the plug-in that knows it: the robot with this role, otherwise the package that fits its identity best. Questions
+about a network, such as rules for `diagnose`, go to the robot and the packages of the devices there. `loading` finds
+plug-ins.
 
-What takes time to import is behind a function that imports it, so that a plug-in's description is there at once.
+Slow imports are behind functions, so that a plug-in's description loads at once.
 """
 
 from __future__ import annotations
@@ -45,26 +45,25 @@ if TYPE_CHECKING:
     NodeT = TypeVar("NodeT", bound=Node)
 
 Program: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
-"""What a node does by itself after each boot while it is checked."""
+"""The program of a node that is checked, started after each boot."""
 
 Faults: TypeAlias = "Mapping[type[Node], Mapping[str, Fault]]"
-"""Faults with their names, by the class of node that can have them."""
+"""Faults by name, by the class of nodes that can have them."""
 
 
 class Command(NamedTuple):
-    """A command of a plug-in: what it does, in words, and its module, which has what those in `cli` have."""
+    """A command of a plug-in: its description, and its module, which is made like those in `cli`."""
 
     text: str
     module: str
 
 
 Scene: TypeAlias = "Callable[[Live], int | None]"
-"""What a node of the robot does on a bus that the command `node` runs; returns the exit status, None if the node is to
-go on by itself."""
+"""Runs a robot's node for the command `node` on a bus; returns the exit status, None to let the node run on."""
 
 
 class NodeRun(NamedTuple):
-    """How the command `node` runs a robot's node: a dialect of the robot's, on which bus, how long in s."""
+    """How the command `node` runs a robot's node: the robot's dialect, the bus, and the duration in s."""
 
     robot: Plugin
     dialect: str | None
@@ -73,16 +72,16 @@ class NodeRun(NamedTuple):
 
 
 class Stage(Protocol):
-    """The options that `node` has for a robot's nodes, a dataclass as in `cli.signature`, and what they make of one."""
+    """The options of `node` for a robot's nodes, a dataclass as in `cli.signature`, and what they do with a node."""
 
     def check(self, role: str) -> None:
-        """Raise LocalError for options that do not fit a node, `` for a device that does not belong to the robot."""
+        """Check that the options fit a node, empty for a device that is not the robot's; raises LocalError."""
 
     def values(self, kind: type[Node], dictionary: Dictionary, facts: Sequence[tuple[str, str]]) -> Mapping[str, Any]:
-        """Return what else a node is made with, by the names that its class has for it; `facts` are those of --set."""
+        """Return further arguments for a node's class, by name; `facts` are those of --set."""
 
     def set_up(self, node: Node, run: NodeRun) -> Scene:
-        """Give the node what it has besides the bus, and return what it does there."""
+        """Prepare the node, and return what runs it on the bus."""
 
 
 def _no_catalogue() -> Catalogue:
@@ -92,25 +91,23 @@ def _no_catalogue() -> Catalogue:
 
 
 class Plugin(NamedTuple):
-    """What a robot or a device package brings; each part may be left out.
+    """What a robot or a device package adds; each part is optional.
 
-    Of its own are the devices of an `identity` (vendor-ID, product code and revision, as many as are said), whose
-    simulated class is `device`, and those of `nodes`: classes by the names of their EDS files.
+    Its devices are those with its `identity` (vendor-ID, product code, revision, or fewer of these), with the simulated
+    class `device`, and those of `nodes`: classes by the names of their EDS files.
 
-    About such a device: `words` is its device.yaml (see `od.maker`), `frames` are what it sends outside CANopen, and
-    what its emergencies say in the maker's bytes, by COB-ID. `program` is how it takes a program, where it differs from
-    CiA 302-3, and `address` gives the device with an identity its node-ID, where it has no LSS.
+    About such a device: `words` is its device.yaml (see `od.maker`), `frames` are its non-CANopen frames, and the
+    meaning of its manufacturer-specific EMCY bytes, by COB-ID. `program` is how it takes a program, if not by CiA
+    302-3; `address` sets the node-ID of the device with an identity, if it has no LSS.
 
-    About each network with such devices: `watchers` are rules of its own for `diagnose`, `panels` views of the page,
-    `actions` steps of suites by their keys, `faults` what can be wrong with its nodes besides what can be wrong with
-    any device, `commands` are its own.
+    About each network with such devices: `watchers` are rules for `diagnose`, `panels` views of the page, `actions`
+    steps of suites by key, `faults` additional faults of its nodes, `commands` additional commands.
 
-    About the network of a robot: `dialects` are folders of its EDS files, `table` is the protocol table that other
-    tables may build on, `folder` where its other files lie; the `catalogue` has its messages, `drawings` is what they
-    draw in an MCAP file, `suites` is a folder of check suites, `reports` are questions to a season. `partners` gives
-    simulated nodes that are checked their surroundings, with all chance from a seed, and returns what some do by
-    themselves, by their names; `stored` gives what such a node finds stored. `stage` are the options that `node` has
-    for them.
+    About a robot's network: `dialects` are folders of its EDS files, `table` is the protocol table that others may
+    extend, `folder` the folder of its other files; `catalogue` has its messages, `drawings` draws them in an MCAP file,
+    `suites` is a folder of check suites, `reports` are questions to a season. `partners` connects simulated nodes under
+    test to their surroundings, with random numbers from a seed, and returns the programs of some by name; `stored`
+    returns the stored values of such a node. `stage` are the options of `node` for them.
     """
 
     name: str = ""
@@ -138,34 +135,34 @@ class Plugin(NamedTuple):
     stage: Callable[[], type[Stage]] | None = None
 
     def role_of(self, device: Dictionary) -> str:
-        """Return which of its nodes a file describes, ``: none; it has its name, and messages that it knows."""
+        """Return the name of its node that a file describes, empty if none; the file has known messages."""
         if device.name not in self.nodes:
             return ""
         knows = any(self.catalogue().find(each.name) for each in device.read_pdos(device.default, lambda _: None))
         return device.name if knows else ""
 
     def is_for(self, identity: Sequence[int]) -> bool:
-        """Return whether the devices with an identity (0x1018) are its own."""
+        """Return whether devices with this identity (0x1018) are its own."""
         return bool(self.identity) and tuple(identity[: len(self.identity)]) == tuple(self.identity)
 
 
 NOTHING = Plugin()
-"""What knows no device, and brings nothing."""
+"""A plug-in without anything."""
 
 
 class Plugins(NamedTuple):
-    """The plug-ins that count for a command: the `robot`, NOTHING without one, and the device `packages`."""
+    """The plug-ins that a command uses: the `robot`, NOTHING without one, and the device `packages`."""
 
     robot: Plugin = NOTHING
     packages: Sequence[Plugin] = ()
 
     def for_identity(self, identity: Sequence[int]) -> Plugin:
-        """Return the most exact package for a device's identity (0x1018); NOTHING if there is none."""
+        """Return the package that fits a device's identity (0x1018) best; NOTHING if there is none."""
         fitting = (each for each in self.packages if each.is_for(identity))
         return max(fitting, key=lambda each: len(each.identity), default=NOTHING)
 
     def package_of(self, device: Dictionary) -> Plugin:
-        """Return the most exact package for a device; NOTHING if there is none."""
+        """Return the package that fits a device best; NOTHING if there is none."""
         from eurobot_od.od.identity import Identity
 
         return self.for_identity(Identity.of(device))
@@ -175,14 +172,14 @@ class Plugins(NamedTuple):
         return self.robot if self.robot.role_of(device) else self.package_of(device)
 
     def present(self, devices: Iterable[Dictionary]) -> list[Plugin]:
-        """Return the robot, and the packages of the devices of a network, each once."""
+        """Return the robot, and the packages of a network's devices, without repetition."""
         found = [self.robot, *(self.package_of(each) for each in devices)]
         return [each for number, each in enumerate(found) if each is not NOTHING and each not in found[:number]]
 
     def procedure(self, identity: Sequence[int], content: bytes, force: bool = False) -> DownloadProcedure:
-        """Return how a device with an identity takes a program, by CiA 302-3 unless its package says otherwise.
+        """Return how a device with an identity takes a program: by CiA 302-3 unless its package says otherwise.
 
-        Raises LocalError for a file that its package objects to, unless that is to be overruled by `force`.
+        Raises LocalError if its package objects to the file, unless `force` is set.
         """
         from eurobot_od.client.program import STANDARD
 
@@ -193,20 +190,20 @@ class Plugins(NamedTuple):
         return found
 
     def commands(self) -> Mapping[str, Command]:
-        """Return the commands of all, by name."""
+        """Return the commands of all plug-ins, by name."""
         return {name: each for plugin in (*self.packages, self.robot) for name, each in plugin.commands.items()}
 
     def actions(self) -> Mapping[str, MakeRow]:
-        """Return the steps that suites have from all, by their keys."""
+        """Return the actions of all plug-ins for suites, by key."""
         brought = {name: each for plugin in (*self.packages, self.robot) for name, each in plugin.actions().items()}
         return {name: each.entered_as(name) for name, each in brought.items()}
 
     # Simulated nodes
 
     def kind(self, device: Dictionary, faults: Iterable[str] = (), otherwise: type[Node] | None = None) -> type[Node]:
-        """Return the class of a simulated node, with those of the faults that it can have; raises UnknownName.
+        """Return the class of a simulated node, with those faults that it can have; raises UnknownName.
 
-        `otherwise` is the class of a device for which no plug-in has one (SimulatedDevice).
+        `otherwise` is the class for a device without a plug-in's class (default: SimulatedDevice).
         """
         from eurobot_od.device.simulated import SimulatedDevice
 
@@ -215,13 +212,13 @@ class Plugins(NamedTuple):
         kind: type[Node] = (make() if make else None) or otherwise or SimulatedDevice
         for name in faults:
             able, fault = self.find_fault(name)
-            # A fault of another node's is passed over: `check --fault` gives all nodes the same ones.
+            # Faults of other nodes are ignored, as `check --fault` gives all nodes the same ones.
             is_meant = issubclass(kind, able) and name.rpartition(".")[0] in ("", role)
             kind = fault.given_to(kind) if is_meant else kind
         return kind
 
     def all_faults(self) -> Faults:
-        """Return the faults of the plug-ins' nodes, and those that any device can have."""
+        """Return the faults of the plug-ins' nodes, and those of any device."""
         from eurobot_od.device.faults import DRIVE_FAULTS, FAULTS
         from eurobot_od.device.node import Node
         from eurobot_od.device.profiles import SimulatedDrive
@@ -234,9 +231,9 @@ class Plugins(NamedTuple):
         return [name for faults in self.all_faults().values() for name in faults]
 
     def find_fault(self, name: str) -> tuple[type[Node], Fault]:
-        """Return a fault by its name, and the class of node that can have it; raises UnknownName, LocalError.
+        """Return a fault by its name, and the class of nodes that can have it; raises UnknownName, LocalError.
 
-        `arm.heartbeat-stops` is one of the arm alone.
+        `arm.heartbeat-stops` is a fault of the arm only.
         """
         node, _, plain = name.rpartition(".")
         if node and not self.robot.nodes:
@@ -251,7 +248,7 @@ class Plugins(NamedTuple):
         raise UnknownName("fault", plain, self.fault_names())
 
     def faulty(self, kind: type[NodeT], name: str) -> type[NodeT]:
-        """Return the class of a node that has a fault; raises UnknownName, LocalError if such a node cannot have it."""
+        """Return the class of a node with a fault; raises UnknownName, LocalError if such a node cannot have it."""
         from eurobot_od.device.simulated import SimulatedDevice
 
         owner, fault = self.find_fault(name)
@@ -269,9 +266,10 @@ class Plugins(NamedTuple):
         return {file.stem.removesuffix(".check"): file for file in files}
 
     def suite(self, text: str) -> Path:
-        """Return the file that is meant by a path or by the name of one of the robot's suites; raises UnknownName."""
-        shipped, path = self.shipped_suites(), Path(text)
-        if text in shipped:  # a file of this name is a program, or a folder of one: `./lift` names it
+        """Return the file of a suite, given by its path or the name of one of the robot's; raises UnknownName."""
+        shipped = self.shipped_suites()
+        path = Path(text)
+        if text in shipped:  # `./lift` names a file of this name
             return shipped[text]
         if not path.is_file() and path.suffix not in (".yaml", ".yml"):
             raise UnknownName("suite", text, shipped)
@@ -291,9 +289,9 @@ class Plugins(NamedTuple):
         faults: Iterable[str] = (),
         profile: int = 0,
     ) -> list[NodeUnderTest]:
-        """Make simulated nodes that have these dictionaries, the robot's in their surroundings; raises UnknownName.
+        """Return simulated nodes with these dictionaries, the robot's in their surroundings; raises UnknownName.
 
-        With a `profile`, devices that do not belong to the robot behave as it says, whatever their package says.
+        With a `profile`, devices that are not the robot's behave by it, even if a package has a class for them.
         """
         from eurobot_od.check.on_bus import NodeUnderTest
         from eurobot_od.device.profiles import simulated_kind
@@ -311,7 +309,7 @@ class Plugins(NamedTuple):
     def simulate(
         self, suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1, profile: int = 0
     ) -> SuiteResult:
-        """Run a suite against simulated nodes, giving the faults to those that can have them; raises UnknownName."""
+        """Run a suite against simulated nodes, with the faults that these can have; raises UnknownName."""
         from functools import partial
 
         from eurobot_od.check.on_bus import run_simulated

@@ -1,12 +1,12 @@
-"""What pytest gets from this package: check suites as tests, and fixtures for nodes, simulated or on a bus.
+"""The plug-in for pytest: check suites as tests, and fixtures for nodes, simulated or on a bus.
 
-Rule of this file: pytest loads it in every run of an environment that has this package, so nothing else of the package
-is imported before it is needed.
+pytest loads this module in every run of an environment with this package, so it imports nothing else of the package
+before that is needed.
 
-Without `--eurobot-interface` suites run in simulated time, and fixtures have a bus inside the process. With it the
-devices on that bus are tested. A suite file is collected if its name ends in `.check.yaml`, or if it fits a pattern of
-the ini option `eurobot_suites`; no other YAML is looked at. A suite runs as a whole when its first step is asked for:
-steps build on each other. Each of its steps is a test, which tells how that step ended.
+Without `--eurobot-interface`, suites run in simulated time, and fixtures have a bus inside the process. With it, the
+devices on that bus are tested. A suite file is collected if its name ends in `.check.yaml`, or matches a pattern of the
+ini option `eurobot_suites`; other YAML files are not read. Steps depend on each other, so the first test of a suite
+runs all its steps; each step is a test, which reports how that step ended.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from eurobot_od.support.yaml_places import Place
 
 PATTERNS = ("*.check.yaml", "*.check.yml")
-"""Files that are suites by their names."""
+"""Patterns for the names of suite files."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the bus to test on, and what is a suite."""
+    """Add the options for the bus, and for suite files."""
     group = parser.getgroup("eurobot-od", "CANopen nodes and check suites")
     group.addoption("--eurobot-interface", help="python-can interface of the devices to test; default: simulated ones")
     group.addoption("--eurobot-channel", help="channel of the interface, such as can0")
@@ -59,7 +59,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 
 class SuiteFile(pytest.File):
-    """A file of suites; what is wrong with it is an error of collecting, with line and column."""
+    """A file of suites; its problems are collection errors with line and column."""
 
     def collect(self) -> Iterator[pytest.Collector]:
         from eurobot_od.errors import FileError, LocalError
@@ -73,7 +73,7 @@ class SuiteFile(pytest.File):
 
 
 class SuiteTests(pytest.Collector):
-    """The tests of a suite: a test for each step."""
+    """The tests of a suite, one per step."""
 
     def __init__(self, *, suite: Suite, **options: Any) -> None:
         super().__init__(**options)
@@ -91,24 +91,25 @@ class SuiteTests(pytest.Collector):
 
     @cached_property
     def steps(self) -> tuple[StepResult, ...]:
-        """How the steps ended, for which the suite is run once."""
+        """The results of the steps; the suite is run once."""
         return _run(self.config, self.suite).steps
 
 
 class StepTest(pytest.Item):
-    """A step of a suite."""
+    """A step of a suite as a test."""
 
     parent: SuiteTests
 
     def __init__(self, *, part: SuitePart, step: Step, **options: Any) -> None:
         super().__init__(**options)
-        self._part, self._step = part, step
+        self._part = part
+        self._step = step
 
     def runtest(self) -> None:
-        """Tell how the step ended, which is how the worst of its parts did."""
+        """Report how the step ended, for several results by the worst."""
         from eurobot_od.check.report import Status
 
-        # By place: a step with `repeat`, or a group, has several results, and a name may stand twice.
+        # By place, as a step with `repeat`, or a group, has several results, and names may repeat.
         places = set(_places(self._step))
         results = [each for each in self.parent.steps if each.section is self._part and each.place in places]
         _fail(results)
@@ -117,7 +118,7 @@ class StepTest(pytest.Item):
             pytest.skip(next(reasons, "a step before failed"))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Say what was expected and what came; an error of ours in its own line."""
+        """Return the failure as text; one line for an error of ours."""
         from eurobot_od.errors import EurobotError
 
         if excinfo.errisinstance(EurobotError):
@@ -130,14 +131,14 @@ class StepTest(pytest.Item):
 
 
 def _places(step: Step) -> Iterator[Place]:
-    """Yield where a step and the steps in it stand."""
+    """Yield the places of a step and of the steps inside it."""
     yield step.place
     for each in getattr(step.action, "steps", ()):
         yield from _places(each)
 
 
 def _fail(steps: Iterable[StepResult]) -> None:
-    """Fail if a step is red, with what was expected, what came and the last frames."""
+    """Fail if a step is red, with its reason and the last frames."""
     from eurobot_od.check.report import GOES_ON, reason_lines
 
     for step in steps:
@@ -147,7 +148,7 @@ def _fail(steps: Iterable[StepResult]) -> None:
 
 
 def _network(config: pytest.Config) -> tuple[Path, bool]:
-    """Return the network file or folder of the ini file, or else the root folder's, and whether it names devices."""
+    """Return the network file or folder of the ini file, otherwise of the root folder, and whether it has devices."""
     from eurobot_od.od import DEFAULT
     from eurobot_od.od.network import read_network
 
@@ -157,7 +158,9 @@ def _network(config: pytest.Config) -> tuple[Path, bool]:
 
 
 def _plugins(config: pytest.Config) -> Plugins:
-    """Return the plug-ins that count: a robot of the environment, the network file or, without devices, installed."""
+    """Return the plug-ins to use: a robot of the environment or the network file; an installed one if this has no
+    devices.
+    """
     from eurobot_od.loading import find, packages
     from eurobot_od.plugin import Plugins
 
@@ -172,22 +175,23 @@ def _read(config: pytest.Config, file: Path) -> list[Suite]:
     """Read the suites of a file; raises LocalError, FileError."""
     from eurobot_od.check.format import SuiteReader
 
-    known, (path, names_devices) = _plugins(config).networks(), _network(config)
-    # A warning, which pytest shows at the end: suites that do not need that PDO are run all the same.
+    known = _plugins(config).networks()
+    (path, names_devices) = _network(config)
+    # A warning, as suites that do not need this PDO still run.
     networks = known._replace(refused=lambda error: warnings.warn(f"PDO left out: {error}", stacklevel=2))
     if names_devices:
         networks = networks._replace(find=lambda dialect: known.find(dialect) if dialect else path)
-    # One reader for all files, as it loads each EDS file once.
+    # One reader for all files, so that each EDS file is loaded once.
     return config.stash.setdefault(READER, SuiteReader(networks)).read_files([file])
 
 
 def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: int = 1) -> SuiteResult:
-    """Run a suite, its teardown also after Ctrl-C; raises BusError, UnknownName."""
+    """Run a suite, with its teardown even after Ctrl-C; raises BusError, UnknownName."""
     from eurobot_od.check.on_bus import run_live
     from eurobot_od.check.runner import Interrupt, RunOptions
 
     live = config.getoption("eurobot_interface")
-    if live and suite.world:  # what one real node does, another one need not see
+    if live and suite.world:  # real nodes do not share a simulated world
         pytest.skip("its nodes have to share a world")
     interrupt = Interrupt()
     options = RunOptions(interrupt=interrupt)
@@ -197,17 +201,17 @@ def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: 
             if live
             else _plugins(config).simulate(suite, options, faults, seed)
         )
-    if interrupt.requested:  # the teardown is done; now pytest has to end, too
+    if interrupt.requested:  # after the teardown pytest has to end, too
         raise KeyboardInterrupt
     return result
 
 
 def _open_bus(config: pytest.Config, otherwise: str = "") -> can.BusABC:
-    """Open the bus of the options, or else one inside the process; raises BusError."""
+    """Open the bus of the options, otherwise one inside the process; raises BusError."""
     from eurobot_od.bus.live import open_bus
 
     interface = config.getoption("eurobot_interface")
-    if not interface:  # a channel of each test's own, so that no frame of one reaches another
+    if not interface:  # one channel per test, so that no frame reaches another test
         return open_bus("virtual", otherwise)
     return open_bus(interface, config.getoption("eurobot_channel"), config.getoption("eurobot_bitrate"))
 
@@ -219,8 +223,8 @@ def _open_bus(config: pytest.Config, otherwise: str = "") -> can.BusABC:
 def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteResult]]:
     """Run a suite file, `eurobot_check("drive.yaml")`, and fail if a step is red; return the results.
 
-    The file is looked for beside the test, then among the suites that come with the package. Simulated nodes have the
-    faults `faults`, and all chance from `seed`.
+    The file is searched next to the test, then among the suites of the package. `faults` are given to simulated nodes,
+    whose random numbers come from `seed`.
     """
 
     def check(file: str, faults: Iterable[str] = (), seed: int = 1) -> list[SuiteResult]:
@@ -240,7 +244,9 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
 
 @pytest.fixture
 def eurobot_bus(request: pytest.FixtureRequest) -> Iterator[Callable[[], can.BusABC]]:
-    """Open the bus of the options, or else one inside the process for this test: each call is one more participant."""
+    """Open the bus of the options, otherwise one inside the process for this test; each call opens one more
+    participant.
+    """
     with ExitStack() as stack:
 
         def open_one() -> can.BusABC:
@@ -251,7 +257,7 @@ def eurobot_bus(request: pytest.FixtureRequest) -> Iterator[Callable[[], can.Bus
 
 @pytest.fixture
 def eurobot_network(request: pytest.FixtureRequest, eurobot_bus: Callable[[], can.BusABC]) -> Iterator[Network]:
-    """A `Network` on the bus of the options, or else in simulated time, where waiting costs none.
+    """Provide a `Network` on the bus of the options, otherwise in simulated time, where waiting takes no time.
 
     In simulated time it has a `simulation`, to which nodes are attached, and `devices`.
     """
@@ -264,10 +270,9 @@ def eurobot_network(request: pytest.FixtureRequest, eurobot_bus: Callable[[], ca
 
 @pytest.fixture
 def eurobot_node(request: pytest.FixtureRequest, eurobot_network: Network) -> Callable[..., RemoteDevice]:
-    """Reach a device by its EDS or DCF: `eurobot_node("motor.eds", node_id=5)["Motor.Speed"].value`.
+    """Connect to a device by its EDS or DCF: `eurobot_node("motor.eds", node_id=5)["Motor.Speed"].value`.
 
-    Without a bus of the options the device is run from its file, in simulated time. A file is looked for beside the
-    test.
+    Without a bus in the options, the device is simulated from its file. The file is searched next to the test.
     """
 
     def reach(file: str | Path, node_id: int | None = None) -> RemoteDevice:

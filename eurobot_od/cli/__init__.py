@@ -1,11 +1,11 @@
 """The programs `eurobot-od` and `canopen-workbench`: find the module of a command, run it, turn errors into one line.
 
-They differ in nothing but the robot where none is named: the installed one, or none. Plug-ins (see `plugin`) have
-commands of their own beside these.
+They differ only in the robot that is used if none is named: the installed one, or none. Plug-ins (see `plugin`) may
+have further commands.
 
-Rule of this package: a command is a typed function with its name, whose parameters are its options (`signature`). It
-calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None if all is fine. Its module is
-imported when the command is called and not before.
+A command is a typed function of the same name, whose parameters are its options (`signature`). It calls a typed
+function of a lower layer, prints, and returns an `ExitStatus`, or None if everything is fine. Its module is imported
+when the command is called.
 """
 
 from __future__ import annotations
@@ -88,17 +88,17 @@ MODULES = {
     "diff": "lint",
     "faults": "node",
 }
-"""The module of a command; one that is not here has a module of its own name."""
+"""Modules of commands, where the name differs."""
 
 PROGRAM = "eurobot-od"
 WORKBENCH = "canopen-workbench"
-"""The program's name when it is started without a robot; `__main__.workbench` puts it into `sys.argv`."""
+"""Name of the program without a robot; `__main__.workbench` puts it into `sys.argv`."""
 
 VERBOSE = {"-v": "INFO", "-vv": "DEBUG"}
-"""What stands before a command to log what it sends and hears, and from which level on."""
+"""Words before a command that turn on logging, with the level."""
 
 ALLOCATIONS = 50_000
-"""After this many new objects Python looks for garbage among them; 700 by default."""
+"""Number of new objects before Python's garbage collection runs; its default is 700."""
 
 
 class ExitStatus(IntEnum):
@@ -106,11 +106,11 @@ class ExitStatus(IntEnum):
 
     FINE = 0
     FOUND = 1
-    """Findings, differences, failed checks; a node refused or did not answer."""
+    """Findings, differences, failed checks; a node that refused or did not answer."""
     WRONG_INPUT = 2
     """Wrong usage of the command line, or a faulty file."""
     TROUBLE = 3
-    """Trouble with the bus, the file system, what a node drives, or the world of a simulated robot."""
+    """Failures of the bus, the file system, a node's hardware, or a simulated robot's world."""
     INTERRUPTED = 130
 
 
@@ -123,7 +123,7 @@ STATUS_OF = {
     errors.EurobotError: ExitStatus.WRONG_INPUT,
     OSError: ExitStatus.TROUBLE,
 }
-"""The exit status of an error is that of the first class that it belongs to."""
+"""The exit status of an error, by the first class that matches."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -131,27 +131,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = expanded(sys.argv[1:] if arguments is None else arguments)
     try:
         _open_streams()
-        with _robots_left_out_told(), _logged(words) as words:
+        with _plugin_warnings(), _logged(words) as words:
             return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
     except (errors.EurobotError, OSError) as error:
-        if is_closed_pipe(error):  # `| head` has seen enough: no error of ours
+        if is_closed_pipe(error):  # `| head` has read enough, which is no error
             fall_silent()
             return ExitStatus.FINE
         if isinstance(error, errors.YamlError):
-            # A line for each of its problems, which begins with the place, for editors.
+            # One line per problem, each beginning with its place, for editors.
             print(error, file=sys.stderr)
             return ExitStatus.WRONG_INPUT
         what = str(error)
         if isinstance(error, OSError) and error.filename is not None:
-            what = f"{error.filename}: {error.strerror}"  # first the file, as in errors of our own
+            what = f"{error.filename}: {error.strerror}"  # the file first, as in our own errors
         complain(what)
         return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
 
 
 def expanded(words: Sequence[str]) -> list[str]:
-    """Return a command line with `*.log` as the names of the files; the shells of Windows leave that to programs."""
+    """Return a command line with patterns such as `*.log` replaced by file names, which Windows leaves to programs."""
     if os.name != "nt" or not any("*" in each for each in words):
         return list(words)
     from glob import glob
@@ -160,20 +160,20 @@ def expanded(words: Sequence[str]) -> list[str]:
 
 
 def is_closed_pipe(error: Exception) -> bool:
-    """Return whether the reader of standard output has left, which Windows calls an invalid argument."""
+    """Return whether an error means that the reader of standard output has closed it."""
     if os.name == "nt" and isinstance(error, OSError) and error.errno == errno.EINVAL:
         return error.filename is None
     return isinstance(error, BrokenPipeError)
 
 
 def fall_silent() -> None:
-    """Print no more on standard output: its reader has left."""
-    # Python flushes standard output once more when it ends, and would complain of the closed pipe there.
+    """Discard all further standard output."""
+    # Python flushes standard output at its end, and would report the closed pipe.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def complain(what: str) -> None:
-    """Say on standard error, in one line, what is wrong."""
+    """Print an error or warning on standard error, on one line."""
     with suppress(OSError):  # it may be on a full disk, too
         print(one_line(f"{program()}: {what}"), file=sys.stderr)
 
@@ -189,34 +189,35 @@ def is_alone() -> bool:
 
 
 @contextmanager
-def _robots_left_out_told() -> Iterator[None]:
-    """Say of each robot that is left out why it is, in one line."""
+def _plugin_warnings() -> Iterator[None]:
+    """Print warnings about plug-ins that are left out as one line each."""
     import warnings
 
-    with warnings.catch_warnings():  # which Python shows once, counted anew from here on
+    with warnings.catch_warnings():  # so that Python shows each warning again
         show = warnings.showwarning
 
-        def tell(what: Warning | str, kind: type[Warning], file: str, line: int, *others: Any) -> None:
+        def warn(what: Warning | str, kind: type[Warning], file: str, line: int, *others: Any) -> None:
             if issubclass(kind, errors.RobotWarning):
                 complain(str(what))
             else:
                 show(what, kind, file, line, *others)
 
         warnings.simplefilter("default", errors.RobotWarning)
-        warnings.showwarning = tell  # type: ignore[assignment]  # Python passes all of it by position
+        warnings.showwarning = warn  # type: ignore[assignment]  # Python passes everything by position
         yield
 
 
 @contextmanager
 def _logged(words: list[str]) -> Iterator[list[str]]:
-    """Log to standard error inside, if the first word is `-v` or `-vv`; gives the other words."""
+    """Yield the words without a leading `-v` or `-vv`; with one, log to standard error meanwhile."""
     level = VERBOSE.get(words[0]) if words else None
     if level is None:
         yield words
         return
-    import logging  # most commands are not asked for it
+    import logging  # here, as most commands do not log
 
-    logger, handler = logging.getLogger("eurobot_od"), logging.StreamHandler()
+    logger = logging.getLogger("eurobot_od")
+    handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(asctime)s.%(msecs)03d %(name)s: %(message)s", "%H:%M:%S"))
     logger.addHandler(handler)
     logger.setLevel(level)
@@ -228,12 +229,12 @@ def _logged(words: list[str]) -> Iterator[list[str]]:
 
 
 def _open_streams() -> None:
-    """Have the streams escape what they cannot write. Raises OSError without a standard output."""
+    """Make standard output escape characters that it cannot encode. Raises OSError if it is closed."""
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115  # as long as the program
     if sys.stdout is None:
         raise OSError("standard output is closed")
-    if isinstance(sys.stdout, TextIOWrapper):  # in a test it may be anything that takes a text
+    if isinstance(sys.stdout, TextIOWrapper):  # in tests it may be any text stream
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
@@ -243,8 +244,8 @@ def _run(words: list[str]) -> int:
     if command.startswith("-"):
         _overview(robot_of_help(robot)).parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
-    # Imported modules and EDS files stay in memory: ten thousand objects. Looking for garbage among them again and
-    # again took a fifth of a quick command's time. So it is off while importing, and seldom from then on.
+    # Imported modules and EDS files are ten thousand objects that stay in memory. Garbage collection among them took a
+    # fifth of a quick command's time, so it is off while importing, and rare afterwards.
     gc.disable()
     try:
         found = find(command, robot)
@@ -257,23 +258,23 @@ def _run(words: list[str]) -> int:
         gc.set_threshold(ALLOCATIONS)
         gc.enable()
     status = call(given)
-    sys.stdout.flush()  # here, where a reader that has left is not an error
+    sys.stdout.flush()  # here, where a closed pipe is not an error
     return status or ExitStatus.FINE
 
 
 def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
-    """Take `--robot` out of the command line: the robot decides which commands and options there are."""
+    """Return the command line without `--robot`, and its value, which decides on commands and options."""
     if not any(each.partition("=")[0] == "--robot" for each in words):
         return words, None  # without a parser, whose help formatter imports three compression libraries
     finder = ArgumentParser(program(), add_help=False, allow_abbrev=False)
     finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
-    finder.add_argument("--robot")  # never abbreviated: a command may have an option that begins like it
+    finder.add_argument("--robot")  # never abbreviated, as a command may have an option that begins like it
     found, others = finder.parse_known_args(words)
     return others, found.robot
 
 
 def _find(robot: str | None) -> Plugin:
-    from eurobot_od import loading  # most commands need none, or not yet
+    from eurobot_od import loading  # here, as most commands need no robot
 
     return loading.find(robot, alone=is_alone())
 
@@ -286,7 +287,7 @@ def _with_packages(robot: Plugin) -> Plugins:
 
 
 def robot_of_help(robot: str | None) -> Plugin:
-    """Return the robot that is meant; without a name none if it is not clear which: the help needs no robot."""
+    """Return the robot to use for help, none if several are installed and none is named."""
     try:
         return _find(robot)
     except errors.LocalError as error:
@@ -302,17 +303,17 @@ RobotName: TypeAlias = Annotated[
 
 
 def with_robot(*, robot_name: RobotName = None) -> None:
-    """Describe what every command takes."""
+    """Describe the options of every command."""
 
 
 def find(command: str, robot: str | None = None) -> Command:
-    """Import a command, the workbench's or the robot's; raises UnknownName, and as `loading.find`."""
+    """Import a command of the workbench or the robot; raises UnknownName, and as `loading.find`."""
     found: Command = getattr(_module(command, robot), command.replace("-", "_"))
     return found
 
 
 def _of_a_robot(command: str, robots: PluginKind) -> str:
-    """Return which installed robot has a command, and how to give it; `` if none has."""
+    """Return which installed robot has a command, and how to call it; empty if none has."""
     for name in robots.installed():
         if command in robots.load(name).commands:
             return (
@@ -322,7 +323,7 @@ def _of_a_robot(command: str, robots: PluginKind) -> str:
 
 
 def _module(command: str, robot: str | None) -> ModuleType:
-    if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
+    if command in COMMANDS:  # first, as a robot cannot replace these
         return import_module(f"eurobot_od.cli.{MODULES.get(command, command)}")
     from eurobot_od.loading import ROBOTS, blaming
 
@@ -336,7 +337,7 @@ def _module(command: str, robot: str | None) -> ModuleType:
 
 
 class Version(Action):
-    """Prints the version; to find it takes 40 ms."""
+    """Prints the version, which takes 40 ms to find."""
 
     def __call__(self, parser: ArgumentParser, *_: object) -> NoReturn:
         print(version())
@@ -345,7 +346,7 @@ class Version(Action):
 
 def version() -> str:
     """Return the versions of this package and of Python."""
-    from importlib import metadata  # this is what takes the 40 ms
+    from importlib import metadata  # this import takes the 40 ms
 
     try:
         return f"{program()} {metadata.version('eurobot-od')}, Python {sys.version.split()[0]}"

@@ -1,4 +1,4 @@
-"""Commands on the nodes of a CANopen bus as a whole: `scan`, `boot`, `nmt`, `watch`, `sync` and `time`."""
+"""Commands for the nodes of a CANopen bus: `scan`, `boot`, `nmt`, `watch`, `sync`, `time` and `lss`."""
 
 from __future__ import annotations
 
@@ -53,25 +53,27 @@ def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> Exi
     known = devices.load_and_complain() if devices.eds or devices.network else ()
     with access.master() as master:
         for each in known:
-            master.follow(each)  # a device that answers elsewhere is there, too
+            master.follow(each)  # some devices answer at other COB-IDs
         found = scan_nodes(master, listen=listen)
     files = {each.node_id: ScannedFile(each.file) for each in known} | _library_files(devices, known, found)
     names = {each.node_id: each.name for each in known}
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
     rows = [each.as_data() for each in (*found, *(Found(each, None, None, "") for each in missing))]
-    for row in rows if names else ():  # a stranger to the network has no name in it: null
-        row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
-    for row in rows if files else ():
-        row.update(files.get(row["node_id"], NO_FILE).as_data())
-    lines = columns(found_rows(found, names, files)) if found else ["no node answers"]
-    missed = [one_line(f"missing: {', '.join(f'{names[each]} ({each})' for each in missing)}")] * bool(missing)
-    also = [f"node {node_id}: {each.further}" for node_id, each in files.items() if each.further]
-    give(as_json, rows, (*lines, *map(one_line, also), *missed))
+    for row in rows:
+        if names:  # null for a node that is not in the network
+            row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
+        if files:
+            row.update(files.get(row["node_id"], NO_FILE).as_data())
+    lines = list(columns(found_rows(found, names, files))) if found else ["no node answers"]
+    lines += [one_line(f"node {node_id}: {each.further}") for node_id, each in files.items() if each.further]
+    if missing:
+        lines.append(one_line(f"missing: {', '.join(f'{names[each]} ({each})' for each in missing)}"))
+    give(as_json, rows, lines)
     return ExitStatus.FINE if found and not missing else ExitStatus.FOUND
 
 
 class ScannedFile(NamedTuple):
-    """The file of a node that was found, `others` of its product, and what is to be said about them."""
+    """The file of a node that was found, `others` for its product, and remarks about them."""
 
     file: Path | None
     others: Sequence[Path] = ()
@@ -86,8 +88,9 @@ NO_FILE = ScannedFile(None)
 
 
 def _library_files(devices: Devices, known: Iterable[Dictionary], found: Iterable[Found]) -> dict[int, ScannedFile]:
-    """Return the library's files of the nodes that were found, and complain of what does not fit them."""
-    named, describe = {each.node_id: each for each in known}, devices.describer(known)
+    """Return the library's files for the nodes that were found, and report devices that do not fit their file."""
+    named = {each.node_id: each for each in known}
+    describe = devices.describer(known)
     fitting: dict[int, ScannedFile] = {}
     for each in found:
         if each.identity is None:
@@ -104,7 +107,7 @@ def found_rows(
     names: Mapping[int, str] = MappingProxyType({}),
     files: Mapping[int, ScannedFile] = MappingProxyType({}),
 ) -> Iterator[tuple[str, ...]]:
-    """Yield the table of the nodes, with columns for the `names` that a network has for them and for their `files`."""
+    """Yield the rows of the table of nodes, with columns for their `names` in a network and their `files`."""
     title = "node", *["in network"] * bool(names), "name", "state", "vendor", "product", "revision", "serial"
     yield *title, *["file"] * bool(files)
     for each in found:
@@ -159,7 +162,7 @@ def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: 
 # NMT
 
 NMT_COMMANDS = {name.replace(" ", "-"): NmtCommand(command) for command, name in COMMAND_NAMES.items()}
-"""The NMT commands by their words on the command line."""
+"""The NMT commands by their names on the command line."""
 
 
 def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMANDS)]) -> ExitStatus:
@@ -179,9 +182,9 @@ def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMAN
         print(f"{COMMAND_NAMES[command]} sent to all nodes")
         return ExitStatus.FINE
     with target.opened() as node:
-        if command not in TARGET_STATES:  # a reset: the boot-up message proves it (CiA 301, 7.3.2.2.3)
+        if command not in TARGET_STATES:  # a reset, which the boot-up message confirms (CiA 301, 7.3.2.2.3)
             node.reset(command)
-            state = node.state(HEARTBEAT_WAIT)  # None without a heartbeat, whose time a reset sets back to its default
+            state = node.state(HEARTBEAT_WAIT)  # None without a heartbeat; a reset restores the default heartbeat time
             print(
                 f"node {node.node_id} {NodeChange.BOOTED.value}"
                 + ("" if state is None else f" and is {STATE_NAMES[state]}")
@@ -190,7 +193,7 @@ def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMAN
         node.command(command)
         followed = node.wait_for(TARGET_STATES[command], HEARTBEAT_WAIT)
         state = node.last_state
-    if state is None:  # with 0x1017 at 0 a node is silent, and may well have followed
+    if state is None:  # with 0x1017 = 0 a node sends no heartbeat, and may have followed
         print(f"sent; node {node.node_id} has no heartbeat that would show its state")
         return ExitStatus.FINE
     print(f"node {node.node_id} is {STATE_NAMES[state]}")
@@ -225,7 +228,7 @@ def watch(
     $ watch --for 2s -i socketcan -c can0
     $ watch 5 --within 2s --for 2s -i socketcan -c can0
     """
-    # The devices' files are read only if they are named, or a node is: most watch by number.
+    # The devices' files are read only if they, or a node by name, are given.
     is_named = bool(devices.files()) or not all(each.isdecimal() for each in nodes)
     named = {each.name: each.node_id for each in devices.load()} if is_named else {}
     titles = {node_id: name for name, node_id in named.items()}
@@ -236,14 +239,14 @@ def watch(
         started = master.clock()
         write = event_as_json if as_json else event_as_line
 
-        def told(event: NodeEvent) -> None:
+        def show(event: NodeEvent) -> None:
             print(one_line(write(event._replace(time=event.time - started), titles.get(event.node_id, ""))), flush=True)
 
         watched = NodeWatch(
-            told,
+            show,
             expected=expected,
             patience=within,
-            # One with a heartbeat does not answer: it is watched by that.
+            # A node with a heartbeat does not answer remote frames.
             guarded=dict.fromkeys(without_heartbeat(master, expected), guard) if guard else {},
         )
         with suppress(KeyboardInterrupt):  # the usual way to end it
@@ -252,7 +255,7 @@ def watch(
 
 
 def _node_id(text: str, named: Mapping[str, int]) -> int:
-    """Return the node-ID that a person names; raises LocalError, UnknownName."""
+    """Return the node-ID for a name or number; raises LocalError, UnknownName."""
     if text in named:
         return named[text]
     if not text.isdecimal() or len(text) > MOST_DIGITS:
@@ -261,35 +264,35 @@ def _node_id(text: str, named: Mapping[str, int]) -> int:
 
 
 MOST_DIGITS = 9
-"""More than any node-ID has; of thousands `int` raises in words of its own."""
+"""Maximum number of digits of a node-ID; `int` has its own error for thousands of digits."""
 
 
 def event_as_line(event: NodeEvent, name: str = "") -> str:
-    """Write what happened to a node."""
+    """Return an event of a node as a line."""
     state = "" if event.state in (None, 0) else f" ({STATE_NAMES[event.state]})"
     return f"{event.time:9.3f}  {f'node {event.node_id} {name}'.rstrip()} {event.change.value}{state}"
 
 
 def event_as_json(event: NodeEvent, name: str = "") -> str:
-    """Write what happened to a node as a JSON object, with its name if it has one."""
+    """Return an event of a node as a JSON object, with its name if it has one."""
     state = None if event.state is None else STATE_NAMES[event.state]
     named = {"name": name} if name else {}
     return json.dumps(event._asdict() | {"change": event.change.name.lower(), "state": state} | named)
 
 
-# What a master sends again and again
+# Periodic messages of a master
 
 
 def _period(text: str) -> float:
-    """Read a time between two messages, s; raises LocalError."""
+    """Parse the period of messages, in s; raises LocalError."""
     seconds = span(text)
-    if not seconds:  # without a pause it would fill the bus
+    if not seconds:  # it would fill the bus
         raise LocalError("the period must be longer than 0")
     return seconds
 
 
 def _identifier(text: str) -> int:
-    """Read an 11-bit identifier; raises LocalError."""
+    """Parse an 11-bit COB-ID; raises LocalError."""
     number = parse_number(text)
     if number is None or number.relative or not 0 <= number.value <= BASE_IDENTIFIER:
         raise LocalError(f"{text!r} is not an 11-bit identifier")
@@ -350,14 +353,14 @@ def time(
 REQUESTS = Unit("requests", "requests/s")
 
 Addressing: TypeAlias = Callable[[Master, Identity, int], object]
-"""A maker's own procedure that gives the device with an identity its node-ID."""
+"""A manufacturer's procedure that sets the node-ID of the device with an identity."""
 
 NUMBERS = 4
-"""Numbers of an identity: vendor-ID, product code, revision and serial number."""
+"""Number of parts of an identity: vendor-ID, product code, revision and serial number."""
 
 
 def _identity(text: str) -> Identity:
-    """Read an identity; raises LocalError."""
+    """Parse an identity; raises LocalError."""
     numbers = [parse_number(part) for part in text.split(":")]
     values = [each.value for each in numbers if each and not each.relative and 0 <= each.value < 1 << 32]
     if not len(values) == len(numbers) == NUMBERS:
@@ -367,7 +370,7 @@ def _identity(text: str) -> Identity:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What a device is to be given; None for what it keeps.
+    """The new settings of a device; None leaves a setting unchanged.
 
     node_id: set: 1..127, or 255 for none
     bit_rate: set: 1000, 800, 500, 250, 125, 50, 20 or 10
@@ -412,7 +415,7 @@ def lss(
     $ lss set --bit-rate 250 --store --activate 2s --alone -i socketcan -c can0
     """
     known = Devices(library=library).known_library
-    wanted = services.settings(**vars(settings))  # checked before the first frame goes out
+    wanted = services.settings(**vars(settings))  # checked before the first frame is sent
     if action == "set" and not wanted:
         raise LocalError("nothing to set: give --node-id, --bit-rate, --store or --activate")
     if address := action == "set" and identity and Plugins(packages=packages(package)).for_identity(identity).address:
@@ -423,18 +426,18 @@ def lss(
             with bar(f"lss {action}", unit=REQUESTS, after=SHORT) as progress:
                 lines = perform(master, steps, timeout, progress)
         finally:
-            # A device left in configuration state would obey the next command, whichever device that is for.
+            # A device left in the configuration state would execute commands for other devices.
             perform(master, services.switch(LssState.WAITING))
     print("\n".join(lines) or "no device without a node-ID answers")
     return ExitStatus.FINE if lines else ExitStatus.FOUND
 
 
 ADDRESSED_ATTEMPTS = 5
-"""How often a device that its maker's procedure has given a node-ID is asked whether it is there."""
+"""How often the device is asked for its identity at its new node-ID."""
 
 
 def _addressed(address: Addressing, identity: Identity, settings: Settings, bus: BusOptions) -> ExitStatus:
-    """Have the maker's own procedure give a device its node-ID; raises LocalError, RemoteError, BusError."""
+    """Set a device's node-ID by its manufacturer's procedure; raises LocalError, RemoteError, BusError."""
     if settings.node_id is None or settings != Settings(node_id=settings.node_id):
         raise LocalError(f"the device package for {identity} sets the node-ID: give --node-id, and nothing else")
     with Master(bus.open()) as master:
@@ -445,7 +448,7 @@ def _addressed(address: Addressing, identity: Identity, settings: Settings, bus:
 
 
 def _check_addressed(master: Master, identity: Identity, node_id: int) -> None:
-    """Raise RemoteError, NoAnswer unless the device with an identity answers at its new node-ID."""
+    """Check that the device with an identity answers at its new node-ID; raises RemoteError, NoAnswer."""
     for attempt in range(ADDRESSED_ATTEMPTS):
         try:
             found = read_identity(master.node(node_id))

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckReport:
-    """What is said of a check: on standard output in one form, and in files.
+    """The output of a check: one form on standard output, and files.
 
     page: conformance: write a page for the maker, as .html or .md
     junit: write a JUnit XML report
@@ -51,7 +51,7 @@ class CheckReport:
     quiet: Annotated[bool, Option("-q", either="form")] = False
 
     def check_files(self) -> None:
-        """Raise LocalError, OSError for a file that could not be written: before the check, not after it."""
+        """Check before the run that the files can be written; raises LocalError, OSError."""
         if self.page is not None:
             from eurobot_od.export.forms import form_of
 
@@ -62,7 +62,7 @@ class CheckReport:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing is printed before the end, where standard output is one document."""
+        """Whether nothing is printed before the end, as standard output is one document."""
         return self.as_json or self.ctt or self.quiet
 
     def heading(self, suite: Suite, how: str) -> None:
@@ -71,10 +71,10 @@ class CheckReport:
             print(report.heading(suite, how), flush=True)
 
     def step(self, step: StepResult) -> None:
-        """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
+        """Print a step's line, unless it is only counted; if `verbose`, also why it failed or was skipped."""
         if self.silent or (step.status in report.GOES_ON and not self.verbose):
             return
-        # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
+        # Flushed, as the next step may take minutes.
         print(report.step_line(step, in_colour(sys.stdout)))
         if step.reason is not None and self.verbose:
             print("\n".join(report.reason_lines(step.reason)))
@@ -131,10 +131,10 @@ def check(
     $ check --conformance --eds 5=motor.eds --tag emcy --report report.html -i socketcan -c can0
     """
     of_made = {"output": output, "report": report.page, "ctt": report.ctt}
-    _refuse_what_does_not_go_together(checks, {name: given for name, given in of_made.items() if given})
+    _check_options(checks, {name: given for name, given in of_made.items() if given})
     report.check_files()
     for name in checks.fault:
-        checks.devices.plugins.find_fault(name)  # complains of a name before the first suite, not in it
+        checks.devices.plugins.find_fault(name)  # raises for an unknown name before the first suite
     if checks.made.is_wanted and not (checks.simulate or list or output):
         checks = replace(checks, devices=checks.devices.found_on(checks.bus))
     with left_out() as refused:
@@ -148,7 +148,7 @@ def check(
         return ExitStatus.FINE
     if not checks.simulate:
         checks.bus.check_named()
-    from eurobot_od.check.runner import Interrupt  # suites are listed without
+    from eurobot_od.check.runner import Interrupt  # here, as listing suites does not need it
 
     interrupt = Interrupt()
     with interrupt.by_ctrl_c():
@@ -163,10 +163,13 @@ def check(
     return completeness(each for suite in suites for each in suite.dictionaries.values())
 
 
-def _refuse_what_does_not_go_together(checks: Checks, of_made: Mapping[str, object]) -> None:
-    """Raise LocalError; `of_made` are options that say something of suites that are made."""
-    made, from_files = checks.made, "makes its suites from the EDS files: leave out"
-    about = [*of_made] if made.conformance else ["output"] if made.profile else []
+def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
+    """Check that the options go together; `of_made` are those about generated suites. Raises LocalError."""
+    made = checks.made
+    from_files = "makes its suites from the EDS files: leave out"
+    about = ["output"] if made.profile else []
+    if made.conformance:
+        about = [*of_made]
     refused = (
         (checks.fault and not checks.simulate, "--fault needs --simulate: it is a fault of a simulated node"),
         (made.conformance and checks.files, f"--conformance {from_files} {''.join(checks.files[:1])}"),
@@ -183,7 +186,7 @@ def _refuse_what_does_not_go_together(checks: Checks, of_made: Mapping[str, obje
 
 
 def _motion(text: str) -> tuple[int, int]:
-    """Read how far and how fast a motor may be moved; raises LocalError."""
+    """Parse the distance and velocity of a motor; raises LocalError."""
     distance, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
     if not (distance and velocity):
         raise LocalError(f"{text!r}: a distance and a velocity above 0, such as 2000@100")
@@ -192,7 +195,7 @@ def _motion(text: str) -> tuple[int, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """The suites that are made from the EDS files, and how far they may go.
+    """The suites that are generated from the EDS files, and their tiers.
 
     conformance: make the suites from the EDS files, by CiA 301
     profile: make the suites from the EDS files, by a device profile
@@ -211,21 +214,23 @@ class Made:
 
     @property
     def is_wanted(self) -> bool:
-        """Whether there are such suites."""
+        """Whether suites are generated."""
         return self.conformance or self.profile is not None
 
     def suites(self) -> MadeSuites:
-        """Return them."""
+        """Return the generated suites."""
         from eurobot_od.check.conformance.clauses import Tier
         from eurobot_od.check.conformance.made import MadeSuites
 
-        tier = Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
+        tier = Tier.REVERSIBLE if self.reversible else Tier.READING
+        if self.destructive:
+            tier = Tier.DESTRUCTIVE
         return MadeSuites(None if self.conformance else self.profile, tier, self.motion, self.outputs)
 
 
 @dataclass(frozen=True)
 class Checks:
-    """Which suites are run, and how.
+    """The suites to run, and how to run them.
 
     files: suite files, or names of the robot's suites (--list)
     simulate: check simulated nodes, in simulated time
@@ -250,13 +255,13 @@ class Checks:
     bus: BusOptions
 
     def reader(self, refused: OnRefused) -> SuiteReader:
-        """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
+        """Return the reader of suites for the devices; `refused` is called with each PDO that is left out."""
         known = self.devices.plugins.networks()
         known = known._replace(refused=refused, decoder=self.devices.decoder_with(self.names))
         files = self.devices.files()
         if not files:
             return SuiteReader(known, self.devices.dialect)
-        # Suites that name a dialect are for that; all others are for the devices of the command line.
+        # Suites without a dialect are for the devices of the command line.
         named = Path(self.devices.network or files[0].file)
 
         def load(path: Path) -> tuple[Dictionary, ...]:
@@ -270,7 +275,7 @@ class Checks:
         return SuiteReader(networks, self.devices.dialect)
 
     def suites(self, reader: SuiteReader) -> list[Suite]:
-        """Read the suites that are asked for; raises YamlError, LocalError."""
+        """Read the chosen suites; raises YamlError, LocalError."""
         if self.made.is_wanted:
             read = reader.read_texts(self.made.suites().texts(self.devices.load()))
         else:
@@ -285,11 +290,11 @@ class Checks:
 
     @property
     def is_made(self) -> bool:
-        """Whether the suites are made from the devices' files."""
+        """Whether the suites are generated from the devices' files."""
         return self.made.is_wanted
 
     def how(self, seed: int) -> str:
-        """Return how suites are run, in words for reports."""
+        """Return for reports how suites are run."""
         return f"simulated, seed {seed}" if self.simulate else "on the bus"
 
     def skips(self, suite: Suite) -> str:
@@ -297,20 +302,20 @@ class Checks:
         if suite.world and not self.simulate and not self.shared_world:
             return "skipped: its nodes have to share a world (--shared-world: they do)"
         folder = self.devices.robot.dialects.folder
-        # By folder: a dialect may be given by its name or by its path.
+        # Compared by folder, as a dialect may be given by its name or path.
         fits = None in (suite.dialect, self.devices.dialect) or folder(suite.dialect) == folder(self.devices.dialect)
         return "" if fits else f"skipped: it is for the dialect {suite.dialect}"
 
     def run(
         self, suite: Suite, seed: int, interrupt: Interrupt, reported: set[Report], show: Callable[[StepResult], None]
     ) -> SuiteResult:
-        """Run a suite, unless it is skipped; `show` gets each step's result as it comes.
+        """Run a suite, unless it is skipped; `show` is called with each step's result.
 
-        `reported` has what suites before it have found in a node.
+        `reported` holds the findings that are reported once per node, of all suites so far.
         """
         if skipped := self.skips(suite):
             return SuiteResult(suite.file, suite.name, self.how(seed), skipped=skipped)
-        # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
+        # A generated suite goes on after a red step, as its steps are independent.
         options = run_options(
             keep_going=self.keep_going,
             is_made=self.is_made,

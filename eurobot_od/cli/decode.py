@@ -43,7 +43,7 @@ from eurobot_od.traffic.meaning import Decoder
 
 STANDARD_INPUT = "-"
 CHUNK = 1 << 16
-"""Bytes read from a pipe at once."""
+"""Size of one read from a pipe, in bytes."""
 
 Log: TypeAlias = Annotated[str, Option(metavar="LOG", is_file=True)]
 Logs: TypeAlias = Annotated[Sequence[Log], "logs; - for standard input, the default"]
@@ -52,7 +52,7 @@ Format: TypeAlias = Annotated[str, Option(choices=FORMATS.keys())]
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """How logs are read: their format, None to find out, and the most bytes of a line or record.
+    """How logs are read: their format (None: detect it), and the longest line or record.
 
     format: format of the logs (default: by their first bytes, or else by suffix)
     largest: longest line or record of a log that is read (default: 1048576)
@@ -65,9 +65,9 @@ class Reading:
 def entries(
     logs: Iterable[str], reading: Reading, is_watched: bool = True
 ) -> Generator[tuple[str, LogEntry], None, None]:
-    """Yield the entries of logs, one log after the other, with the log's name. Errors as `formats.entries`.
+    """Yield the entries of several logs, each with the log's name; raises as `formats.entries`.
 
-    With `is_watched` a terminal shows how far a long log has been read.
+    With `is_watched`, a terminal shows the progress of a long log.
     """
     for log in logs:
         with opened(log, is_watched) as file:
@@ -77,7 +77,7 @@ def entries(
 
 @contextmanager
 def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
-    """Open a log; with `is_watched` a terminal shows how far a long one has been read."""
+    """Open a log; with `is_watched`, a terminal shows the progress of a long one."""
     with ExitStack() as stack:
         if log == STANDARD_INPUT:
             if sys.stdin is None:
@@ -87,17 +87,19 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             file = stack.enter_context(files.opened(log, buffering=0))  # `Watched` is buffered below
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode):
-            # A pipe may be a live bus: what has been decoded is shown before the next lines are waited for.
+            # A pipe may be a live bus, so the output is flushed before each read.
             yield io.BufferedReader(Watched(file, lambda _: sys.stdout.flush()), CHUNK)
         elif is_watched and sys.stderr.isatty():
             draw = stack.enter_context(progress.bar(log, after=progress.SHORT))
             yield io.BufferedReader(Watched(file, lambda done: draw(done, status.st_size)))
         else:
-            yield io.BufferedReader(Watched(file, lambda _: None))  # the same class, so that no format has a second way
+            yield io.BufferedReader(
+                Watched(file, lambda _: None)
+            )  # the same class in all cases, so that formats behave the same
 
 
 def decoder_for(logs: Iterable[str], reading: Reading, devices: Devices, names: FrameNames = NOTHING_NAMED) -> Decoder:
-    """Return the decoder of logs' frames, with the library's files for devices that say at the beginning what they are.
+    """Return the decoder for logs, with the library's files for devices whose identity is in the logs.
 
     Raises as `Devices.decoder`.
     """
@@ -105,17 +107,20 @@ def decoder_for(logs: Iterable[str], reading: Reading, devices: Devices, names: 
     if devices.known_library.entries:
         from eurobot_od.traffic.identities import shown_in
 
-        for log in filter(os.path.isfile, logs):  # what a pipe says is seen while decoding
+        for log in filter(os.path.isfile, logs):  # a pipe can be read once only
             with opened(log, is_watched=False) as file:
                 shown = shown_in(file, reading.format, reading.largest) | shown
     return devices.decoder(names, shown)
 
 
 class Watched(io.RawIOBase):
-    """A file or a pipe that calls `on_read` before each read with the bytes read so far."""
+    """A file or pipe that calls `on_read` before each read with the number of bytes read so far."""
 
     def __init__(self, file: BinaryIO, on_read: Callable[[int], object]) -> None:
-        self.name, self._descriptor, self._on_read, self._read = file.name, file.fileno(), on_read, 0
+        self.name = file.name
+        self._descriptor = file.fileno()
+        self._on_read = on_read
+        self._read = 0
 
     def readable(self) -> bool:
         return True
@@ -125,7 +130,7 @@ class Watched(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         self._on_read(self._read)
-        # Gives what a pipe has now; a buffered file would wait until the whole buffer is full.
+        # Returns the data that a pipe has now; a buffered file would wait for a full buffer.
         data = os.read(self._descriptor, len(buffer))
         buffer[: len(data)] = data
         self._read += len(data)
@@ -134,7 +139,7 @@ class Watched(io.RawIOBase):
 
 @dataclass(frozen=True, kw_only=True)
 class Filters:
-    """The entries that are wanted: names of messages and nodes, conditions on fields.
+    """Which entries are shown: names of messages and nodes, conditions on fields.
 
     message: message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable
     node: messages that this node sends or receives; repeatable
@@ -148,7 +153,7 @@ class Filters:
     where: Annotated[Sequence[str], Option(metavar="CONDITION")] = ()
 
     def wanted(self, decoder: Decoder) -> Wanted | None:
-        """Return the filter, None for none; raises LocalError for a name or a value that cannot be."""
+        """Return the filter, None if there is none; raises LocalError for an unknown name or impossible value."""
         wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in self.where]
         if self.message:
             wanted.append(by_name(self.message, decoder))
@@ -192,7 +197,7 @@ def decode(
     decoder = decoder_for(logs, reading, devices, names)
     several = len(logs) > 1
     if statistics:
-        from eurobot_od.traffic.statistics import TrafficOutput  # the usual case starts without the other ones' modules
+        from eurobot_od.traffic.statistics import TrafficOutput  # here, as decoding does not need it
 
         output: Output = TrafficOutput(bitrate, devices.promised(decoder), several)
     else:
@@ -200,10 +205,10 @@ def decode(
     decoding = Decoding(decoder, output, filters.wanted(decoder), Window(since, until, relative))
     sys.stdout.write(output.header)
     for log in logs:
-        # Lines on the same terminal would tear the bar apart.
+        # No bar while lines are printed on the same terminal.
         with opened(log, is_watched=statistics or not sys.stdout.isatty()) as file:
             sys.stdout.writelines(decoding.lines(file, log, reading.format, reading.largest))
-    sys.stdout.flush()  # the report comes after the lines, also where both go to one file
+    sys.stdout.flush()  # so that the report comes after the lines, even in one file
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
     return ExitStatus.FOUND if strict and decoding.damage.total else ExitStatus.FINE
 
@@ -248,7 +253,8 @@ def compare(
     from eurobot_od.traffic.decoding import Following
 
     decoder = decoder_for([first, second], reading, devices, names)
-    fields, wanted = tolerances(tolerance, decoder.protocol), filters.wanted(decoder)
+    fields = tolerances(tolerance, decoder.protocol)
+    wanted = filters.wanted(decoder)
 
     def seen(log: str) -> Iterator[ComparedEntry]:
         following = Following(decoder)
@@ -257,9 +263,9 @@ def compare(
             if wanted is None or wanted(decode(raw)):
                 yield ComparedEntry(at, raw, channel, decode)
 
-    # Both are read whole, as the distance between their clocks is found from frames of both.
+    # Both are read completely, as the offset of their clocks is computed from frames of both.
     expected, found = list(seen(first)), list(seen(second))
-    if all(len({each.channel for each in log}) < 2 for log in (expected, found)):  # one bus, whatever its name
+    if all(len({each.channel for each in log}) < 2 for log in (expected, found)):  # one bus, under any name
         expected, found = ([each._replace(channel="") for each in log] for log in (expected, found))
     differences = differences_of(expected, found, decoder, Tolerances(time, fields))
     for each in differences:
@@ -287,7 +293,7 @@ def tolerances(given: Iterable[tuple[str, str]], protocol: Protocol) -> dict[tup
             number = float(text)
         except ValueError:
             number = -1.0
-        if not 0 <= number < float("inf"):  # `float` takes "nan" and "inf", with which nothing would ever differ
+        if not 0 <= number < float("inf"):  # `float` accepts "nan" and "inf"
             raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more")
         found |= dict.fromkeys(((each, field) for each in having), number)
     return found
@@ -314,13 +320,13 @@ def replay(
     $ replay run.log -i socketcan -c can0
     $ replay run.log --speed 10 -i socketcan -c can0
     """
-    from eurobot_od.client.master import LATE, Master  # a log is decoded without
+    from eurobot_od.client.master import LATE, Master  # here, as decoding does not need it
     from eurobot_od.client.master import replay as replay_frames
     from eurobot_od.traffic.filters import by_sender
 
     decoder = decoder_for(logs, reading, devices)
     wanted = by_sender(decoder.dictionaries, decoder.protocol, only, without)
-    # What a log has besides frames is damage, which nobody can send.
+    # Other entries of a log are no frames.
     timed = ((at, raw) for _, (_, at, _, raw) in entries(logs, reading) if isinstance(raw, Frame) and wanted(raw))
     with Master(bus.open()) as master:
         frames, late, worst = replay_frames(master, timed, speed)

@@ -1,4 +1,4 @@
-"""The devices that a command line names, or else the robot's: their files, messages, and what was wrong with them."""
+"""The devices of a command line, otherwise the robot's: their files, messages, and problems."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.plugin import NOTHING, Plugin, Plugins
 from eurobot_od.support.texts import amount
 
-if TYPE_CHECKING:  # a command that needs no bus does without
+if TYPE_CHECKING:
     from eurobot_od.client.description import Found
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.traffic.dbc import ForeignMessage
@@ -64,7 +64,7 @@ PackagePaths: TypeAlias = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class Devices:
-    """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's.
+    """The devices of --eds, --network and --dialect, otherwise of the folder's network file, otherwise the robot's.
 
     eds: EDS, DCF, XDD or XDC of a device, with a node-ID if the file has none; repeatable
     network: network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files
@@ -86,7 +86,7 @@ class Devices:
 
     @property
     def robot(self) -> Plugin:
-        """The robot that is named, also by the network file, or else, without devices, the installed one.
+        """The robot that is named, also by the network file; otherwise, without devices, the installed one.
 
         Raises as `loading.find`.
         """
@@ -95,55 +95,56 @@ class Devices:
 
     @cached_property
     def plugins(self) -> Plugins:
-        """The plug-ins that count: the robot, and the device packages. Raises as `robot`."""
+        """The plug-ins to use: the robot, and the device packages. Raises as `robot`."""
         return Plugins(self.robot, loading.packages(self.package))
 
     @property
     def _file(self) -> str:
-        """The network file: what is named on the command line replaces the folder's own; the two are never mixed."""
+        """The network file; the command line's replaces the folder's, they are never merged."""
         return self.network or ("" if self.eds else DEFAULT)
 
     @cached_property
     def _described(self) -> NetworkFile:
-        """What the network file says, if there is one; raises FileError."""
+        """The content of the network file, empty if there is none; raises FileError."""
         if not self.network and (self.dialect or not os.path.isfile(self._file)):  # noqa: PTH113
             return NetworkFile()
         return network.read_network(self._file)
 
     @cached_property
     def known_library(self) -> Library:
-        """The library that describes nodes whose files are not named; raises LocalError, FileError."""
+        """The library for nodes without a named file; raises LocalError, FileError."""
         written = self._described.library
         if not written and self._file != DEFAULT and os.path.isfile(DEFAULT):  # noqa: PTH113
-            written = network.read_network(DEFAULT).library  # said once for a folder, whatever else is named
+            written = network.read_network(DEFAULT).library  # it is for the whole folder
         return Library(folders(self.library, written))
 
     def describer(self, known: Iterable[Dictionary]) -> LibraryDevices:
-        """Return what describes nodes by what they show of themselves; the `known` ones that nobody named give way."""
+        """Return what describes nodes by their identity; unnamed `known` devices may be replaced."""
         implied = () if self.files() else [each.node_id for each in known]
         return LibraryDevices(self.known_library, complain, implied, self._without_file, self.worded)
 
     @property
     def master(self) -> str:
-        """Who leads the network, if its file says it; raises FileError."""
+        """Name of the network's master, if its file has one; raises FileError."""
         return self._described.master
 
     def files(self) -> list[NodeFile]:
-        """Return the files that are named, none for a dialect; raises LocalError, FileError."""
+        """Return the named files, none for a dialect; raises LocalError, FileError."""
         if self.dialect and (self.eds or self.network):
             raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
-        typed, without = map(network.node_file, self.eds), self._without_file
+        typed = map(network.node_file, self.eds)
+        without = self._without_file
         named = [without[each.node_id]._replace(file=each.file) if each.node_id in without else each for each in typed]
         written = [each for each in self._described.nodes if each.file]
         return with_patches(with_modules([*named, *written], self.module), self.patch)
 
     @property
     def _without_file(self) -> dict[int, NodeFile]:
-        """The nodes of the network file that the library describes, by node-ID; raises FileError."""
+        """The nodes of the network file without a file, by node-ID; raises FileError."""
         return {each.node_id: each for each in self._described.nodes if each.node_id and not each.file}
 
     def load(self) -> tuple[Dictionary, ...]:
-        """Load the files that are named, or else the dialect's; raises LocalError, FileError, UnknownName."""
+        """Load the named files, otherwise the dialect's; raises LocalError, FileError, UnknownName."""
         files = self.files()
         if self.network and os.path.isdir(self.network) and any(is_without_node_id(each) for each in files):  # noqa: PTH112
             raise LocalError(
@@ -153,39 +154,40 @@ class Devices:
         return self.with_words(network.load(files)) if files else self.robot.dialects.load_all(self.dialect)
 
     def with_words(self, known: Iterable[Dictionary]) -> tuple[Dictionary, ...]:
-        """Return devices with what their packages say of errors, units and values."""
+        """Return devices with the errors, units and values of their packages."""
         return tuple(map(self.worded, known))
 
     def worded(self, device: Dictionary) -> Dictionary:
-        """Return a device with what its package says of errors, units and values."""
+        """Return a device with the errors, units and values of its package."""
         words = self.plugins.of(device).words
         return device.described_by(read_maker(words), over=False) if words else device
 
     @property
     def are_known(self) -> bool:
-        """Whether there are any: a bus, and a log, can be read without. Raises as `load`."""
+        """Whether there are any devices; a bus or log can be read without. Raises as `load`."""
         return bool(self.files() or self.dialect or self.robot.dialects.root)
 
     def load_and_complain(self, files: Iterable[NodeFile] | None = None) -> tuple[Dictionary, ...]:
-        """Load the devices, or those of `files` alone, and say which files that are named had to be repaired."""
+        """Load the devices, or those of `files`, and report which named files had to be repaired."""
         loaded = self.load() if files is None else self.with_words(network.load(files))
-        if self.files():  # the dialects' files need no repair, and to look for one takes as long as loading
-            for line in network.not_understood(self._file) if self.network else ():
-                complain(line)
+        if self.files():  # the dialects' files need no repair, and checking takes as long as loading
+            if self.network:
+                for line in network.not_understood(self._file):
+                    complain(line)
             complain_of_repairs(loaded)
         return loaded
 
     def protocol(self, known: Iterable[Dictionary] = ()) -> Protocol:
-        """Return the messages of these devices, or of `known`; complains of PDOs left out. Raises as `load`."""
+        """Return the messages of these devices, or of `known`; reports PDOs that are left out. Raises as `load`."""
         with left_out() as refused:
             return Protocol.of_devices(known or self.load_and_complain(), self.robot.catalogue(), refused)
 
     def decoder(
         self, names: FrameNames = NOTHING_NAMED, shown: Mapping[int, Numbers] = MappingProxyType({})
     ) -> Decoder:
-        """Return the decoder of these devices' frames, of CiA 301's without any; complains of PDOs that are left out.
+        """Return the decoder of these devices' frames, without devices that of CiA 301; reports PDOs that are left out.
 
-        `shown` is what nodes have shown of their identity: the library describes them. Raises as `load`.
+        `shown` are the identities of nodes, which the library describes. Raises as `load`.
         """
         known = self.load_and_complain() if self.are_known else ()
         describe = self.describer(known)
@@ -202,55 +204,59 @@ class Devices:
         learned: Iterable[Dictionary] = (),
         describe: Describe = nothing_known,
     ) -> Decoder:
-        """Return the decoder of devices; complains of PDOs that are left out."""
+        """Return the decoder of devices; reports PDOs that are left out."""
         make = self.decoder_with(names)
         with left_out() as refused:
             return make(known, self.robot.catalogue(), refused, learned=learned, describe=describe)
 
     def decoder_with(self, names: FrameNames) -> Callable[..., Decoder]:
-        """Return the class of a decoder that knows what files and packages say of frames; raises as `read_dbc`."""
-        from eurobot_od.traffic.dbc import read_dbc  # files are shown and exported without
+        """Return a function that makes a decoder with the names of files and packages; raises as `read_dbc`."""
+        from eurobot_od.traffic.dbc import read_dbc  # here, as showing and exporting files does not need it
         from eurobot_od.traffic.meaning import Decoder
 
-        errors, others = self.error_words(names.emcy), read_dbc(self.dbc_files(names))
+        errors = self.error_words(names.emcy)
+        others = read_dbc(self.dbc_files(names))
         return partial(Decoder, errors=errors, master=self.master, others=others, frames=self.frames_of)
 
     def dbc_files(self, names: FrameNames) -> list[str]:
-        """Return the files that name frames of other protocols: the network file's, then those of the command line."""
+        """Return the files that describe other protocols: the network file's, then those of the command line."""
         return [*self._described.dbc, *names.dbc]
 
     def frames_of(self, device: Dictionary) -> Mapping[int, ForeignMessage]:
-        """Return what a device sends outside CANopen, as its package says, by COB-ID."""
+        """Return a device's non-CANopen frames, as its package describes them, by COB-ID."""
         return self.plugins.of(device).frames(device)
 
     def watchers(self, decoder: Decoder) -> list[type[Watcher]]:
-        """Return what plug-ins watch on a bus with the devices of a decoder."""
+        """Return the plug-ins' rules of `diagnose` for the devices of a decoder."""
         return [each for plugin in self.plugins.present(decoder.dictionaries) for each in plugin.watchers()]
 
     def panels(self, decoder: Decoder) -> list[type[Panel]]:
-        """Return the views of the page that plug-ins have for the devices of a decoder."""
-        protocol, plugins = decoder.protocol, self.plugins.present(decoder.dictionaries)
+        """Return the plug-ins' views of the page for the devices of a decoder."""
+        protocol = decoder.protocol
+        plugins = self.plugins.present(decoder.dictionaries)
         return [panel.of(protocol) for each in plugins for panel in each.panels() if panel.fits(protocol)]
 
     def error_words(self, emcy: Iterable[str]) -> dict[int, dict[int, str]]:
-        """Return makers' words for error codes by node-ID, 0 for all: the network file's, and over them `emcy`'s."""
+        """Return texts of error codes by node-ID, 0 for all: the network file's, overridden by those of `emcy`."""
         nodes = (*self._described.nodes, *self.files())
         said = dict.fromkeys(f"{each.node_id}={file}" if each.node_id else file for each in nodes for file in each.emcy)
         return read_words((*self._described.emcy, *said, *emcy))
 
     def errors(self, emcy: Iterable[str] = (), found: Dictionary | None = None) -> ErrorWords:
-        """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`.
+        """Return the texts of these devices' EMCY codes, without devices those of CiA 301; raises as `load`.
 
-        A device that was `found` on the bus counts more than the one that is named for its node.
+        A device that was `found` on the bus replaces the named one with its node-ID.
         """
-        devices = {each.node_id: each for each in (self.load() if self.are_known else ())}
-        known = (devices | ({found.node_id: found} if found else {})).values()
-        return ErrorWords.of_devices(known, self.robot.catalogue(), self.error_words(emcy))
+        loaded = self.load() if self.are_known else ()
+        devices = {each.node_id: each for each in loaded}
+        if found:
+            devices[found.node_id] = found
+        return ErrorWords.of_devices(devices.values(), self.robot.catalogue(), self.error_words(emcy))
 
     def asking_decoder(self, bus: BusOptions, names: FrameNames = NOTHING_NAMED) -> Decoder:
-        """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
+        """Return a decoder for the current PDOs of the devices on the bus; reports those that do not answer.
 
-        Without files all devices that answer are asked. Raises as `load`, BusError.
+        Without files, all devices that answer are asked. Raises as `load`, BusError.
         """
         from eurobot_od.client.configure import all_pdo_parameters
         from eurobot_od.client.description import scan
@@ -260,7 +266,8 @@ class Devices:
 
         asked, learned = list[Dictionary](), list[Dictionary]()
         with Master(bus.open()) as master:
-            for found in scan(master) if self._are_sought else ():
+            on_bus = scan(master) if self._are_sought else ()
+            for found in on_bus:
                 if self.are_known and found.node_id not in self._without_file:
                     continue
                 try:
@@ -272,27 +279,27 @@ class Devices:
                 except RemoteError as error:
                     complain(f"node {found.node_id}: {error}")
             known = (*(self.load_and_complain() if self.are_known else ()), *asked)
-            present = [self._as_on_the_bus(master, each) for each in known]
+            present = [self._configured(master, each) for each in known]
         return self._decoder_of(present, names, learned, self.describer(known))
 
-    def _as_on_the_bus(self, master: Master, dictionary: Dictionary) -> Dictionary:
-        """Return a device as it is set now, or as in its file, with a complaint, if it does not answer."""
+    def _configured(self, master: Master, dictionary: Dictionary) -> Dictionary:
+        """Return a device with its current PDOs; if it does not answer, report that and return it as in its file."""
         from eurobot_od.client.configure import pdo_parameters
 
         master.follow(dictionary)
         try:
             return dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary))
-        except RemoteError as error:  # one node that is off must not keep the others from being decoded
+        except RemoteError as error:  # the others are decoded even if one node is off
             complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
             return dictionary
 
     @property
     def _are_sought(self) -> bool:
-        """Whether there are nodes of which a file is not named."""
+        """Whether some nodes have no named file."""
         return not self.are_known or bool(self._without_file)
 
     def found_on(self, bus: BusOptions) -> Devices:
-        """Return the devices with those that are on the bus and in the library, where no file is named for them.
+        """Return the devices with those of the bus that have a file in the library but no named one.
 
         Raises LocalError, BusError.
         """
@@ -309,11 +316,11 @@ class Devices:
         return replace(self, eds=[*self.eds, *eds], network=self.network or written)
 
     def found_description(self, found: Found) -> Dictionary | None:
-        """Return the library's description of a node that was found, None without one; complains as `describer`."""
+        """Return the library's description of a node, None if there is none; reports problems as `describer`."""
         return self.describer(())(found.node_id, found.numbers)
 
     def promised(self, decoder: Decoder) -> MessageSet:
-        """Return what a decoder's devices send, and how often; nothing if a period is missing."""
+        """Return which messages a decoder's devices send, and how often; nothing if a period is missing."""
         from eurobot_od.traffic.load import network_set  # most commands need no analysis
         from eurobot_od.traffic.statistics import NOTHING
 
@@ -322,12 +329,12 @@ class Devices:
             rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
             names = {each.cob_id: each.name for each in decoder.protocol.bindings}
             return network_set(decoder.dictionaries, names, rows, file)
-        except (FileError, LocalError):  # a bus can be watched without knowing how often a message is to come
+        except (FileError, LocalError):  # a bus can be watched without periods
             return NOTHING
 
 
 def is_without_node_id(node: NodeFile) -> bool:
-    """Return whether a file can be read, but only for a node-ID that is given."""
+    """Return whether a file can be loaded only with a given node-ID."""
     try:
         node.load()
     except DictionaryError as error:
@@ -336,17 +343,17 @@ def is_without_node_id(node: NodeFile) -> bool:
 
 
 def read_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
-    """Return makers' words for emergency error codes by node-ID, 0 for all nodes; raises FileError."""
+    """Return texts of error codes by node-ID, 0 for all nodes; raises FileError."""
     found: dict[int, dict[int, str]] = {}
     for file, node_id in (network.node_file(text)[:2] for text in files):
-        from eurobot_od.od.maker import read_error_words  # most commands start without YAML
+        from eurobot_od.od.maker import read_error_words  # here, as most commands need no YAML
 
         found.setdefault(node_id or 0, {}).update(read_error_words(file))
     return found
 
 
 def with_modules(files: list[NodeFile], texts: Iterable[str]) -> list[NodeFile]:
-    """Return files with the modules that `--module` plugs into their devices; raises LocalError."""
+    """Return files with the modules of `--module`; raises LocalError."""
     plugged: dict[int, list[str]] = {}
     for text in texts:
         node, _, listed = text.rpartition("=")
@@ -356,18 +363,19 @@ def with_modules(files: list[NodeFile], texts: Iterable[str]) -> list[NodeFile]:
 
 
 def with_patches(files: list[NodeFile], texts: Iterable[str]) -> list[NodeFile]:
-    """Return files with those that `--patch` lays over them, after a network file's own; raises LocalError."""
+    """Return files with the patches of `--patch`, after those of a network file; raises LocalError."""
     over: dict[int, list[str]] = {}
     for text in texts:
         node, equals, file = text.partition("=")
-        if not equals or not _fitting(files, node):  # a path may have an equals sign, too
-            node, file = "", text
+        if not equals or not _fitting(files, node):  # a path may contain an equals sign
+            node = ""
+            file = text
         over.setdefault(_the_device(files, node, f"--patch {text}: say of which device"), []).append(file)
     return [each._replace(patch=[*each.patch, *over.get(n, ())]) for n, each in enumerate(files)]
 
 
 def _the_device(files: Sequence[NodeFile], node: str, question: str) -> int:
-    """Return which of the files is the one device that is meant by node-ID, name or stem; raises LocalError."""
+    """Return the index of the file with this node-ID, name or stem; raises LocalError if not exactly one fits."""
     fitting = _fitting(files, node)
     if len(fitting) != 1:
         known = ", ".join(f"{each.node_id or each.name or Path(each.file).stem}=" for each in files)
@@ -380,10 +388,10 @@ def _fitting(files: Sequence[NodeFile], node: str) -> list[int]:
 
 
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
-    """Say in a line for each file what had to be repaired to read it, what is left out, and what looks like a copy."""
-    # By file: two nodes may share one, and it was repaired once.
+    """Report, on one line per file, what had to be repaired, what is left out, and what looks like a copy."""
+    # By file, as two nodes may share one.
     for file, each in {each.file: each for each in dictionaries}.items():
-        # A guess first: what follows may be hidden behind "and 4 more".
+        # Guesses first, as the others may be hidden behind "and 4 more".
         changes = sorted(each.normal.deviations, key=lambda change: not change.guessed)
         repaired = [f"line {change.line}: {change.what}" for change in changes]
         lost = [str(refusal) for refusal in each.normal.refusals]
@@ -394,7 +402,7 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
             more = f", and {len(found) - 1} more (`{lister}` lists them)" if len(found) > 1 else ""
             if found:
                 complain(f"{file}: {done}: {found[0]}{more}")
-        if SdoChannel.of(each).usual_for not in (None, each.node_id):  # whoever is there is spoken to
+        if SdoChannel.of(each).usual_for not in (None, each.node_id):  # requests go to another node's SDO server
             complain(f"{file}: {moved_server(each)}")
         if each.idle_modules:
             complain(
@@ -403,23 +411,27 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
 
 
 def completeness(dictionaries: Iterable[Dictionary]) -> ExitStatus:
-    """Return FOUND if objects of a file are left out: what is printed, or green, is not the whole device."""
+    """Return FOUND if objects of a file are left out, as the output does not cover the whole device."""
     return ExitStatus.FOUND if any(each.normal.refusals for each in dictionaries) else ExitStatus.FINE
 
 
 @contextmanager
 def left_out() -> Iterator[OnRefused]:
-    """Collect PDOs that cannot be used, and say which, in one line for each reason in a file."""
+    """Collect PDOs that cannot be used, and report them at the end, one line per file and reason."""
     errors: dict[tuple[str, str], list[MappingError]] = {}
-    yield lambda error: errors.setdefault((error.file, error.what), []).append(error)
-    # What is wrong with one PDO is often wrong with all of them.
+
+    def collect(error: MappingError) -> None:
+        errors.setdefault((error.file, error.what), []).append(error)
+
+    yield collect
+    # Several PDOs often have the same problem.
     for (file, what), found in errors.items():
         indices = ", ".join(dict.fromkeys(f"0x{each.index:04X}" for each in found if each.index is not None))
         complain(f"PDO left out: {file}: {f'{indices}: ' if indices else ''}{what}")
 
 
 def object_names(plugins: Plugins) -> Iterable[str]:
-    """Give the indices of the robot's objects, and the names of those that a shell takes without quotes."""
+    """Yield the indices of the robot's objects, and those of their names that need no quotes in a shell."""
     dialects = plugins.robot.dialects
     known = dialects.load_all() if dialects.names() else ()
     for each in (each for node in known for each in all_objects(node.objects)):
@@ -429,7 +441,7 @@ def object_names(plugins: Plugins) -> Iterable[str]:
 
 
 HEARTBEAT_WAIT = 1.2
-"""Seconds in which a node's heartbeat shows its state; our nodes send one a second."""
+"""Time to wait for a node's heartbeat, in s; our nodes send one per second."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -454,7 +466,7 @@ class Access:
 
 @dataclass(frozen=True)
 class Target(Access):
-    """The node that a command is about.
+    """The node that a command is for.
 
     node: node-ID 1..127, or a device's name
     """
@@ -473,16 +485,17 @@ class Target(Access):
 
     @contextmanager
     def opened(self) -> Iterator[RemoteNode]:
-        """Open the bus to talk to the node."""
-        number = self.node_id  # first, so that a wrong name opens no bus
+        """Open the bus and yield the node."""
+        number = self.node_id  # first, so that an unknown name opens no bus
         with self.master() as master:
             yield master.node(number)
 
     def description(self, node: RemoteNode) -> Dictionary | None:
-        """Return the EDS of the node: the file, ours or the library's for its identity, or its own; None without any.
+        """Return the node's EDS: the named file, otherwise a known one for its identity, otherwise the node's own; None
+        if none.
 
-        A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
-        transferred, tens of thousands of bytes.
+        A file named without a node-ID is for this node. The node's own EDS is the last choice, as it has to be
+        uploaded, tens of thousands of bytes.
         """
         from eurobot_od.client import description
 
@@ -496,7 +509,7 @@ class Target(Access):
         return self.devices.worded(found) if found else None
 
     def _library_description(self, node: RemoteNode) -> Dictionary | None:
-        """Return the library's description of the node, which is asked what it is only if there is a library."""
+        """Return the library's description of the node; its identity is read only if the library has files."""
         from eurobot_od.client.description import read_numbers
 
         devices = self.devices
@@ -504,33 +517,33 @@ class Target(Access):
             return None
         found = devices.describer(())(node.node_id, read_numbers(node))
         if found is not None:
-            complain_of_repairs([found] if found.normal.refusals else ())  # what was repaired, `devices` and `lint` say
+            complain_of_repairs([found] if found.normal.refusals else ())  # `devices` and `lint` report repairs
             node.master.follow(found)
         return found
 
     def known_description(self, node: RemoteNode) -> Dictionary | None:
-        """Return the EDS that the user has named for the node, or else the library's; None if there is neither."""
+        """Return the named EDS for the node, otherwise the library's; None if there is neither."""
         return self.named_description(node) or self._library_description(node)
 
     def named_description(self, node: RemoteNode) -> Dictionary | None:
         """Return the EDS that the user has named for the node; None if there is none.
 
-        From then on the node is spoken to where its file says that its SDO server is. It is asked what it is: one that
-        is another device than its file is for is told.
+        From then on its file decides on the COB-IDs of its SDO server. If the node's identity is not that of the file,
+        this is reported.
         """
         from eurobot_od.client.description import read_identity
 
         files = self.devices.files()
         named = files[: len(self.devices.eds)]
         mine = next((each for each in named if each.node_id in (None, node.node_id)), None)
-        if mine is None:  # only then the network, whose files have to be loaded to know whose they are
+        if mine is None:  # the network's files have to be loaded to know their node-IDs
             mine = next((each for each in files if each.load().node_id == node.node_id), None)
         if mine is None:
             return None
         dictionary = self.devices.worded(mine.load(node.node_id))
         complain_of_repairs([dictionary])
         node.master.follow(dictionary)
-        with suppress(RemoteError):  # of a node that does not answer the command itself says so
+        with suppress(RemoteError):  # if the node does not answer, the command reports that
             self.devices.describer(()).check(node.node_id, read_identity(node), dictionary)
         return dictionary
 

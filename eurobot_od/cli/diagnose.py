@@ -27,19 +27,19 @@ from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.monitor import BusSource
 
 WORDS = (*LEVELS.values(), "never")
-"""What `--fail-on` takes, worst first."""
+"""Choices of `--fail-on`, worst first."""
 
 POLL = 0.02
-"""Seconds between two looks at a bus."""
+"""Time between two reads of a bus, in s."""
 
 LOOK = 0.5
-"""Seconds between two looks for nodes to ask."""
+"""Time between two searches for nodes to ask, in s."""
 
 SEND_WAIT = 1.0
-"""Seconds in which the driver has to take a request."""
+"""Maximum time for the driver to accept a request, in s."""
 
 BEHIND = 0.5
-"""Seconds that may lie between a frame and its diagnosis."""
+"""Maximum delay between a frame and its diagnosis that is not reported, in s."""
 
 
 def diagnose(
@@ -72,7 +72,7 @@ def diagnose(
     """
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")
-    form = form_of(report) if report else ""  # an unknown suffix ends it before the log is read
+    form = form_of(report) if report else ""  # raises for an unknown suffix before the log is read
     decoder = decoder_for(logs, reading, devices, names)
     diagnosis = Diagnosis(decoder, devices.watchers, bus.bitrate or BITRATE, devices.promised(decoder))
     asking = _Asking(diagnosis) if ask else None
@@ -105,7 +105,7 @@ def _read(diagnosis: Diagnosis, logs: Sequence[str], reading: Reading) -> None:
 
 
 class _Asking:
-    """Asks nodes that show trouble, on a bus that is listened to; `is_done` once all that is known by then is asked."""
+    """Asks nodes of a bus that show trouble; `is_done` when all of them have been asked."""
 
     def __init__(self, diagnosis: Diagnosis) -> None:
         self._diagnosis = diagnosis
@@ -117,13 +117,15 @@ class _Asking:
         return self._questions is None or (self._was_last_look and not self._questions.is_busy)
 
     def take(self, time: float, meaning: Meaning) -> None:
-        """Take in a frame of the bus."""
+        """Take a frame of the bus."""
         self._questions = self._questions or self._diagnosis.questions("")
         if self._questions:
             self._questions.take(time, meaning)
 
     def send(self, time: float, source: BusSource, is_last: bool) -> None:
-        """Send what is due at a time in s; `is_last` if it looks for trouble for the last time. Raises BusError."""
+        """Send the requests that are due at a time in s; `is_last` if it searches for trouble once more. Raises
+        BusError.
+        """
         if self._questions is None:
             return
         if time >= self._look_at or is_last > self._was_last_look:
@@ -133,25 +135,28 @@ class _Asking:
             source.send(frame, SEND_WAIT)
 
     def answered(self, found: list[Incident]) -> list[Incident]:
-        """Return incidents with what their nodes have answered."""
+        """Return incidents with the answers of their nodes."""
         return list(self._questions.answered(found)) if self._questions else found
 
 
 def _listen(
     diagnosis: Diagnosis, bus: BusOptions, duration: float, no_reconnect: bool, asking: _Asking | None = None
 ) -> None:
-    """Listen to a bus until its time is over, or Ctrl-C; what the driver could not deliver is an incident."""
+    """Listen to a bus until the time is over, or Ctrl-C; losses in the driver are incidents."""
     with closing(BusSource(bus.open(), opener=bus.reopener(no_reconnect))) as source, suppress(KeyboardInterrupt):
-        began, origin, now, behind = time.monotonic(), None, 0.0, 0.0
+        began = time.monotonic()
+        origin = None
+        now = 0.0
+        behind = 0.0
         while (now := time.monotonic() - began) < duration or (asking and not asking.is_done):
             behind = 0.0
             for at, raw in source.poll():
-                origin = at - now if origin is None else origin  # a driver's clock may start anywhere
+                origin = at - now if origin is None else origin  # the driver's clock may start anywhere
                 behind = max(now - (at - origin), 0.0)
                 meaning = diagnosis.take(max(at - origin, 0.0), "", raw)
                 if asking:
                     asking.take(max(at - origin, 0.0), meaning)
-            diagnosis.tick(now - behind)  # what waits to be taken in is not late
+            diagnosis.tick(now - behind)  # frames that are not read yet are not late
             if asking:
                 asking.send(now - behind, source, now >= duration)
             time.sleep(min(POLL, duration - now) if now < duration else POLL)
@@ -167,7 +172,7 @@ def _listen(
 
 
 def blocks(title: str, verdict: str, incidents: Sequence[Incident], diagnosis: Diagnosis) -> Iterator[DocBlock]:
-    """Yield the report: the verdict, all incidents in a table, and each of them."""
+    """Yield the report: the verdict, a table of the incidents, and the details of each."""
     yield DocHeading(1, f"Diagnosis of {title}")
     yield Paragraph(f"{verdict}.")
     facts = [("Frames", str(diagnosis.frames)), ("Time", f"{diagnosis.seconds:.1f} s"), ("Made by", version())]

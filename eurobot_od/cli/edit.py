@@ -1,4 +1,4 @@
-"""`edit`: changes an EDS or DCF, and leaves every byte that is not asked about as it is."""
+"""`edit` changes an EDS or DCF, and keeps every other byte."""
 
 from __future__ import annotations
 

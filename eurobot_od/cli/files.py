@@ -1,4 +1,4 @@
-"""Commands that write files of or for devices: `export` and `make-eds`."""
+"""Commands that write files: `export` and `make-eds`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 # Other forms
 
 STEM = "pdo"
-"""Begins the identifiers in what goes to standard output."""
+"""Prefix of identifiers in code that is written to standard output."""
 
 Name: TypeAlias = Annotated[str | None, f"prefix of all identifiers (default: the output's name, or {STEM})"]
 
@@ -57,7 +57,7 @@ def c(*, output: Output = None, name: Name = None, devices: Devices) -> None:
 
     $ export c --eds 5=motor.eds -o motor.h
     """
-    from eurobot_od.export.c import c_header  # each form starts without the others
+    from eurobot_od.export.c import c_header  # here, as the other forms do not need it
 
     write(output, c_header(devices.protocol(), _stem(name, output)))
 
@@ -114,8 +114,8 @@ def mcap(
     with extras.needed("mcap"):
         from eurobot_od.traffic.mcap import write as write_mcap
     decoder = decoder_for([log], reading, devices, names)
-    check_writable(output)  # before a long log is decoded for nothing
-    file = BytesIO()  # what was there before stays if anything fails
+    check_writable(output)  # before a long log is decoded
+    file = BytesIO()  # so that an existing file stays if anything fails
     logged = (entry for _, entry in entries([log], reading))
     messages, poses, damage = write_mcap(file, logged, decoder, devices.robot.drawings(decoder.protocol))
     write_whole(output, file.getvalue())
@@ -186,7 +186,7 @@ def canopennode(
     complain_of_repairs([dictionary])
     found = stack_findings(dictionary.content, str(dictionary.file), "canopennode")
     made = object_dictionary(dictionary, name, groups)
-    output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
+    output.mkdir(exist_ok=True)  # late, so that a failure leaves no empty folder
     for file_name, text in made.items():
         write(output / file_name, text)
     shown = [each for each in found if each.severity is not Severity.INFO]
@@ -258,11 +258,11 @@ def xdd(file: DeviceFile, *, output: Output = None, device: OneDevice) -> None:
     device.refuse(IN_THE_NETWORK)
     texts: dict[str, str] = {}
     for each in read_network(file).nodes:
-        # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
+        # Any node-ID, as values keep `$NODEID`; the node's modules and patches belong to the device.
         dictionary = each.load(each.node_id or NODE_IDS[0])
         complain_of_repairs([dictionary])
         texts[f"{each.name or Path(each.file).stem}.xdd"] = xdd_text(dictionary)
-    output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
+    output.mkdir(exist_ok=True)  # late, so that a failure leaves no empty folder
     for name, text in texts.items():
         write(output / name, text)
 
@@ -286,12 +286,12 @@ def cdcf(
 
     $ export cdcf 5=motor.eds -o motor.bin
     """
-    # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
+    # By the suffix, as a concise DCF begins with a mere count.
     if is_network(file):
         device.refuse(IN_THE_NETWORK)
         made = {each.name or Path(each.file).stem: concise(each, clone) for each in read_network(file).nodes}
         if output is not None:
-            output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
+            output.mkdir(exist_ok=True)  # late, so that a failure leaves no empty folder
         for name, each in made.items():
             if output is None:
                 print(f"{name}:")
@@ -306,7 +306,7 @@ def cdcf(
 
 
 def concise(node: NodeFile, clone: Clone) -> tuple[list[Write], Dictionary]:
-    """Return the writes of a DCF, without PDOs that do not hold, and its dictionary; raises DictionaryError.
+    """Return the writes of a DCF, without invalid PDOs, and its dictionary; raises DictionaryError.
 
     The DCF may be that of another node.
     """
@@ -326,7 +326,7 @@ def concise(node: NodeFile, clone: Clone) -> tuple[list[Write], Dictionary]:
 
         if node.node_id is None:
             check_file(dictionary, dictionary.node_id, leave_out, leave_out)
-        else:  # who names a node-ID takes the file for that node, whichever it was made for
+        else:  # with a node-ID, the file is used for that node, even if it was made for another
             check_whole(dictionary, leave_out, leave_out)
     bad = {pdo_of(error.index or 0) for error in refused}
     writes = [each for each in all_writes(dictionary) if pdo_of(each.address[0]) not in bad - {None}]
@@ -334,7 +334,7 @@ def concise(node: NodeFile, clone: Clone) -> tuple[list[Write], Dictionary]:
 
 
 def write_concise(writes: Sequence[Write], dictionary: Dictionary, output: Path | None) -> None:
-    """Write a concise DCF, or print what it says."""
+    """Write a concise DCF, or print its writes."""
     from eurobot_od.cli.objects import print_readings
     from eurobot_od.client.configure import decoded
     from eurobot_od.od.dcf import pack
@@ -347,7 +347,7 @@ def write_concise(writes: Sequence[Write], dictionary: Dictionary, output: Path 
 
 
 def show_concise(file: str, eds: str | None) -> None:
-    """Print a concise DCF; raises DictionaryError, LocalError."""
+    """Print the writes of a concise DCF; raises DictionaryError, LocalError."""
     from eurobot_od.cli.objects import print_readings
     from eurobot_od.client.configure import decoded
     from eurobot_od.od.dcf import Truncated, unpack
@@ -371,7 +371,8 @@ def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output
     from eurobot_od.od.bus_file import bus_text
     from eurobot_od.od.objects import at, data_type, label
 
-    described, folder = read_network(network), output.parent if output else Path()
+    described = read_network(network)
+    folder = output.parent if output else Path()
     nodes: dict[str, tuple[int, str, list[tuple[Address, int]]]] = {}
     for each in described.nodes:
         writes, dictionary = concise(each, clone)
@@ -420,7 +421,7 @@ def make_eds(
     from eurobot_od.od.make.text import changed_bits, differences, make_files, write_files
     from eurobot_od.support.yaml_places import telling
 
-    # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
+    # Bytes that are not UTF-8 become a character that the table refuses, with its line and column.
     source = read_whole(table).decode(errors="replace")
     if is_device_table(source):
         name = f"{table.stem}.eds"

@@ -1,6 +1,6 @@
-"""Commands about the installation: `doctor` says what there is and what is wrong, `completion` completes in a shell.
+"""Commands about the installation: `doctor` reports what is installed and what is wrong, `completion` is for shells.
 
-`completion` has shtab write the script, of the parsers of all commands.
+shtab writes the script of `completion` from the parsers of all commands.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from eurobot_od.support.progress import folded
 from eurobot_od.support.texts import one_line
 
 INDENT = len("interface  ")
-"""Where what is said begins in a line."""
+"""Column of the text in each line."""
 
 FOR_DEVELOPERS = ("test", "bench", "release")
 """Extras that are needed only to develop the program."""
@@ -33,10 +33,10 @@ FOR_DEVELOPERS = ("test", "bench", "release")
 WITHOUT = "`node --share 54701` makes a bus that needs none (docs/hardware.md)"
 
 KINDS = {loading.ROBOTS.what: "robot     ", loading.DEVICES.what: "device    "}
-"""What stands before a plug-in, by its kind."""
+"""Heads of the lines about plug-ins, by their kind."""
 
 NEEDED = ("canopen", "python-can", "PyYAML", "shtab")
-"""What every installation has."""
+"""Packages of every installation."""
 
 
 def doctor() -> ExitStatus:
@@ -78,7 +78,7 @@ def loading_of(plugin: Installed, broken: str) -> str:
 
 
 def broken(plugin: Installed) -> str:
-    """Return why a plug-in cannot be loaded, `` if it can."""
+    """Return why a plug-in cannot be loaded, empty if it can."""
     try:
         plugin.load()
     except LocalError as error:
@@ -87,13 +87,13 @@ def broken(plugin: Installed) -> str:
 
 
 def packages(found: Iterable[Package]) -> Iterator[str]:
-    """Yield a line for each package."""
+    """Yield one line per package."""
     for name, installed in found:
         yield f"package    {name} {installed or 'is not installed'}"
 
 
 def extra_lines(brought: Mapping[str, list[str]]) -> Iterator[str]:
-    """Yield a line for each extra: the versions that are installed, or what installs it."""
+    """Yield one line per extra: the installed versions, or how to install it."""
     width = max(map(len, brought), default=0)
     for name, requirements in brought.items():
         found = [package for each in requirements for package in extras.installed(each)]
@@ -103,9 +103,9 @@ def extra_lines(brought: Mapping[str, list[str]]) -> Iterator[str]:
 
 
 def denied(ports: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with serial ports that this user may not open, and how to fix it."""
+    """Yield the problem and the fix for each serial port that this user may not open."""
     for port in ports:
-        # A group counts from the next log-in on: without the second half the advice seems not to help.
+        # A new group takes effect at the next log-in.
         yield f"{port} cannot be opened by this user", "sudo usermod -aG dialout $USER, and log in again"
 
 
@@ -119,18 +119,18 @@ def completion(shell: Literal["bash", "zsh", "fish", "tcsh"], *, robot_name: Rob
 
     $ completion bash
     """
-    import shtab  # no other command needs it
+    import shtab  # here, as no other command needs it
 
     robot = robot_of_help(robot_name)
     print(shtab.complete(whole_parser(Plugins(robot), "none" if robot is NOTHING else robot_name), shell=shell))
 
 
 def whole_parser(plugins: Plugins, robot_name: str | None) -> ArgumentParser:
-    """Return the whole command line as one parser, with what a shell offers for each option and argument."""
+    """Return the whole command line as one parser, with the suggestions for options and arguments."""
     whole = ArgumentParser(program())
     whole.add_argument("--version", action="store_true", help="print the version and exit")
     commands = whole.add_subparsers(parser_class=Parser)
-    words = cache(lambda suggest: sorted(set(suggest(plugins))))  # several commands have objects, which takes a while
+    words = cache(lambda suggest: sorted(set(suggest(plugins))))  # cached, as listing objects takes a while
     for name, text in {**COMMANDS, **{name: own.text for name, own in plugins.commands().items()}}.items():
         parser = commands.add_parser(name, help=text, robot=robot_name)
         describe(parser, with_robot)
@@ -140,15 +140,15 @@ def whole_parser(plugins: Plugins, robot_name: str | None) -> ArgumentParser:
 
 
 def _offer(parser: Parser, words_of: Callable[[Callable[[Plugins], Iterable[str]]], list[str]]) -> None:
-    """Tell shtab what may be given for each option and argument of a parser, and of its forms."""
+    """Set shtab's suggestions for the options and arguments of a parser, and of its forms."""
     import shtab
 
-    for action in parser._actions:  # there is no other way to them
+    for action in parser._actions:  # argparse has no public access
         if isinstance(action, _SubParsersAction):
             for form in action.choices.values():
                 _offer(form, words_of)
         elif option := parser.described.get(action.dest):
-            # No choices for argparse: another robot has other ones, and a node-ID will do as well.
+            # argparse must not check these choices: another robot has others, and a node-ID is valid, too.
             if option.is_file:
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
             elif words := [*option.words] or (words_of(option.suggest) if option.suggest else []):

@@ -1,10 +1,10 @@
-"""The library of device files: `devices` lists it, and adds files."""
+"""`devices` lists the library of device files, and adds files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.devices import Devices, LibraryFolders
@@ -12,7 +12,6 @@ from eurobot_od.cli.options import Json, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.library.adding import checked
-from eurobot_od.library.index import LibraryEntry
 from eurobot_od.library.library import Library
 from eurobot_od.support.texts import columns, one_line
 
@@ -49,12 +48,12 @@ def devices(
         found = [checked(each, known.folders[0], fix, replace) for each in files]
         for added in found:
             added.put()
-        for added in found:  # beside all that are there now
+        for added in found:  # after all have been added
             print("\n".join(map(one_line, added.lines(known))))
         return ExitStatus.FINE
     entries = known.entries
     lines = columns(_rows(known)) if entries else [f"no device files in {', '.join(map(str, known.folders))}"]
-    give(as_json, list(map(_as_data, entries)), lines)
+    give(as_json, [each._asdict() | {"path": str(each.path)} for each in entries], lines)
     for each in entries:
         if each.problem:
             complain(f"{each.path}: {each.problem}")
@@ -69,7 +68,3 @@ def _rows(library: Library) -> Iterator[tuple[str, ...]]:
             names = each.vendor_name or "-", each.product_name or "-"
             numbers = (f"0x{number:08X}" for number in each.identity[:3])
             yield *numbers, type_, *names, str(each.path.relative_to(folder))
-
-
-def _as_data(entry: LibraryEntry) -> dict[str, Any]:
-    return entry._asdict() | {"path": str(entry.path)}

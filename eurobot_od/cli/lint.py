@@ -1,4 +1,4 @@
-"""Commands that judge device files, EDS, DCF, XDD and XDC: `lint` and `diff`."""
+"""Commands that check and compare device files (EDS, DCF, XDD, XDC): `lint` and `diff`."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ if TYPE_CHECKING:
     from eurobot_od.plugin import Plugin
 
 
-def _codes(text: str) -> tuple[str, ...]:
-    """Read the beginnings of rules' codes."""
+def _prefixes(text: str) -> tuple[str, ...]:
+    """Parse prefixes of rules' codes."""
     return tuple(each.strip().upper() for each in text.split(",") if each.strip())
 
 
 def _rules(_: Plugin | None = None) -> Mapping[str, Rule]:
-    """Return all rules by their codes."""
-    from eurobot_od.lint.network import RULES  # costs what most files do not need
+    """Return all rules, by code."""
+    from eurobot_od.lint.network import RULES  # here, as most checks do not need it
     from eurobot_od.lint.stack_rules import STACKS
 
     of_stacks = (each for rules in STACKS.values() for each in rules)
     return {each.code: each for each in (*FILE_RULES, *RULES, *of_stacks)}
 
 
-Codes: TypeAlias = Annotated[tuple[str, ...], Option(metavar="CODES", read=_codes)]
+Codes: TypeAlias = Annotated[tuple[str, ...], Option(metavar="CODES", read=_prefixes)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LintReport:
-    """Which findings count, and what is said of them.
+    """Which findings are reported, and how.
 
     as_json: write one JSON object instead of lines
     format: write a SARIF log, for the code scanning of GitHub and others
@@ -64,7 +64,7 @@ class LintReport:
     strict: bool = False
 
     def check(self) -> None:
-        """Raise UnknownName for a beginning that no rule's code has: it would select nothing, or ignore nothing."""
+        """Check that each prefix fits a rule's code; raises UnknownName."""
         prefixes = (*self.select, *self.ignore)
         rules = _rules() if prefixes else {}
         for prefix in prefixes:
@@ -72,7 +72,7 @@ class LintReport:
                 raise UnknownName("rule", prefix, rules)
 
     def give(self, findings: Sequence[Finding], number: int, identifiers: Sequence[tuple[str, ...]]) -> ExitStatus:
-        """Print the findings in so many files, with a network's identifiers; return what follows from them."""
+        """Print the findings of `number` files, with a network's COB-IDs; return the exit status."""
         wanted = chosen(findings, self.select, self.ignore)
         data = _as_data(wanted, identifiers) if self.as_json else None
         if number and self.format:
@@ -120,11 +120,13 @@ def lint(
         raise LocalError("no files to check: name EDS, DCF or XDD files, folders of them, or a --robot")
     if network or fix:
         device.refuse("a network file says them itself, and `export eds` writes the file with both")
-    if fix:  # one by one: a whole folder is not rewritten by mistake
+    if fix:  # files only, so that no folder is rewritten by mistake
         return _fix(files, output)
     unreadable: list[DictionaryError] = []
     checks = FileChecks(stack or "", device, unreadable)
-    status = report.give(*_found(files if network else _in_folders(files), network, checks))
+    if not network:
+        files = [str(file) for path in files for file in (files_in(path) if Path(path).is_dir() else (path,))]
+    status = report.give(*_found(files, network, checks))
     for each in unreadable:
         complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status
@@ -140,26 +142,20 @@ def _of_robot(robot: Plugin | None, as_network: bool) -> list[str]:
     return [str(robot.dialects.folder(each)) for each in robot.dialects.names()]
 
 
-def _in_folders(paths: Sequence[str]) -> list[str]:
-    """Return the files, and of a folder all device files in it."""
-    each_of = (map(str, files_in(path)) if Path(path).is_dir() else [path] for path in paths)
-    return [file for files in each_of for file in files]
-
-
 class FileChecks(NamedTuple):
-    """How each file is checked: for which stack, with what laid over it; files that cannot be read are kept apart."""
+    """How each file is checked: the stack, modules and patches; `unreadable` collects errors of files."""
 
     stack: str
     over: OneDevice
     unreadable: list[DictionaryError]
 
     def findings(self, file: str) -> list[Finding]:
-        """Check a file; raises DictionaryError for what is none of a device."""
+        """Check a file; raises DictionaryError if it is no device file."""
         data = read_bytes(file)
         device = load(data, file, self.over.patch, self.over.module)
         if not device.objects and (network := foreign_network(data)):
             raise DictionaryError(file, None, network)
-        is_named = file.lower().endswith(SUFFIXES)  # of these, what is missing are findings
+        is_named = file.lower().endswith(SUFFIXES)  # for these, missing sections are findings
         if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
             raise DictionaryError(file, None, "not an EDS: it has no section of one")
         return lint_device(device, file, self.stack)
@@ -168,8 +164,8 @@ class FileChecks(NamedTuple):
 def _found(
     files: Sequence[str], as_network: bool, checks: FileChecks
 ) -> tuple[list[Finding], int, Sequence[tuple[str, ...]]]:
-    """Check files, one by one or as a network; return the findings, the number of files, and the identifiers."""
-    gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
+    """Check files, one by one or as a network; return the findings, the number of files, and the COB-IDs."""
+    gc.disable()  # a check drops no objects, and garbage collection would take a third of its time
     try:
         if as_network:
             from eurobot_od.lint.network import lint_network, overview
@@ -185,7 +181,7 @@ def _found(
         for file in counted:
             try:
                 findings += checks.findings(file)
-            except DictionaryError as error:  # the other files are checked all the same
+            except DictionaryError as error:  # the other files are still checked
                 checks.unreadable.append(error)
         return findings, len(files) - len(checks.unreadable), ()
     finally:
@@ -193,7 +189,7 @@ def _found(
 
 
 def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
-    """Write files in their normal form; what they leave out is not guessed."""
+    """Write files in their normal form, leaving out what cannot be read."""
     from eurobot_od.od.normal import in_normal_form
     from eurobot_od.support.files import write_whole
 
@@ -203,7 +199,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
         before = read_bytes(file)
         if output is None and is_xml(before):
             raise LocalError(f"{file} is a device description in XML; -o FILE.eds writes the EDS that says the same")
-        data, changes = in_normal_form(before, file)  # refuses a file before any of it is written
+        data, changes = in_normal_form(before, file)  # raises before anything is written
         for line, what, *_ in changes:
             print(one_line(f"{file}:{line}: {what}"))
         if data != before or output:
@@ -230,7 +226,7 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
 
 
 def explanation(code: str) -> str:
-    """Return what a rule demands, its severity and its clause; raises UnknownName."""
+    """Return a rule's demand, severity and source; raises UnknownName."""
     rule = look_up("rule", code, _rules())
     return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
 
@@ -293,7 +289,7 @@ def diff(
     if right:
         found = compare(device, read_device(right), node, names)
     else:
-        node_id = node or device.node_id  # a DCF says for which node it is, an EDS does not
+        node_id = node or device.node_id  # a DCF has a node-ID, an EDS has none
         if node_id is None:
             raise LocalError("nothing to compare with: name a second file, or a live node with --node")
         found = _live(bus, left, node_id)

@@ -1,4 +1,4 @@
-"""Compute how full a CAN bus is and how late each message can be, for a network or a robot."""
+"""`load` computes bus load and response times, for a network or a robot."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from eurobot_od.traffic.load import ErrorRate, MessageSet, as_data, chart, load_
 
 
 def _errors(text: str) -> ErrorRate:
-    """Read N/TIME; raises LocalError."""
+    """Parse N/TIME; raises LocalError."""
     number, slash, time = text.partition("/")
     try:
         rate = ErrorRate(int(number), texts.microseconds(time))
     except (ValueError, LocalError):
-        rate = ErrorRate(-1)  # one message for whichever half is wrong
+        rate = ErrorRate(-1)  # one error for both halves
     if not slash or rate.number < 0 or rate.interval < 1:
         raise LocalError(f"{text!r} is not a number and a time, such as 1/10ms")
     return rate
@@ -78,12 +78,12 @@ def load(
 
 
 def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
-    """Return what the nodes of a dialect send, with the periods of the dialects' network file, if there is one."""
+    """Return the messages of a dialect's nodes, with the periods of the dialects' network file, if there is one."""
     return _messages(robot.dialects.load_all(dialect), robot.dialects.network_file(), robot)
 
 
 def _messages(dictionaries: Sequence[Dictionary], file: Path | None, robot: Plugin) -> MessageSet:
-    """Return what devices send, with what a network file says of it; raises FileError."""
+    """Return the messages of devices, with the periods of a network file; raises FileError."""
     with left_out() as refused:
         bindings = Protocol.of_devices(dictionaries, robot.catalogue(), refused).bindings
     names = {each.cob_id: each.name for each in bindings}

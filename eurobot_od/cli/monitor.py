@@ -1,6 +1,6 @@
-"""Watch a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as plain lines.
+"""`monitor` shows a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as lines.
 
-The loop here is the only one: it polls the source, draws, and waits for a key, all in the main thread.
+One loop in the main thread polls the source, draws, and waits for a key.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ Took: TypeAlias = Callable[[float, Meaning], None]
 Refresh: TypeAlias = Callable[[], None]
 
 REFRESH = 0.2
-"""Seconds between two refreshes of the screen."""
+"""Time between two refreshes of the screen, in s."""
 
 
 def _speed(text: str) -> float:
-    """Read how many times faster a log is played; raises LocalError."""
+    """Parse the speed of a log; raises LocalError."""
     return inf if text == "max" else positive(text, " nor max")
 
 
@@ -109,25 +109,26 @@ def monitor(
 
 
 class Monitor(NamedTuple):
-    """One session: where frames come from, what is counted of them, and what the user has set."""
+    """One session: the source of frames, what is counted, and the user's settings."""
 
     traffic: Traffic
     controls: Controls
     source: Source
 
     def run(self, took: Took, refresh: Refresh, record: Callable[[float, Frame], None], duration: float = inf) -> None:
-        """Take in frames, record them and refresh what is shown until the source, the user or `duration` s end it.
+        """Count and record frames, and refresh the display, until the source, the user or `duration` s end it.
 
-        While it is paused, frames are still taken in, but only a key changes what is shown.
+        While it is paused, frames are still counted, but only a key changes the display.
         """
-        pressed, end = "", time.monotonic() + duration
+        pressed = ""
+        end = time.monotonic() + duration
         with keys() as wait:
             while self.controls.running and not self.source.ended and time.monotonic() < end:
                 for seen, raw in self.source.poll():
                     if isinstance(raw, Frame):
                         record(seen, raw)
                     took(seen, self.traffic.take(seen, raw, self.source.place, self.source.channel))
-                # A key may be the one that ends the pause, or that scrolls in it.
+                # In a pause, a key may end it or scroll.
                 if pressed or not self.controls.paused:
                     refresh()
                 pressed = wait(self.source.pause(REFRESH))
@@ -138,12 +139,12 @@ class Monitor(NamedTuple):
                     self.traffic.clear()
 
 
-# What is shown
+# Displays
 
 
 @contextmanager
 def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
-    """Print each frame as a line."""
+    """Provide a display that prints each frame as a line."""
     output = TextOutput()
     write = output.line_writer("")
 
@@ -165,39 +166,41 @@ def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
 
 @contextmanager
 def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
-    """Show the table on the whole screen."""
+    """Provide a display of the table on the whole screen."""
     from rich.live import Live
 
-    from eurobot_od.traffic.monitor import Size, screen  # with rich
+    from eurobot_od.traffic.monitor import Size, screen  # here, as it needs rich
 
-    with Live(screen=True, auto_refresh=False) as live:  # without its thread: the loop above refreshes
+    with Live(screen=True, auto_refresh=False) as live:  # without a thread of its own
 
         def refresh() -> None:
-            now, size = monitor.source.now, Size(*shutil.get_terminal_size())
-            load, notes = monitor.traffic.load(now), monitor.source.notes
+            now = monitor.source.now
+            size = Size(*shutil.get_terminal_size())
+            load = monitor.traffic.load(now)
+            notes = monitor.source.notes
             live.update(screen(monitor.traffic, monitor.controls, now, load, size, notes), refresh=True)
 
         yield lambda *_: None, refresh
 
 
-# Single keys from a terminal, without waiting for the end of a line
+# Single keys from a terminal
 
 UP, DOWN = "\x10", "\x0e"
 """The keys up and down, as Control-P and Control-N, which no text contains."""
 
 PAGE = 10
-"""Lines of a page."""
+"""Number of lines of a page."""
 
 MOVING = {"\x1b[A": UP, "\x1b[B": DOWN, "\x1b[5~": PAGE * UP, "\x1b[6~": PAGE * DOWN}
 """What terminals send for the keys up, down, page up and page down."""
 
 WaitForKey = Callable[[float], str]
-"""Waits for a time in s, or less if a key was pressed, and returns the keys pressed."""
+"""Waits for a time in s, or until a key is pressed, and returns the keys pressed."""
 
 
 @contextmanager
 def keys() -> Iterator[WaitForKey]:
-    """Yield the keys pressed while the context lasts."""
+    """Provide a function that waits for keys."""
     if not sys.stdin.isatty():
         yield _no_keys
     elif os.name == "nt":
@@ -223,14 +226,14 @@ def _posix_keys() -> Iterator[WaitForKey]:
 
     def wait(pause: float) -> str:
         ready, _, _ = select.select([descriptor], [], [], pause)  # also the pause between two refreshes
-        # By `os`, as `sys.stdin` would keep what it has read ahead, where `select` does not see it.
+        # By `os`, as `sys.stdin` would read ahead, which `select` does not see.
         pressed = os.read(descriptor, 64).decode(errors="ignore") if ready else ""
         for sequence, meant in MOVING.items():
             pressed = pressed.replace(sequence, meant)
         return pressed
 
     try:
-        tty.setcbreak(descriptor)  # not raw: Ctrl-C has to stay an interrupt
+        tty.setcbreak(descriptor)  # not raw mode, so that Ctrl-C interrupts
         yield wait
     finally:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
@@ -239,7 +242,7 @@ def _posix_keys() -> Iterator[WaitForKey]:
 def _windows_keys(pause: float) -> str:
     import msvcrt
 
-    time.sleep(pause)  # `select` works on sockets only there
+    time.sleep(pause)  # on Windows `select` works on sockets only
     pressed = ""
     while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
         pressed += msvcrt.getwch()  # type: ignore[attr-defined,unused-ignore]

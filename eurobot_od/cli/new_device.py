@@ -1,4 +1,4 @@
-"""`new-device`: writes the files of a new device, or a device package for one whose EDS is there."""
+"""`new-device` writes the files of a new device, or a device package for one with an EDS."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from eurobot_od.od.values import label
 from eurobot_od.support.files import write_whole
 
 FILES = Path(__file__).with_name("new_device_files")
-"""What a device package is made of; each file has `.new` at the end of its name, as it is no part of this package."""
+"""Folder of the templates of a device package; the suffix `.new` keeps them from being part of this package."""
 
 SUFFIX = ".new"
 DEVICE_FILES = FILES / "device"
-"""What a new device begins with; NAME in names and texts is its name."""
+"""Folder of the templates of a new device; NAME in names and texts is replaced."""
 
 WORKFLOWS = Path(".github", "workflows")
 INSIDE = ("device.py", "device.yaml")
-"""Files in the folder of the package's modules."""
+"""Files in the package's folder of modules."""
 
 
 def new_device(
@@ -67,12 +67,12 @@ def new_device(
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, text.encode())
     shutil.copyfile(eds, folder / module / eds.name)
-    print(*files, sep="\n")  # last: a reader that has left ends the program here
+    print(*files, sep="\n")  # last, as a closed pipe ends the program
     print("\ntry it:", f"cd {folder}", "pip install -e .", "pytest", sep="\n  ")
 
 
 def _write_device(folder: Path, name: str) -> None:
-    """Write the files of a device that is to be made."""
+    """Write the files of a new device."""
     for file in sorted(DEVICE_FILES.glob(f"*{SUFFIX}")):
         plain_name = file.name.removesuffix(SUFFIX).replace("NAME", name)
         path = folder / WORKFLOWS / plain_name if plain_name == "check.yml" else folder / plain_name
@@ -87,7 +87,7 @@ def _write_device(folder: Path, name: str) -> None:
 
 
 def _texts(name: str, module: str, device: Dictionary) -> dict[str, str]:
-    """Return the files of a package by their paths."""
+    """Return the files of a package, by path."""
     kind = simulated_kind(device, None)
     numbers = [each for each in all_objects(device.objects) if each.index >= 0x2000 and limits(each)]
     if not numbers:
@@ -110,6 +110,8 @@ def _texts(name: str, module: str, device: Dictionary) -> dict[str, str]:
     texts = {}
     for file in sorted(FILES.glob(f"*{SUFFIX}")):
         plain_name = file.name.removesuffix(SUFFIX)
-        home = f"{module}/" if plain_name in INSIDE else "tests/" if plain_name.startswith("test_") else ""
+        home = f"{module}/" if plain_name in INSIDE else ""
+        if plain_name.startswith("test_"):
+            home = "tests/"
         texts[f"{home}{plain_name}"] = found.sub(lambda each: words[each[0]], file.read_text(encoding="utf-8"))
     return texts

@@ -1,4 +1,4 @@
-"""Commands on simulated nodes: `node` runs them on a CAN bus, `faults` lists what can be wrong with them."""
+"""`node` runs simulated nodes on a CAN bus, `faults` lists their possible faults."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
     from eurobot_od.device.faults import Fault
 
 FARTHEST = 1_000_000
-"""Turns that a drive may travel."""
+"""Maximum position of a drive's limit switch, in turns."""
 
 
 def _travel(text: str) -> tuple[float, float]:
-    """Read the places of two limit switches; raises LocalError."""
+    """Parse the positions of two limit switches; raises LocalError."""
     low, _, high = text.partition("..")
     try:
         ends = float(low), float(high)
@@ -58,34 +58,34 @@ def _travel(text: str) -> tuple[float, float]:
 
 
 class LoadedDevice(NamedTuple):
-    """A device's file, and what LSS has configured when it is switched on; None for a device without LSS."""
+    """A device's file, and what LSS has configured before power-on; None for a device without LSS."""
 
     dictionary: Dictionary
     commissioning: Commissioning | None = None
 
     def worded(self, devices: Devices) -> LoadedDevice:
-        """Return the device with the words of its package."""
+        """Return the device with the texts of its package."""
         return self._replace(dictionary=devices.worded(self.dictionary))
 
     @classmethod
     def of(cls, file: NodeFile, store: str | None = None) -> LoadedDevice:
-        """Load a device; what LSS has stored counts if it is to begin without a node-ID. Raises DictionaryError."""
+        """Load a device; if it begins without a node-ID, with what LSS has stored. Raises DictionaryError."""
         if file.node_id != UNCONFIGURED:
             return cls.configured(file.load())
-        dictionary = file.load(NODE_IDS[-1])  # any: LSS gives it another one
+        dictionary = file.load(NODE_IDS[-1])  # any, as LSS will set another
         stored = FileStore(store, dictionary).commissioned if store else None
         return cls(dictionary, stored or Commissioning())
 
     @classmethod
     def configured(cls, dictionary: Dictionary) -> LoadedDevice:
-        """Return a device that begins with the node-ID of its dictionary; it has LSS if its file says so."""
+        """Return a device with the node-ID of its dictionary; it has LSS if its file says so."""
         has_lss = dictionary.device.document.text("deviceinfo", "lss_supported") == "1"
         return cls(dictionary, Commissioning(dictionary.node_id) if has_lss else None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceOptions:
-    """How a device behaves, and what it is given; for a node of the robot's, facts are given.
+    """How a device behaves, and its values; a robot's node only takes facts (--set).
 
     given: value instead of the file's, such as 0x2000:1=5 or Motor.Speed=5; for a robot's node: a fact; repeatable
     profile: behave as a drive (CiA 402) or an I/O module (CiA 401), or as neither (default: as 0x1000 says)
@@ -103,14 +103,16 @@ class DeviceOptions:
     serial: Annotated[int | None, Option(metavar="N", read=whole(0, 0xFFFFFFFF))] = None
 
     def kind(self, dictionary: Dictionary) -> type[Node]:
-        """Return the class of a device outside the robot; raises LocalError for what it does not have."""
+        """Return the class of a device that is not the robot's; raises LocalError for options that do not fit."""
         kind = simulated_kind(dictionary, self.profile)
         if self.travel and not issubclass(kind, SimulatedDrive):
             raise LocalError("--travel is for drives (CiA 402)")
         return kind
 
     def values_of(self, device: LoadedDevice, number: int = 0) -> Mapping[str, Any]:
-        """Return what a device is made with; `number` counts several. Raises LocalError, FieldError, UnknownName."""
+        """Return the arguments of a device's class; `number` counts devices. Raises LocalError, FieldError,
+        UnknownName.
+        """
         dictionary, commissioning = device
         serial = None if self.serial is None else self.serial + number
         waves: Mapping[str, Waveform] = {}
@@ -129,7 +131,7 @@ class DeviceOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class NodeBus(BusOptions):
-    """The bus of a device: an adapter's, or one that it makes itself and other programs join.
+    """The bus of a device: an adapter's, or one that it makes itself and that other programs join.
 
     interface: python-can interface, such as socketcan, pcan, slcan, remote
     channel: channel of the interface, such as can0
@@ -140,12 +142,12 @@ class NodeBus(BusOptions):
     share: Annotated[int | None, Option(metavar="PORT", read=whole(1, 65535))] = None
 
     def made(self) -> BusOptions:
-        """Return the bus to open: the own one, which is made and told here; raises LocalError, BusError."""
+        """Return the bus to open; with `share`, one that is made and printed here. Raises LocalError, BusError."""
         if self.share is None:
             return self
         if self.interface or self.channel:
             raise LocalError("--share makes a bus, and does not go with -i and -c, which name one")
-        from eurobot_od.bus.live import share  # with `can`, as opening a bus has it
+        from eurobot_od.bus.live import share  # here, as it imports `can`
 
         channel = share(self.share)
         print(f"a bus of this machine; join it by -i remote -c {channel}", flush=True)
@@ -154,7 +156,7 @@ class NodeBus(BusOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class OneNode:
-    """What a single device is given.
+    """Options of a single device.
 
     node_id: node-ID 1..127 (default: the file's)
     store: DCF in which the device stores its parameters
@@ -169,7 +171,7 @@ class OneNode:
 
 
 def _stage(parser: Parser) -> Hint:
-    robot = ahead(parser, Devices).robot  # the one that the command line will mean once it is read
+    robot = ahead(parser, Devices).robot  # the robot of a command line that is not read yet
     return Hint(robot.stage(), group=HelpGroup(f"nodes of {robot.name}")) if robot.stage else NOTHING
 
 
@@ -197,7 +199,7 @@ def node(
     $ node --eds 5=motor.eds --set Motor.Speed=1200 -i socketcan -c can0
     $ node --eds 255=motor.eds --serial 1234 -i socketcan -c can0
     """
-    from eurobot_od.bus.live import Live  # faults are listed without
+    from eurobot_od.bus.live import Live  # here, as listing faults does not need it
 
     if name is None and len(devices.files()) > 1:
         about_one = {**vars(one), "set": device.given, "values": device.values}
@@ -205,9 +207,12 @@ def node(
         bus = node_bus.made()
         _run_all(made_all, bus, duration, bus.reopener(no_reconnect))
         return None
-    loaded, robot = _loaded(devices, name, one), devices.robot
-    made, dictionary = _made(devices.plugins, loaded, device, stage, one), loaded.dictionary
-    bus, is_staged = node_bus.made(), stage and robot.role_of(dictionary)
+    loaded = _loaded(devices, name, one)
+    robot = devices.robot
+    made = _made(devices.plugins, loaded, device, stage, one)
+    dictionary = loaded.dictionary
+    bus = node_bus.made()
+    is_staged = stage and robot.role_of(dictionary)
     scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and is_staged else None
     report = partial(print, flush=True)
     live = Live.node(bus.open(), made, opener=bus.reopener(no_reconnect), on_error=on_error, report=report)
@@ -217,7 +222,7 @@ def node(
 
 
 def _made(plugins: Plugins, loaded: LoadedDevice, options: DeviceOptions, stage: Stage | None, one: OneNode) -> Node:
-    """Make the robot's node or the device that a dictionary is of; raises LocalError, FieldError, UnknownName."""
+    """Make the robot's node or the device of a dictionary; raises LocalError, FieldError, UnknownName."""
     dictionary = loaded.dictionary
     role = plugins.robot.role_of(dictionary)
     not_for_a_role = {"values": options.values, "set": options.given and not stage, "serial": options.serial}
@@ -225,25 +230,25 @@ def _made(plugins: Plugins, loaded: LoadedDevice, options: DeviceOptions, stage:
         raise LocalError(f"--{option} is for devices that do not belong to the robot, not for the {role}")
     if stage:
         stage.check(role)
-    # The fault goes in front of the class that the node would have without it.
+    # The fault derives from the node's class.
     kind = _kind(plugins, options, dictionary)
     kind = plugins.faulty(kind, one.fault) if one.fault else kind
     store = FileStore(one.store, dictionary) if one.store else None
     of_role = stage.values(kind, dictionary, options.given) if stage and role else {}
-    kept = {"store": store} if store else {}  # what a person keeps in a file counts more than what a role brings
+    kept = {"store": store} if store else {}  # a user's file takes precedence over the role's values
     return kind(dictionary, **{**(of_role if role else options.values_of(loaded)), **kept})
 
 
 def _kind(plugins: Plugins, options: DeviceOptions, device: Dictionary) -> type[Node]:
-    """Return the class of a node: its plug-in's, or what its profile says; raises LocalError."""
-    # A profile that is asked for takes the place of what a package says.
+    """Return the class of a node: its plug-in's, or that of its profile; raises LocalError."""
+    # An explicit profile takes precedence over a package's class.
     counting = plugins if options.profile is None else Plugins(plugins.robot)
     return counting.kind(device, otherwise=options.kind(device))
 
 
 def _run(live: Live, made: Node, scene: Scene | None, duration: float | None) -> ExitStatus | None:
     """Run one device until its end; raises as `node`."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the node stopped, the bus closed
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: stop the node, close the bus
     made.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
     with _bus_failure_first(live), live:
         print(
@@ -270,15 +275,15 @@ def _loaded(devices: Devices, name: str | None, one: OneNode) -> LoadedDevice:
 
 
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:
-    """Wait until the node's end, after `duration` in s. Raises BusError, NodeFailed, NoAnswer, OSError."""
+    """Wait for the node's end, for up to `duration` s. Raises BusError, NodeFailed, NoAnswer, OSError."""
     end = inf if duration is None else live.clock() + duration
     status = None if scene is None else scene(live)
     if status is not None:
         return ExitStatus(status)
     while (failure := live.failure or live.controller.report_failure) is None and live.clock() < end:
-        time.sleep(0.1)  # the node runs in threads of its own; this is only how soon its end is noticed
+        time.sleep(0.1)  # the node runs in its own threads; this only limits how soon its end is noticed
     if failure is None and live.station is not None:
-        failure = live.station.last_failure  # it was restarted, and yet not all is well
+        failure = live.station.last_failure  # the node was restarted after a failure
     if failure is not None:
         raise failure
     return None
@@ -286,10 +291,10 @@ def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus
 
 @contextmanager
 def _bus_failure_first(live: Live) -> Iterator[None]:
-    """Raise the bus's failure in place of what follows from it, such as a robot that cannot be stopped."""
+    """Raise the bus's failure instead of errors that follow from it, such as a robot that cannot be stopped."""
     try:
         yield
-    except (RemoteError, OSError) as error:  # drivers raise OSError when they are closed after that
+    except (RemoteError, OSError) as error:  # drivers raise OSError when they are closed after a failure
         raise live.failure or error from None
 
 
@@ -307,8 +312,9 @@ def _show(node: Node, frame: Frame, now: float) -> None:
 
 
 def _all(devices: Devices, options: DeviceOptions, about_one: Iterable[str]) -> list[Node]:
-    """Make all the devices of the files that are named; raises LocalError for an option about one, DictionaryError."""
-    files, plugins = devices.files(), devices.plugins
+    """Make the devices of all named files; raises DictionaryError, and LocalError for options of a single device."""
+    files = devices.files()
+    plugins = devices.plugins
     with_node_id = devices.load_and_complain([each for each in files if each.node_id != UNCONFIGURED])
     loaded = list(map(LoadedDevice.configured, with_node_id))
     loaded += [LoadedDevice.of(each) for each in files if each.node_id == UNCONFIGURED]
@@ -327,7 +333,7 @@ def _all(devices: Devices, options: DeviceOptions, about_one: Iterable[str]) -> 
 
 def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None, opener: Opener | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
-    from eurobot_od.bus.live.live import LiveGroup  # one node runs without
+    from eurobot_od.bus.live.live import LiveGroup  # here, as a single node does not need it
     from eurobot_od.device.station import NodeGroup
 
     for node in nodes:
@@ -352,7 +358,7 @@ def _alarm(node: Node, what: str) -> None:
 # Faults
 
 OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402"}
-"""What the workbench's own kinds of nodes are called; a robot's have the names of their classes."""
+"""Names of the workbench's own classes of nodes; a robot's have the names of their classes."""
 
 
 def faults(
@@ -371,7 +377,7 @@ def faults(
     """
     plugins = Devices(robot_name=robot_name).plugins
     kind = look_up("node", node, plugins.robot.nodes)() if node else None
-    # those of the base class any node can have
+    # any node can have the faults of the base class
     chosen: dict[str, dict[str, Fault]] = {}
     for owner, rows in plugins.all_faults().items():
         if kind is None or issubclass(kind, owner):
@@ -380,7 +386,7 @@ def faults(
 
 
 def faults_as_data(faults: Mapping[str, Mapping[str, Fault]]) -> list[dict[str, str]]:
-    """Return the faults, given by their nodes, as plain data."""
+    """Return faults by node as plain data."""
     return [
         {"name": name, "node": owner, "text": fault.text, **fault.caught_by._asdict()}
         for owner, rows in faults.items()
@@ -389,7 +395,7 @@ def faults_as_data(faults: Mapping[str, Mapping[str, Fault]]) -> list[dict[str, 
 
 
 def faults_as_text(faults: Mapping[str, Mapping[str, Fault]]) -> Iterator[str]:
-    """Yield the lines of the faults, a paragraph for each node."""
+    """Yield the lines of the faults, a paragraph per node."""
     width = max(len(name) for rows in faults.values() for name in rows)
     for number, (owner, rows) in enumerate(faults.items()):
         yield f"{owner}:" if number == 0 else f"\n{owner}:"

@@ -1,4 +1,4 @@
-"""Commands on the objects of a CANopen node: `read`, `write`, `dump`, `pdo` and `emcy`, and on its drive: `drive`."""
+"""Commands for the objects of a CANopen node, its configuration and program, and its drive."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def pdo(
     """
     with target.opened() as node:
         dictionary = target.needed_description(node) if action else target.description(node)
-        found = _learned(node) if dictionary is None else _present_pdos(node, dictionary)
+        found = _pdos_without_file(node) if dictionary is None else _present_pdos(node, dictionary)
         if action and dictionary:
             known = {each.key: each for each in found}
             if not name or bool(objects) is not (action == "map"):
@@ -189,7 +189,7 @@ def pdo(
 
 
 def _switched(node: RemoteNode, pdo: Pdo, *, on: bool) -> int:
-    """Return the COB-ID that switches a PDO on or off; raises LocalError for one without an identifier."""
+    """Return the COB-ID that switches a PDO on or off; raises LocalError if it has no identifier."""
     number = int.from_bytes(node.upload((pdo.index, COB_ID)), "little")
     if on and not number & BASE_IDENTIFIER:
         raise LocalError(f"{pdo.title} has no identifier; write 0x{pdo.index:04X}:1 with one")
@@ -197,11 +197,11 @@ def _switched(node: RemoteNode, pdo: Pdo, *, on: bool) -> int:
 
 
 def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:
-    """Return a node's PDOs as they are set now; complains of those whose mapping does not hold."""
+    """Return a node's current PDOs; reports those with an invalid mapping."""
     return _pdos([dictionary.configured(configuring.pdo_parameters(node, dictionary))])
 
 
-def _learned(node: RemoteNode) -> list[Pdo]:
+def _pdos_without_file(node: RemoteNode) -> list[Pdo]:
     """Return the PDOs of a node without a file; raises LocalError if it has none."""
     with passing(f"node {node.node_id}", configuring.PDO_RECORDS) as records:
         found = made(node.node_id, configuring.all_pdo_parameters(node, records))
@@ -216,7 +216,7 @@ def _pdos(present: Iterable[Dictionary]) -> list[Pdo]:
 
 
 def _pdo_row(each: Pdo) -> tuple[str, ...]:
-    """Return the line of one PDO."""
+    """Return the row of one PDO."""
     mapped = ", ".join(f"{one.variable.qualname} {one.bits}" for one in each.mapping)
     state = "on" if each.valid else "off"
     timing = f"type {each.transmission_type}" + (f", every {each.event_timer} ms" if each.event_timer else "")
@@ -259,7 +259,7 @@ def emcy(target: Target, *, clear: bool = False, as_json: Json = False, emcy: Em
 
 
 def print_readings(readings: Iterable[configuring.ObjectReading], as_json: bool) -> None:
-    """Print objects and their values, or why there is none."""
+    """Print objects with their values, or why there is none."""
     rows = (
         (label(od.address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value))
         for thing, value, refusal in readings
@@ -303,9 +303,9 @@ def configure(
     $ configure 5 motor.dcf --dry-run -i socketcan -c can0
     $ configure 6 motor.dcf --move-cob-ids -i socketcan -c can0
     """
-    # never the network's file: a configuration is for the one device that its DCF names
+    # not the network's file, as the DCF is for one device
     dictionary = renumbered(Dictionary.load(file, target.node_id), target.node_id, clone.chosen)
-    with left_out() as refused:  # the file is judged before a bus is opened
+    with left_out() as refused:  # the file is checked before a bus is opened
         configuring.check_file(dictionary, target.node_id, by_default=refused)
     complain_of_process_data([each for each in configuring.process_data(dictionary) if od.value_text(each)])
     with target.opened() as node:
@@ -318,14 +318,14 @@ def configure(
             complain("0x1020 is read only in the file: the node is not told when it was configured")
         if dry_run or not plan.changes:
             return ExitStatus.FOUND if plan.changes else ExitStatus.FINE
-        node.state(HEARTBEAT_WAIT)  # before the reset, as `apply` brings the node back to the state seen last
+        node.state(HEARTBEAT_WAIT)  # before the reset, as `apply` restores the last state
         outcome = configuring.apply(node, plan, datetime.now(), stores=not no_store, resets=not no_reset)
     print(outcome.text(node.node_id, was_to_store=not no_store))
     return ExitStatus.FINE
 
 
 def complain_of_process_data(things: Sequence[ODVariable]) -> None:
-    """Say which objects are left out of a configuration as they are process data."""
+    """Report the objects that are left out of a configuration because they are process data."""
     if things:
         named = (f"0x{each.index:04X} {each.qualname.removesuffix(f'.{each.name}')}" for each in things)
         complain(f"left out as process data: {', '.join(dict.fromkeys(named))}")
@@ -337,7 +337,7 @@ def store(target: Target) -> None:
     $ store 2 -i socketcan -c can0
     """
     with target.opened() as node:
-        target.known_description(node)  # its file may say another SDO server
+        target.known_description(node)  # its file may have other SDO COB-IDs
         configuring.store(node)
     print(f"node {node.node_id} has stored all parameters")
 
@@ -397,15 +397,15 @@ def program(
 # A drive of CiA 402
 
 LOOK = 0.5
-"""Seconds from one line of `jog` to the next."""
+"""Time between two lines of `jog`, in s."""
 
 HEARD_FOR = 0.2
-"""How long is listened whether another node has our node-ID, in s."""
+"""Time to listen for another node with our node-ID, in s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionOptions:
-    """How a drive is to move, in its own units; what is None is as it is set.
+    """How a drive moves, in its own units; None keeps its setting.
 
     velocity: move: profile velocity (default: as it is set)
     relative: move: by a distance instead of to a position
@@ -421,16 +421,16 @@ class MotionOptions:
     span: Annotated[Seconds | None, Option("--for")] = None
 
     def check(self, action: str) -> None:
-        """Raise LocalError for an option of another action."""
+        """Check that no option belongs to another action; raises LocalError."""
         for name, owner in {"velocity": "move", "relative": "move", "method": "home", "span": "jog"}.items():
             given = getattr(self, name)
-            # A velocity or method of 0 has been given, too: not so what is None, or a switch that is off.
+            # A velocity or method of 0 is given; None, or a switch that is off, is not.
             if given is not None and given is not False and action != owner:
                 raise LocalError(f"--{'for' if name == 'span' else name} is for `drive {owner}`")
 
 
 def _jog(drive: Drive402, velocity: int, asked: MotionOptions) -> None:
-    """Turn until Ctrl-C, or the end of its time, and halt; print where it is meanwhile."""
+    """Turn until Ctrl-C or the end of the time, and halt; print the drive's status meanwhile."""
     end = inf if asked.span is None else time.monotonic() + asked.span
     try:
         drive.velocity = velocity
@@ -455,13 +455,13 @@ ACTIONS: Mapping[str, Callable[[Drive402, int, MotionOptions], object]] = {
     "stop": lambda drive, *_: drive.quick_stop(),
     "reset": lambda drive, *_: drive.fault_reset(),
 }
-"""What a drive can be told to do."""
+"""Functions of the actions."""
 
 WATCHED = ("home", "move", "jog")
-"""The actions during which the drive watches this program's heartbeat."""
+"""Actions during which the drive monitors this program's heartbeat."""
 
 MOVING = {"move": "a position", "jog": "a velocity"}
-"""The actions that need a value."""
+"""Actions that need a value, and what it is."""
 
 
 def drive(
@@ -505,14 +505,14 @@ def drive(
 
 @contextmanager
 def _watched(drive: Drive402, node: RemoteNode, axis: int, wanted: int) -> Iterator[None]:
-    """Have a drive watch us while it moves, and end as Ctrl-C does at signals that end programs."""
-    for name in ("SIGTERM", "SIGHUP"):  # a terminal that is closed sends the second one
+    """Make a drive monitor our heartbeat while it moves; signals that end programs act like Ctrl-C."""
+    for name in ("SIGTERM", "SIGHUP"):  # a closed terminal sends SIGHUP
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
     master = node.master
     master.pump(HEARD_FOR)
     own = free_id(master.states, wanted)
-    # A node that answers late is asked again: only a program that hangs is not alive.
+    # The timeout allows for repeated requests, as only a program that hangs is dead.
     with HeartbeatThread(master, own, 1.0 + 2 * master.answer_wait) as beats:
         drive.kick = beats.kick
         line = arm(node, [AxisAddress(node.node_id, axis).offset], own)
@@ -523,22 +523,22 @@ def _watched(drive: Drive402, node: RemoteNode, axis: int, wanted: int) -> Itera
         try:
             yield
         except BaseException:
-            # Raises if it is not known to stand: it then goes on watching us, and stops as soon as we are gone.
+            # If the drive is not known to stand, this raises; the drive still monitors us, and stops when we end.
             drive.halt()
-            with suppress(NoAnswer):  # what happened before is what has to be said
+            with suppress(NoAnswer):  # the earlier error is the one to report
                 disarm(node, line)
             raise
         disarm(node, line)
 
 
 def drive_as_data(status: DriveStatus) -> dict[str, Any]:
-    """Return how a drive is as plain data."""
+    """Return a drive's status as plain data."""
     state = status.state.words if status.state else None
     return {**status._asdict(), "state": state, "mode": MODE_WORDS.get(status.mode, f"mode {status.mode}")}
 
 
 def drive_as_text(status: DriveStatus) -> str:
-    """Write how a drive is on one line."""
+    """Return a drive's status as one line."""
     data = drive_as_data(status)
     fault = f", error code 0x{status.error_code:04X}" if status.error_code else ""
     place = f"position {status.position}, velocity {status.velocity}"

@@ -1,4 +1,4 @@
-"""Options that several commands share, and what reads their values."""
+"""Options that several commands share, and how their values are parsed and printed."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from eurobot_od.season.results import Results
 
 
-# Readers of values
+# Parsers of values
 
 
 def positive(text: str, of: str = "") -> float:
-    """Read a positive number, `of` what if it is not one; raises LocalError."""
+    """Parse a positive number; `of` completes the error. Raises LocalError."""
     try:
         value = float(text)
     except ValueError:
@@ -45,15 +45,17 @@ def positive(text: str, of: str = "") -> float:
 
 
 def span(text: str) -> float:
-    """Read a time in s: `45`, `45s`, `500 ms`, `1min`; raises LocalError. Files need the unit, as objects are in ms."""
+    """Parse a time in s: `45`, `45s`, `500 ms`, `1min`; raises LocalError. In files the unit is needed, as objects use
+    ms.
+    """
     return texts.seconds(f"{text} s" if text[-1:].isdigit() else text)
 
 
 def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
-    """Return the reader of a whole number in a range, which is `what` the complaint of another one asks for."""
+    """Return a parser for an integer in a range; `what` names it in error messages."""
 
     def read(text: str) -> int:
-        # Of 16 digits and more no option knows what to do; of thousands `int` itself raises, in words of its own.
+        # No option takes 16 digits or more; for thousands, `int` has its own error.
         number = int(text) if text.isdecimal() and len(text) < 16 else -1
         if not low <= number <= high:
             raise LocalError(f"{text} is not {what or f'in {low}..{high}'}")
@@ -63,10 +65,10 @@ def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
 
 
 def assigned(form: str) -> Option:
-    """Return an option whose values have the `form` NAME=VALUE, read as both sides of the first equals sign."""
+    """Return an option with values of the `form` NAME=VALUE, split at the first equals sign."""
 
     def read(text: str) -> tuple[str, str]:
-        name, equals, value = text.partition("=")  # the first: a value may have some itself, a name has none
+        name, equals, value = text.partition("=")  # the first one, as a value may contain more
         if not equals:
             raise LocalError(f"{text}: write {form}")
         return name, value
@@ -75,21 +77,21 @@ def assigned(form: str) -> Option:
 
 
 def check_node_id(number: int) -> int:
-    """Return a node-ID; raises LocalError if it is not one."""
+    """Return the node-ID; raises LocalError if it is out of range."""
     if number not in NODE_IDS:
         raise LocalError(f"node-ID {number} is not in 1..127")
     return number
 
 
 def listed(text: str) -> tuple[str, ...]:
-    """Read names or numbers between commas."""
+    """Parse names or numbers separated by commas."""
     return tuple(each.strip() for each in text.split(","))
 
 
 # Options
 
 BIT_RATE = 500_000
-"""bit/s where nothing says another one."""
+"""Default bit rate in bit/s."""
 
 Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=span)]
 BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in 1000..1000000 bit/s"))]
@@ -107,14 +109,14 @@ EmcyFiles: TypeAlias = Annotated[
 
 
 def _interfaces(_: Plugins) -> Iterable[str]:
-    from can.interfaces import BACKENDS  # takes longer than most commands
+    from can.interfaces import BACKENDS  # here, as importing it takes longer than most commands
 
     return BACKENDS
 
 
 @dataclass(frozen=True, kw_only=True)
 class BusOptions:
-    """A CAN bus; what is None comes from python-can's own configuration.
+    """A CAN bus; None is taken from python-can's own configuration.
 
     interface: python-can interface, such as socketcan, pcan, slcan, remote
     channel: channel of the interface, such as can0
@@ -128,35 +130,35 @@ class BusOptions:
     bitrate: BitRate | None = None
 
     def check_named(self) -> None:
-        """Raise LocalError if none is named; without that python-can complains of its file, of which few know."""
-        from eurobot_od.bus import live  # takes longer than a command that is about files alone
+        """Check that a bus is named; raises LocalError with a clearer text than python-can's."""
+        from eurobot_od.bus import live  # here, as importing it takes longer than a command for files
 
         if not live.is_named(self.interface):
             here = ", ".join(map(str, live.here())) or "none (`doctor` says more)"
             raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}")
 
     def open(self) -> can.BusABC:
-        """Open it; raises LocalError, BusError."""
+        """Open the bus; raises LocalError, BusError."""
         self.check_named()
         from eurobot_od.bus import live
 
         return live.open_bus(self.interface, self.channel, self.bitrate)
 
     def reopener(self, no_reconnect: bool) -> Opener | None:
-        """Return what opens it again when it is lost, None if nothing is to."""
+        """Return a function that opens the bus again when it is lost, None if it is not to be opened again."""
         return None if no_reconnect else self.open
 
     def guard(self, master: Master, no_reconnect: bool) -> Guard:
-        """Return what opens a master's bus again when it is lost; if nothing is to, a lost bus ends the command."""
+        """Return what opens a master's bus again when it is lost; with `no_reconnect`, a lost bus ends the command."""
         from eurobot_od.client.master import Reconnecting, unguarded
 
-        # `complain` writes to standard error: what is printed may be JSON for another program.
+        # `complain` writes to standard error, as standard output may be JSON.
         return unguarded if no_reconnect else Reconnecting(master, self.open, complain)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameNames:
-    """Files that say in words what frames are, besides those of the devices and of the network file.
+    """Files that describe frames, besides those of the devices and the network file.
 
     dbc: DBC, KCD, SYM or ARXML that names frames of other protocols on the bus; repeatable
     """
@@ -170,7 +172,7 @@ NOTHING_NAMED = FrameNames()
 
 @dataclass(frozen=True, kw_only=True)
 class Clone:
-    """What becomes of COB-IDs in another node's DCF that do not follow the node-ID: somebody has chosen them.
+    """What to do with COB-IDs in another node's DCF that do not follow its node-ID.
 
     keep_cob_ids: of another node's DCF: keep its COB-IDs that do not follow the node-ID
     move_cob_ids: of another node's DCF: move them by the distance of the two node-IDs
@@ -181,8 +183,8 @@ class Clone:
 
     @property
     def chosen(self) -> ChosenCobIds | None:
-        """What was said, None for nothing."""
-        from eurobot_od.od.renumbering import ChosenCobIds  # most commands write no DCF
+        """The choice, None if there is none."""
+        from eurobot_od.od.renumbering import ChosenCobIds  # here, as most commands write no DCF
 
         if self.keep_cob_ids:
             return ChosenCobIds.KEEP
@@ -191,7 +193,7 @@ class Clone:
 
 @dataclass(frozen=True, kw_only=True)
 class OneDevice:
-    """What is laid over the file of a device.
+    """Modules and patches for the file of a device.
 
     module: modules that are plugged into the device, in their order: numbers or names, such as 1,1,3
     patch: patch over the file: objects in YAML, or a DCF's values; repeatable
@@ -201,8 +203,8 @@ class OneDevice:
     patch: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = ()
 
     def load(self, file: str) -> Dictionary:
-        """Read a device's file, `FILE` or `NODE-ID=FILE`, for any node-ID if none is said; raises DictionaryError."""
-        from eurobot_od.od.dictionary import Dictionary  # which needs canopen
+        """Read a device's file, `FILE` or `NODE-ID=FILE`, by default for any node-ID; raises DictionaryError."""
+        from eurobot_od.od.dictionary import Dictionary  # here, as it imports canopen
         from eurobot_od.od.network import node_file
 
         named = node_file(file)
@@ -210,18 +212,18 @@ class OneDevice:
         return Dictionary.load(named.file, node_id, modules=self.module, patch=self.patch)
 
     def refuse(self, reason: str) -> None:
-        """Raise LocalError with a reason if anything is to be laid over a file, where that cannot be done."""
+        """Refuse modules and patches, for this reason, if there are any; raises LocalError."""
         if self.module or self.patch:
             raise LocalError(f"--module and --patch are for one device's file: {reason}")
 
 
-# What is printed, and files that are written
+# Output
 
 
 def give(as_json: bool, data: object, lines: Iterable[str], indent: int | None = 2) -> None:
-    """Print something as JSON, or else as lines; of an iterator nothing is made that is not printed."""
+    """Print data as JSON, or lines; iterators that are not printed are not evaluated."""
     if as_json:
-        import json  # lines are printed without
+        import json  # here, as printing lines does not need it
 
         print(json.dumps(data, indent=indent, default=list))
     else:
@@ -229,23 +231,23 @@ def give(as_json: bool, data: object, lines: Iterable[str], indent: int | None =
 
 
 def write(output: Path | None, text: str) -> None:
-    """Write a text; raises OSError, and leaves what was in the file then."""
+    """Write a text; if that fails, raises OSError and keeps the file's old content."""
     if output is None:
         sys.stdout.write(text)
     else:
-        from eurobot_od.support.files import write_whole  # with `tempfile`, and what that needs
+        from eurobot_od.support.files import write_whole  # here, as it imports `tempfile`
 
         write_whole(output, texts.encodable(text).encode())
 
 
 def write_dcf(output: Path | None, dcf: Dcf) -> None:
-    """Write a DCF, after the files beside it; raises as `write`, and LocalError where there is no place for those."""
+    """Write a DCF and the files that belong to it; raises as `write`, LocalError for such files without `output`."""
     if output is not None:
         dcf.write(output)
     elif dcf.files:
         raise LocalError(f"the DCF needs files beside it ({', '.join(dcf.files)}): write it by -o FILE")
     else:
-        sys.stdout.flush()  # what was printed as text must not come after these bytes
+        sys.stdout.flush()  # text that was printed before must come before these bytes
         sys.stdout.buffer.write(dcf.content)
 
 
@@ -256,7 +258,7 @@ Jobs: TypeAlias = Annotated[int, Option(metavar="N", read=whole(1, MOST_JOBS, f"
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """Many things at once: what does them, and where the results are kept.
+    """How many jobs run in parallel, and where their results are kept.
 
     jobs: processes (default: one per core)
     executor: use the workers of a Dask scheduler instead
@@ -270,26 +272,26 @@ class Campaign:
     resume: bool = False
 
     def refuse(self, option: str) -> None:
-        """Refuse the options without the one that they go with; raises LocalError."""
+        """Refuse these options without another one; raises LocalError."""
         for name, value in vars(self).items():
             if value:
                 raise LocalError(f"--{name} goes with {option} only")
 
     @contextmanager
     def workers(self, things: int) -> Iterator[Workers]:
-        """Yield the workers for a number of things; raises LocalError."""
-        from eurobot_od.season import campaign  # one thing is done without `multiprocessing`
+        """Yield the workers for a number of jobs; raises LocalError."""
+        from eurobot_od.season import campaign  # here, as it imports `multiprocessing`
 
         if self.executor and self.jobs:
             raise LocalError("--jobs is for processes of this machine, and does not go with --executor")
         with ExitStack() as stack:
-            # A missing package is one only while the workers are made; later it would be a fault in the work.
+            # Only here, as an import error in a job is a bug.
             with extras.needed("cluster"):
                 found = stack.enter_context(campaign.workers(self.executor, self.jobs, things))
             yield found
 
     def kept(self, record: type[Thing], settings: Callable[[], Mapping[str, Any]]) -> Results[Thing] | None:
-        """Return where the results are kept, None for nowhere; raises LocalError."""
+        """Return the store for results, None if they are not kept; raises LocalError."""
         if self.results is None:
             if self.resume:
                 raise LocalError("--resume needs --results: the folder of the run to continue")
@@ -300,6 +302,6 @@ class Campaign:
 
 
 def counted(things: Iterable[Thing], number: int, what: str, workers: Workers, hidden: bool = False) -> Iterable[Thing]:
-    """Pass on things and show how far it is, unless that is `hidden`."""
-    # More workers than things say nothing of how long it takes.
+    """Yield the things and show the progress, unless it is `hidden`."""
+    # At most as many workers as things, for the estimate of the time left.
     return things if hidden else progress.counted(things, number, what, min(workers.number, number))

@@ -1,4 +1,4 @@
-"""Ask a season: `query`."""
+"""`query` asks a season."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 
 def reports(plugins: Plugins) -> Mapping[str, SeasonReport]:
-    """Return all reports by name, a robot's and those for any devices."""
+    """Return all reports by name: the robot's, and those for any devices."""
     return {**plugins.robot.reports(), **REPORTS}
 
 
 def _known(robot_name: str | None) -> Mapping[str, SeasonReport]:
-    from eurobot_od.cli.devices import Devices  # reading devices takes as long to import as a query takes
+    from eurobot_od.cli.devices import Devices  # here, as importing it takes as long as a query
 
     return reports(Devices(robot_name=robot_name).plugins)
 
@@ -87,6 +87,6 @@ def query(
     finally:
         for file in opened.damaged:
             complain(f"left out: {file} is damaged; archive its log again")
-    # Last, when the bar is wiped out: both may be on one terminal.
-    written = answers.as_json if as_json else answers.as_csv if as_csv else answers.as_table
-    sys.stdout.write(written(rows))
+    # Last, when the bar has been erased, as both may be on one terminal.
+    written = answers.as_csv if as_csv else answers.as_table
+    sys.stdout.write(answers.as_json(rows) if as_json else written(rows))

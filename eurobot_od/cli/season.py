@@ -1,4 +1,4 @@
-"""Make a season, the Parquet files of many logs: `archive`."""
+"""`archive` makes a season, the Parquet files of many logs."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def archive(
     """
     with extras.needed("season"):
         from eurobot_od.season.archive import DecodedNetwork, archive
-    logs = list(dict.fromkeys(logs))  # one that two patterns of a shell name is archived once
+    logs = list(dict.fromkeys(logs))  # two patterns may match the same log
     decoder = decoder_for(map(str, logs), Reading(format=format), devices, names)
     messages = {each.cob_id: each.name for each in decoder.protocol.bindings}
-    promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
+    promised = devices.promised(decoder).messages  # with a row for each sender of a message
     answering = (each for each in promised if each.answers and each.identifier in messages)
     answers = {messages[each.identifier]: each.answers for each in answering}
     network = DecodedNetwork(
@@ -54,21 +54,23 @@ def archive(
         tuple(answers.items()),
         devices.error_words(names.emcy),
         tuple(devices.dbc_files(names)),
-        replace(devices).frames_of,  # without what it has loaded: other processes get it
+        replace(devices).frames_of,  # a copy without cached files, as it is pickled for other processes
     )
     drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
     with campaign.workers(None, jobs, len(logs)) as workers, drawn as draw:
         done = archive(logs, output, network, format, workers, _adding(draw, logs[0]))
-        for each in list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number):
-            log, size = one_line(each.log), f"{amount(each.frames, 'frame')}, {each.damage} damaged"
+        archived = list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number)
+        for each in archived:
+            log = one_line(each.log)
+            size = f"{amount(each.frames, 'frame')}, {each.damage} damaged"
             print(f"{log}: known, {each.run}" if each.known else f"{log}: {each.run}, {size}", flush=True)
             for note in each.notes:
                 complain(f"{log}: {note}")
 
 
 def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
-    """Return a function that takes the sizes of the parts as they are read, and draws how much of the log that is."""
-    # The unpacked size of a packed log is not known before its end.
+    """Return a function that adds up the sizes of parts and draws the progress of the log."""
+    # The unpacked size of a compressed log is unknown.
     size = log.stat().st_size if log.suffix != ".gz" and log.is_file() else None
     read = 0
 

@@ -1,6 +1,6 @@
-"""The command `send`: one message or frame goes out on a CAN bus, and perhaps an answer is waited for.
+"""`send` sends one message or frame on a CAN bus, and may wait for an answer.
 
-Rule of this file: the whole command line is checked against the EDS files before a bus is opened.
+The command line is checked against the EDS files before the bus is opened.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     import can
 
 FRAME_MARK = "#"
-"""Stands in a frame in candump's notation, and in no name of a message."""
+"""Separator of a frame in candump's notation; no message's name contains it."""
 
 PATIENCE = 1.0
-"""Seconds that the driver has to take a frame."""
+"""Maximum time for the driver to accept a frame, in s."""
 
 
 def send(
@@ -53,11 +53,11 @@ def send(
     $ send motor.RPDO1 target_speed=100 --eds 5=motor.eds -i socketcan -c can0
     """
     are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))
-    # What decodes them needs no file, and a frame can be sent without.
+    # Frames can be sent without files.
     protocol = devices.decoder().protocol if are_frames else devices.protocol()
     frame, words = question(protocol, message, fields)
     expected = expectation(protocol, expect) if expect else None
-    # Printed once it is sent; before that the line would be false if the bus does not take the frame.
+    # Printed after sending, as the bus may not accept the frame.
     sent = one_line(f"sent      {frame}  {words}".rstrip())
     driver = bus.open()
     if expect is None or expected is None:
@@ -71,14 +71,14 @@ def send(
         print(f"expected  {expect}: nothing came within {within * 1000:g} ms")
         return ExitStatus.FOUND
     came, took = answer
-    # A message expected by its name must be whole: a frame too short for it is an error.
+    # For a message expected by name, a frame that is too short is an error.
     words = meaning(protocol, came) if FRAME_MARK in expect else _words(protocol, protocol.decode(*came))
     print(one_line("  ".join(filter(None, (f"received  {came}", words, f"after {took * 1000:.1f} ms")))))
     return ExitStatus.FINE
 
 
 def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:
-    """Return the frame to send, of a message or in candump's notation, and what it means; raises as `parse`."""
+    """Return the frame to send, from a message's name or candump's notation, and its meaning; raises as `parse`."""
     if FRAME_MARK not in text:
         message = parse(protocol.binding(text), fields)
         return protocol.encode(message), _words(protocol, message)
@@ -89,15 +89,15 @@ def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Fram
 
 
 def expectation(protocol: Protocol, text: str) -> Frame:
-    """Return the identifier, and the beginning of the data, of what is waited for; raises UnknownName, LocalError."""
+    """Return the COB-ID and the first bytes of the expected frame; raises UnknownName, LocalError."""
     return Frame.parse(text) if FRAME_MARK in text else Frame(protocol.binding(text).cob_id)
 
 
 def meaning(protocol: Protocol, frame: Frame) -> str:
-    """Say which message a frame is, `` if it is not one."""
+    """Return the meaning of a frame as text, empty if it is no message."""
     try:
         return _words(protocol, protocol.decode(*frame))
-    except RemoteError:  # a raw frame may be anything, or too short for the message of its identifier
+    except RemoteError:  # a raw frame may be no message, or too short for it
         return ""
 
 
@@ -107,17 +107,15 @@ def _words(protocol: Protocol, message: Message) -> str:
 
 
 def transmit(bus: can.BusABC, frame: Frame) -> None:
-    """Give a frame to the driver; raises BusError."""
+    """Send a frame; raises BusError."""
     if not Driver(bus).send(frame, PATIENCE):
         raise BusError("the bus did not take the frame")
 
 
 def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -> tuple[Frame, float] | None:
-    """Send a frame and wait for one with the COB-ID of another, whose data begin as that one's.
+    """Send a frame and wait for one with the COB-ID of `expected`, whose data begin like its data.
 
-    Return it and the seconds it took, None if it takes longer.
-
-    Raises BusError.
+    Return it with the time it took, in s; None if it does not come in time. Raises BusError.
     """
     came: SimpleQueue[tuple[float, Frame] | BusError] = SimpleQueue()
 
@@ -125,8 +123,8 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
         if frame.cob_id == expected.cob_id and frame.data.startswith(expected.data):
             came.put((now, frame))
 
-    # It listens before the question is out: an answer can come sooner than the next line is run. By the finest clock:
-    # on Windows `monotonic` steps by 16 ms.
+    # Start to listen before sending, as the answer may come at once. `perf_counter`, as `monotonic` has steps of 16 ms
+    # on Windows.
     with FrameReader(bus, seen, time.perf_counter, failed=came.put):
         started = time.perf_counter()
         transmit(bus, question)

@@ -1,6 +1,6 @@
-"""Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
+"""`serve` shows a bus, or logs, in a browser: messages, plots, nodes, object dictionaries, events.
 
-Rule of this file: a page is for this machine only, and changes nothing on the bus, unless options allow more.
+By default, only this machine can open the page, and it changes nothing on the bus.
 """
 
 from __future__ import annotations
@@ -48,23 +48,23 @@ if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.start import Choice, SimulatedChoice
 
 HERE = Address("127.0.0.1", 8014)
-"""Where the page is, unless another address is asked for."""
+"""Default address of the page."""
 
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-"""What ends a server beside Ctrl-C; a terminal that is closed sends SIGHUP."""
+"""Signals that end a server, besides Ctrl-C; a closed terminal sends SIGHUP."""
 
 MOST_LOGS = 2
 
 MOST_DIFFERENCES = 5000
-"""Most differences of two logs that a page lists."""
+"""Maximum number of differences of two logs on a page."""
 
 
 SHORTEST_TOKEN = 16
-"""Least characters of a token that is not made here."""
+"""Minimum length of a user's token."""
 
 
 def _origin(text: str) -> str:
-    """Read an origin; raises LocalError."""
+    """Parse an origin; raises LocalError."""
     found = urlsplit(text)
     if found.scheme not in ("http", "https") or not found.hostname or f"{found.scheme}://{found.netloc}" != text:
         raise LocalError(f"{text} is not an origin, such as https://bench.example")
@@ -110,7 +110,7 @@ def serve(
     $ serve --control --eds 5=motor.eds -i socketcan -c can0
     $ serve --control motor.eds
     """
-    with extras.needed("web"):  # asked here, so that no log is read before the package is found missing
+    with extras.needed("web"):  # here, so that a missing package is reported before a log is read
         import aiohttp  # noqa: F401
     named = [each for each in logs if Path(each).suffix.lower() in SUFFIXES]
     for each in named:
@@ -124,27 +124,28 @@ def serve(
     if logs and control:
         raise LocalError("--control is for a bus: a log cannot be changed")
     rules = AccessRules.at(listen.host, origin, _token(token_file) if token_file else "")
-    bit_rate, server = bus.bitrate or BITRATE, PageServer(rules, listen.port)
+    bit_rate = bus.bitrate or BITRATE
+    server = PageServer(rules, listen.port)
     page = ServedPage(reading, devices, names, control, own_id, bit_rate, folder, server, named)
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
             asyncio.run(page.show_logs(logs))
-        elif named and bus == BusOptions():  # also where one is configured
+        elif named and bus == BusOptions():  # even if python-can has a configured bus
             asyncio.run(page.show_files())
         elif live.is_named(bus.interface):
             asyncio.run(page.show_bus(bus, devices))
         else:
             if devices.files():
-                devices.load_and_complain()  # what is wrong with them is said now, not when a bus is chosen
+                devices.load_and_complain()  # so that their problems are reported now
             page.begin()
 
 
 WORKSPACE = "library: [devices]\n"
-"""The network file of a new workspace."""
+"""Content of the network file of a new workspace."""
 
 
 def workspace(folder: Path) -> Path:
-    """Return the network file of a workspace, which is made, with a folder for device files, if there is none."""
+    """Return the network file of a workspace; if there is none, it is made, with a folder for device files."""
     file, library = folder / DEFAULT, folder / "devices"
     if not file.exists():
         library.mkdir(exist_ok=True)
@@ -153,10 +154,12 @@ def workspace(folder: Path) -> Path:
 
 
 class PageServer:
-    """Serves one page after the other at one address, which is printed once."""
+    """Serves one page after another at the same address, which is printed once."""
 
     def __init__(self, rules: AccessRules, port: int) -> None:
-        self.rules, self._port, self._is_told = rules, port, False
+        self.rules = rules
+        self._port = port
+        self._is_told = False
 
     async def serve(
         self,
@@ -165,14 +168,15 @@ class PageServer:
         posts: Mapping[str, Post] = MappingProxyType({}),
         until: asyncio.Event | None = None,
     ) -> bool:
-        """Serve a page; return True at an event, False at a signal of `ENDING`.
+        """Serve a page; return True at the event `until`, False at a signal of `ENDING`.
 
-        Ctrl-C, which a program in the background may ignore, cancels it.
+        Ctrl-C, which a background process may ignore, cancels it.
         """
         from eurobot_od.web.server import served  # with aiohttp
 
-        ended, left = asyncio.Event(), until or asyncio.Event()
-        for number in ENDING:  # before a page may order anything
+        ended = asyncio.Event()
+        left = until or asyncio.Event()
+        for number in ENDING:  # before the page can command anything
             with suppress(NotImplementedError):  # on Windows
                 asyncio.get_running_loop().add_signal_handler(number, ended.set)
         async with served(text, self.rules, self._port, requests, posts) as address:
@@ -189,9 +193,9 @@ class PageServer:
 
 @dataclass
 class ServedPage:
-    """What is shown, and how: what the options of `serve` say.
+    """The pages to serve, by the options of `serve`.
 
-    `folder` is the workspace, None without one; `named` are the files to be edited.
+    `folder` is the workspace, None if there is none; `named` are the files to be edited.
     """
 
     reading: Reading
@@ -205,26 +209,26 @@ class ServedPage:
     named: Sequence[str] = ()
 
     def begin(self) -> None:
-        """Serve the page that begins with nothing, and then what was chosen, again and again."""
+        """Serve the start page, then what was chosen there, repeatedly."""
         while (choice := asyncio.run(self._chosen())) is not None:
             if not asyncio.run(self._show(choice)):
                 return
 
     async def _chosen(self) -> Choice | None:
-        """Serve the page that begins with nothing; return what was chosen, None at the end."""
+        """Serve the start page; return what was chosen, None at the end."""
         from eurobot_od.web.start import BusChoice, StartPage
 
         def try_bus(choice: BusChoice) -> None:
             BusOptions(interface=choice.interface, channel=choice.channel, bitrate=choice.bit_rate).open().shutdown()
 
-        # Who can reach this machine's own address could run the command as well.
+        # A user of this machine's own address could run the command as well.
         may_act = self.control or not self.server.rules.token
         start = StartPage(self.devices.known_library, self.folder or Path(), may_act, try_bus)
         await self.server.serve(start.page, posts={"/start": start.answer}, until=start.chosen)
         return start.choice
 
     async def _show(self, choice: Choice) -> bool:
-        """Show what was chosen; return whether it was left for the page that begins with nothing."""
+        """Show what was chosen; return whether the user went back to the start page."""
         from eurobot_od.web.start import BusChoice, LogChoice
 
         if isinstance(choice, LogChoice):
@@ -237,9 +241,12 @@ class ServedPage:
             return await self.show_bus(simulated, replace(self.devices, eds=[*self.devices.eds, *eds]), can_leave=True)
 
     async def show_logs(self, logs: Sequence[str], can_leave: bool = False) -> bool:
-        """Serve the page of logs; return whether it was left."""
-        devices, decoder = self.devices, decoder_for(logs, self.reading, self.devices, self.names)
-        panels, titles, kept = devices.panels(decoder), told_apart(logs), [list[ComparedEntry]() for _ in logs]
+        """Serve the page of logs; return whether the user left it."""
+        devices = self.devices
+        decoder = decoder_for(logs, self.reading, self.devices, self.names)
+        panels = devices.panels(decoder)
+        titles = told_apart(logs)
+        kept = [list[ComparedEntry]() for _ in logs]
         columns = [Columns(name, decoder, self.bit_rate, panels) for name in titles]
         sources = [
             _source(log, self.reading, each, self._diagnosis(decoder), panels, own)
@@ -250,13 +257,13 @@ class ServedPage:
         return await self.server.serve(lambda: text, None, {**posts, **self._editing(partial(files_of, decoder))}, left)
 
     async def show_files(self) -> bool:
-        """Serve the page of the files to be edited."""
+        """Serve the page of the files to be edited; return whether the user left it."""
         text = page(" and ".join(told_apart(self.named)), [], editor=True)
         described = [Path(each.file) for each in self.devices.files()]
         return await self.server.serve(lambda: text, posts=self._editing(lambda: described))
 
     def _editing(self, described: Callable[[], Sequence[Path]]) -> Mapping[str, Post]:
-        """Return what answers the view of files: those named, those that describe devices, and the library's."""
+        """Return the request handler of the view of files: the named ones, those of the devices, and the library's."""
 
         def files() -> Iterator[EditableFile]:
             library = [each.path for each in self.devices.known_library.entries]
@@ -270,28 +277,28 @@ class ServedPage:
         return Diagnosis(decoder, self.devices.watchers, self.bit_rate, self.devices.promised(decoder))
 
     async def show_bus(self, bus: BusOptions, devices: Devices, can_leave: bool = False) -> bool:
-        """Serve the page of a bus; return whether it was left."""
+        """Serve the page of a bus; return whether the user left it."""
         from eurobot_od.web.desk import Desk, Equipment
         from eurobot_od.web.requests import Requests
         from eurobot_od.web.session import Session
 
-        # A page that may send may ask, too.
+        # With control, nodes may be asked for their identity.
         devices = devices.found_on(bus) if self.control else devices
-        decoder, bitrate = decoder_for((), self.reading, devices, self.names), bus.bitrate or self.bit_rate
+        decoder = decoder_for((), self.reading, devices, self.names)
+        bitrate = bus.bitrate or self.bit_rate
         session = Session(bus.open, decoder, bitrate, devices.panels, diagnosis=self._diagnosis(decoder))
         networks = devices.plugins.networks()._replace(decoder=devices.decoder_with(self.names))
         equipment = Equipment(devices.known_library, networks, version(), devices.plugins.procedure)
-        stop, name = stop_message(list(map(type, session.panels))), bus_name(bus.interface, bus.channel)
+        stop = stop_message(list(map(type, session.panels)))
+        name = bus_name(bus.interface, bus.channel)
         left, posts = _leaving(can_leave)
         with ExitStack() as stack:
             stack.callback(session.close)
-            # Without a workspace, what the page records is gone with the page.
+            # Without a workspace, recordings are deleted with the page.
             folder = self.folder or Path(stack.enter_context(TemporaryDirectory(prefix="eurobot-od-")))
             desk = Desk(session, folder, self.control, stop, self.own_id, equipment)
-            text, editing = (
-                partial(session.page, name, can_leave, editor=True),
-                self._editing(lambda: files_of(session.decoder)),
-            )
+            text = partial(session.page, name, can_leave, editor=True)
+            editing = self._editing(lambda: files_of(session.decoder))
             return await self.server.serve(text, Requests(desk), {**posts, **editing}, left)
 
 
@@ -301,7 +308,7 @@ def files_of(decoder: Decoder) -> list[Path]:
 
 
 def _leaving(can_leave: bool) -> tuple[asyncio.Event, Mapping[str, Post]]:
-    """Return the event of leaving a page, and what answers the request for it."""
+    """Return the event of leaving a page, and the handler of the request for it."""
     left = asyncio.Event()
 
     async def leave(_: str) -> str:
@@ -313,7 +320,7 @@ def _leaving(can_leave: bool) -> tuple[asyncio.Event, Mapping[str, Post]]:
 
 @contextmanager
 def _simulated(devices: Devices, choice: SimulatedChoice) -> Iterator[BusOptions]:
-    """Run simulated devices of the library on a bus of this process, and give the bus."""
+    """Run simulated devices of the library on a bus of this process, and yield the bus."""
     from eurobot_od.bus.live import Live, open_bus
     from eurobot_od.device.profiles import simulated_kind
 
@@ -330,7 +337,7 @@ def _simulated(devices: Devices, choice: SimulatedChoice) -> Iterator[BusOptions
 
 
 def told_apart(logs: Sequence[str]) -> list[str]:
-    """Return what a page calls some logs: by their files' names, or the shortest ends of their paths that differ."""
+    """Return different names for logs: their files' names, or the shortest ends of their paths that differ."""
     parts = [Path(each).parts for each in logs]
     for length in range(1, max(map(len, parts)) + 1):
         names = [str(Path(*each[-length:])) for each in parts]
@@ -340,7 +347,7 @@ def told_apart(logs: Sequence[str]) -> list[str]:
 
 
 def _compared(logs: Sequence[Sequence[ComparedEntry]], decoder: Decoder) -> dict[str, Any]:
-    """Return how the second log differs from the first as `compare` says it; nothing for one log."""
+    """Return the differences of the second log from the first, as `compare` finds them; nothing for one log."""
     if len(logs) < MOST_LOGS:
         return {}
     first, second = logs
@@ -357,10 +364,10 @@ def _source(
     panels: Sequence[type[Panel]],
     kept: list[ComparedEntry],
 ) -> dict[str, Any]:
-    """Read a log as a source of the page, with what is kept beside it; its entries are `kept` to be compared."""
+    """Read a log as a source of the page, with the files of plug-ins beside it; `kept` collects its entries."""
     damage = DamageCounts()
     diagnosis.begin(columns.name)
-    # No bar: it would share the terminal with the address and with what is wrong in the log.
+    # No progress bar, as the terminal shows the address and the log's defects.
     for _, (line, time, channel, raw) in entries([log], reading, is_watched=False):
         meaning = diagnosis.take(time, channel, raw, line)
         damage.add(log, line, meaning.defects)
@@ -386,7 +393,7 @@ def _source(
 
 
 def bus_name(interface: str | None, channel: str | None) -> str:
-    """Return what a page calls a bus: `Bus can0 (socketcan)`, and one on the network by where it is."""
+    """Return the page's name of a bus: `Bus can0 (socketcan)`, or the host of a remote one."""
     place = urlsplit(channel or "").netloc
     if place:
         return f"Bus at {place.rpartition('@')[2]}"

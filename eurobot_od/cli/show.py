@@ -1,6 +1,6 @@
-"""Show the messages as the EDS files map them, one message's bits as a picture, or the objects of the devices.
+"""`show` prints the messages as the EDS files map them, one message's bits as a picture, or the devices' objects.
 
-What is printed comes from the loaded EDS files and the message types, from nothing else.
+Everything comes from the loaded EDS files and the message types.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def show(
 
 
 def _show_objects(dictionaries: Sequence[Dictionary], name: str, as_json: bool) -> None:
-    """Print the objects of devices, those of a name if it is not empty; raises UnknownName if no device has it."""
+    """Print the objects of devices, or those with a name; raises UnknownName if no device has it."""
     chosen = {each.name: _chosen(each, name) for each in dictionaries}
     if not any(chosen.values()):
         raise UnknownName("object", name)
@@ -82,7 +82,7 @@ def _chosen(dictionary: Dictionary, name: str) -> list[ODVariable]:
         return list(od.all_objects(dictionary.objects))
     try:
         return [each for each in od.find(name, dictionary.objects) if od.is_described(each)]
-    except LocalError:  # another of the devices may have it
+    except LocalError:  # another device may have it
         return []
 
 
@@ -90,16 +90,18 @@ OBJECT_HEAD = ("object", "name", "type", "access", "PDO", "value", "allowed")
 
 
 def object_row(thing: ODVariable) -> tuple[str, ...]:
-    """Return the line of one object: its value is the ParameterValue, or else the default.
+    """Return the row of one object, with its ParameterValue, otherwise its default.
 
-    What has words for values says so in what is allowed, `0..65534 mm, 65535 unknown`.
+    Allowed values include values with names: `0..65534 mm, 65535 unknown`.
     """
-    value, range_ = od.default_of(thing), getattr(thing, "plain", None) or od.limits(thing)
+    value = od.default_of(thing)
+    range_ = getattr(thing, "plain", None) or od.limits(thing)
     is_limited = hasattr(thing, "plain") or (thing.min, thing.max) != (None, None)
     allowed = od.allowed_range(thing, range_) if range_ and is_limited else ""
     codes = [f"{number} {name}" for number, name in thing.value_descriptions.items()]
     mappable = "yes" if thing.pdo_mappable else ""
-    shown, place = "" if value is None else od.measured(thing, value), label(od.address_of(thing))
+    shown = "" if value is None else od.measured(thing, value)
+    place = label(od.address_of(thing))
     return (
         place,
         thing.qualname,
@@ -113,7 +115,8 @@ def object_row(thing: ODVariable) -> tuple[str, ...]:
 
 def object_as_data(thing: ODVariable) -> dict[str, Any]:
     """Return one object as plain data; bytes are hexadecimal digits."""
-    value, range_ = od.default_of(thing), od.limits(thing)
+    value = od.default_of(thing)
+    range_ = od.limits(thing)
     return {
         "index": thing.index,
         "subindex": thing.subindex,
@@ -130,8 +133,8 @@ def object_as_data(thing: ODVariable) -> dict[str, Any]:
 
 
 def as_data(binding: Binding) -> dict[str, Any]:
-    """Return a message as plain data: identifier, who has it, and its fields with width, unit, limits and bits."""
-    # `allowed` is in words, as kinds differ in what they allow; the bits are numbers for programs.
+    """Return a message as plain data: COB-ID, nodes, and its fields with width, unit, limits and bits."""
+    # `allowed` is text, as kinds of fields differ in what they allow.
     fields = {
         field: {
             "bits": binding.layout.widths[field],
@@ -168,13 +171,14 @@ def table(bindings: Iterable[Binding]) -> Iterator[str]:
 
 # One message
 
-GREEK = "αβγδεζηθικλμ"  # letters after those of the alphabet
-"""Letters for a PDO that maps more fields than the alphabet has letters, small and large."""
+GREEK = "αβγδεζηθικλμ"
+"""Further letters for a PDO with more than 52 fields."""
 
 
 def picture(binding: Binding) -> Iterator[str]:
-    """Yield the lines that describe one message: who, which bits where, and what each field means."""
-    layout, symbols = binding.layout, _symbols(mapped(binding))
+    """Yield the lines about one message: its nodes, its bits, and the meaning of its fields."""
+    layout = binding.layout
+    symbols = _symbols(mapped(binding))
     cells = {
         place: f"{symbol}{bit}" for field, symbol in symbols.items() for bit, place in enumerate(layout.places(field))
     }
@@ -186,7 +190,8 @@ def picture(binding: Binding) -> Iterator[str]:
         yield from _bytes(layout.length, cells)
         yield ""
     for field, symbol in symbols.items():
-        width, allowed = layout.widths[field], binding.kinds[field].allowed(binding.limits[field])
+        width = layout.widths[field]
+        allowed = binding.kinds[field].allowed(binding.limits[field])
         bits = f"{symbol}{width - 1}..{symbol}0" if width > 1 else f"{symbol}0"
         yield f"{bits:<9} {field:<17} {width:>2} bit  {allowed}"
     if len(cells) < 8 * layout.length:
@@ -194,7 +199,7 @@ def picture(binding: Binding) -> Iterator[str]:
 
 
 def _lengths(binding: Binding) -> str:
-    """Say how many bytes a frame has, and how many without the fields that may be left out."""
+    """Return the number of bytes of a frame as text, and that without optional fields."""
     if binding.layout.length == 0:
         return "no data"
     text = f"{binding.layout.length} byte{'s' if binding.layout.length > 1 else ''}"
@@ -205,20 +210,20 @@ def _lengths(binding: Binding) -> str:
 
 
 def _symbols(fields: Iterable[str]) -> dict[str, str]:
-    """Give each field a letter of its own, if possible its first; a PDO has up to 64 fields."""
+    """Return a different letter for each field, if possible its first; a PDO has up to 64 fields."""
     taken: dict[str, str] = {}
     for field in fields:
         letters = [letter for letter in field if letter.isalpha()]
-        # 12 more than the alphabet's 52: 64 fields of one bit are the most that a PDO can have.
+        # 52 Latin and 12 Greek letters, as a PDO has at most 64 fields of one bit.
         candidates = [letters[0].upper(), *letters, *ascii_letters, *GREEK]
         taken[field] = next(letter for letter in candidates if letter not in taken.values())
     return taken
 
 
 def _bytes(length: int, cells: Mapping[int, str]) -> Iterator[str]:
-    """Draw the frame as it is sent: a line a byte, bit 7 first.
+    """Yield the drawing of a frame as it is sent: one line per byte, bit 7 first.
 
-    A cell is a field's letter and the bit of its value; cells go by 8 times the byte plus the bit in it.
+    A cell has a field's letter and the bit of its value; its key is 8 times the byte plus the bit in it.
     """
     edge = "        +" + "------+" * 8
     yield " " * 9 + "  ".join(f"bit {bit}" for bit in range(7, -1, -1))

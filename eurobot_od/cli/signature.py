@@ -1,10 +1,9 @@
-"""The command line of a typed function: its parameters are what the command takes.
+"""Makes the command line of a typed function from its parameters.
 
-A parameter that may be given by position is an argument, a keyword-only one an option: `node_id` is `--node-id`. One
-without a default has to be given. `bool` is a switch, `Sequence` takes any number of values, a `Literal` or an `Enum`
-has the choices, and a dataclass is a group of options, made of what is given for its fields. What name and type do not
-say stands beside the type, in `Annotated`: an `Option`, or a `HelpGroup`. The help is the docstring: its first line for
-the command, and a line for each parameter.
+A positional parameter is an argument, a keyword-only one an option: `node_id` is `--node-id`. Without a default it is
+required. `bool` is a switch, `Sequence` takes any number of values, a `Literal` or an `Enum` has its choices, and a
+dataclass is a group of options, its fields. `Annotated` adds what name and type do not say: an `Option`, or a
+`HelpGroup`. The help is the docstring: its first line is about the command, and each parameter has a line.
 
     def sync(*, count: Annotated[int | None, Option(metavar="N")] = None, bus: BusOptions) -> None:
         '''Send SYNC messages until Ctrl-C or --count.
@@ -37,19 +36,19 @@ if TYPE_CHECKING:
     from eurobot_od.plugin import Plugins
 
 Call: TypeAlias = Callable[[Namespace], Any]
-"""Calls a function with what a command line says."""
+"""Calls a function with the values of a command line."""
 
 
-# What stands beside a type
+# Annotations
 
 
 class Option(NamedTuple):
-    """What is special about an option or an argument; several add up.
+    """Details of an option or argument; several are merged.
 
-    `flag` is a short form, `-o`, or a long one in place of the parameter's name, `--for`. `read` makes a value of a
-    word, or raises LocalError. `choices` are the words that are allowed; of a mapping the function gets what stands for
-    the word. `bare` is the value of an option that is given without one; `nargs` is argparse's. Of the options with the
-    same `either` one may be given. A shell offers what `suggest` gives for the plug-ins, or files if `is_file`.
+    `flag` is a short form, `-o`, or a long one instead of the parameter's name, `--for`. `read` parses a word, or
+    raises LocalError. `choices` are the allowed words; with a mapping, the function gets the word's value. `bare` is
+    the value of an option without one; `nargs` is argparse's. Options with the same `either` exclude each other. A
+    shell suggests what `suggest` returns for the plug-ins, or files if `is_file`.
     """
 
     flag: str = ""
@@ -63,35 +62,35 @@ class Option(NamedTuple):
     is_file: bool = False
 
     def __or__(self, other: Option) -> Option:
-        """Return both: what the other one says counts."""
+        """Return both merged; the other one takes precedence."""
         return self._replace(**{name: it for name, it in other._asdict().items() if it != self._field_defaults[name]})
 
     def __hash__(self) -> int:
-        return id(self)  # `typing` wants one of what stands in Annotated; choices may have none
+        return id(self)  # `typing` hashes annotations, but choices may be unhashable
 
     @property
     def words(self) -> Mapping[str, Any]:
-        """What the function gets for each of the words that are allowed; nothing if any word is."""
+        """The values of the allowed words; empty if any word is allowed."""
         return self.choices if isinstance(self.choices, Mapping) else {str(each): each for each in self.choices}
 
 
 class HelpGroup(NamedTuple):
-    """The heading of a group in the help: a dataclass has it as `GROUP`, or a parameter beside its type."""
+    """The heading of a group in the help: the `GROUP` of a dataclass, or an annotation of a parameter."""
 
     title: str
     description: str | None = None
 
 
 class Chosen(NamedTuple):
-    """Gives the hint to go by, where the robot or the command line decides; NOTHING for no such parameter."""
+    """Makes the hint of a parameter that depends on the robot or the command line; NOTHING removes the parameter."""
 
     hint: Callable[[Parser], Hint]
 
 
 class Hint(NamedTuple):
-    """An annotation taken apart: the type of a value, whether there may be several, and what stands beside it.
+    """The parts of an annotation: the type of a value, whether there may be several, and the details.
 
-    A text is help that several parameters share; that of the docstring counts.
+    `text` is help that several parameters share; the docstring takes precedence.
     """
 
     kind: Any
@@ -102,8 +101,9 @@ class Hint(NamedTuple):
 
     @classmethod
     def of(cls, annotation: Any, parser: Parser) -> Hint:
-        """Take apart an annotation; what stands further out counts."""
-        origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
+        """Parse an annotation; outer details take precedence."""
+        origin = typing.get_origin(annotation)
+        inside = typing.get_args(annotation)
         if origin in (Union, UnionType):
             (only,) = (each for each in inside if each is not NoneType)
             return cls.of(only, parser)
@@ -134,13 +134,13 @@ NOTHING = Hint(NoneType)
 
 
 OTHERWISE_CALLED = {"--duration": "--for", "--seconds": "--for", "--time": "--for", "--interval": "--period"}
-"""Names of options that other programs have, and ours."""
+"""Options of other programs, with our names."""
 
 DEVICE_FILES = (".eds", ".dcf", ".xdd", ".xdc")
 
 
 class Forms(NamedTuple):
-    """A command of several forms: what it does, and the function of each form by its word."""
+    """A command with several forms: its description, and the function of each form."""
 
     text: str
     functions: Mapping[str, Callable[..., Any]]
@@ -150,10 +150,10 @@ Command: TypeAlias = Callable[..., Any] | Forms
 
 
 class Parser(ArgumentParser):
-    """Reports what is wrong with a command line in one line; its help fits the terminal and ends with examples.
+    """Reports errors of a command line on one line; its help fits the terminal and ends with examples.
 
-    `words` are the command line without `--robot`, which says `robot`: it decides which options there are. `described`
-    has what is special about each option and argument, by its name.
+    `words` are the command line without `--robot`, whose value is `robot`, which decides on the options. `described`
+    has the details of each option and argument, by name.
     """
 
     def __init__(
@@ -164,28 +164,30 @@ class Parser(ArgumentParser):
         robot: str | None = None,
         **settings: Any,
     ) -> None:
-        self.words, self.robot, self.described = words, robot, dict[str, Option]()
+        self.words = words
+        self.robot = robot
+        self.described = dict[str, Option]()
         self.examples: Sequence[str] = ()
-        try:  # or else argparse asks `shutil`, which imports three compression libraries
+        try:  # otherwise argparse imports `shutil` with three compression libraries
             width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
         except (ValueError, OSError):  # no number; no terminal
             width = 80
-        # Whole names only: `--for` would be taken for `--format` by a command that has no `--for`.
+        # No abbreviations: a command without `--for` would read it as `--format`.
         super().__init__(prog, formatter_class=partial(kind, width=width - 2), allow_abbrev=False, **settings)
 
     @property
     def known(self) -> Namespace:
-        """What is known before the command line is read."""
+        """The values that are known before the command line is read."""
         return Namespace(**{"--robot": self.robot})
 
     def read(self) -> Namespace:
         """Read the command line; exits if it is wrong."""
-        # Only so may an option stand between positional arguments of which one can be left out.
+        # Needed for an option between positional arguments, of which one is optional.
         parse = self.parse_args if self._subparsers else self.parse_intermixed_args
         return parse(self.words, self.known)
 
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
-        """Write the help; raises OSError, which argparse would keep to itself, where nothing can be written."""
+        """Write the help; raises OSError, which argparse would hide."""
         (file or sys.stdout).write(self.format_help())
         sys.stdout.flush()
 
@@ -196,7 +198,7 @@ class Parser(ArgumentParser):
         return super().format_help() + (examples and f"\nexamples:\n{examples}")
 
     def error(self, message: str) -> NoReturn:
-        """Exit, and say the order of what has no name of its own if one of that is wrong; raises SystemExit."""
+        """Exit with an error, with the order of positional arguments if one of them is wrong; raises SystemExit."""
         places = " ".join(each.dest.upper() for each in self._get_positional_actions())
         order = f"; write {self.prog} {places}" if " " in places and re.match(r"argument [^-]", message) else ""
         unknown = re.match(r"unrecognized arguments: (\S+)", message)
@@ -207,10 +209,10 @@ class Parser(ArgumentParser):
 
 
 class FormParser(Parser):
-    """Reports what a form does not take itself, as it knows the options; argparse leaves that to the command."""
+    """Reports unknown words itself, as it knows its options; argparse leaves that to the command's parser."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Read the words; exits if one is unknown."""
+        """Parse the words; exits if one is unknown."""
         given, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
@@ -218,7 +220,7 @@ class FormParser(Parser):
 
 
 def _instead(word: str, options: Sequence[str]) -> str:
-    """Return what to write in place of a word that a command with these options does not take; `` if unknown."""
+    """Return a suggestion for an unknown word, empty if there is none."""
     if (usual := OTHERWISE_CALLED.get(word)) in options:
         return f"; here that is {usual}"
     if word.lower().endswith(DEVICE_FILES) and "--eds" in options:
@@ -227,69 +229,72 @@ def _instead(word: str, options: Sequence[str]) -> str:
 
 
 def summary(command: Command) -> str:
-    """Return what a command does; of a function the first line of its docstring."""
+    """Return the description of a command, for a function the first line of its docstring."""
     return command.text if isinstance(command, Forms) else (command.__doc__ or "").partition("\n")[0]
 
 
-TOLD = re.compile(r"^( *)(\w+): (.+(?:\n\1 +\S.*)*)", re.MULTILINE)
-"""What a docstring says of a parameter: on the line of its name, and on lines below that are indented deeper."""
+PARAMETER_HELP = re.compile(r"^( *)(\w+): (.+(?:\n\1 +\S.*)*)", re.MULTILINE)
+"""A parameter's line in a docstring, with further lines that are indented more."""
 
 
 EXAMPLE = re.compile(r"^ *\$ (.+)", re.MULTILINE)
-"""A command line that a command's docstring gives, without the program's name."""
+"""An example in a command's docstring, without the program's name."""
 
 
-def told(function: Callable[..., Any]) -> dict[str, str]:
-    """Return what the docstring of a function or a dataclass says of its parameters, those of its bases too."""
+def parameter_help(function: Callable[..., Any]) -> dict[str, str]:
+    """Return the help of parameters from the docstring of a function, or of a dataclass and its bases."""
     docstrings = "\n".join(each.__doc__ or "" for each in reversed(getattr(function, "__mro__", (function,))))
-    return {name: " ".join(text.split()) for _, name, text in TOLD.findall(docstrings)}
+    return {name: " ".join(text.split()) for _, name, text in PARAMETER_HELP.findall(docstrings)}
 
 
 def describe(parser: Parser, command: Command) -> Call:
-    """Describe a command on its parser; return what calls it."""
+    """Add a command's options to its parser; return what calls it."""
     if not isinstance(command, Forms):
         call = _describe(parser, parser, command)
         parser.examples = EXAMPLE.findall(command.__doc__ or "")
 
-        def careful(given: Namespace) -> Any:
+        def checked(given: Namespace) -> Any:
             keep_inputs(parser.described, given)
             return call(given)
 
-        return careful
+        return checked
     if parser.words and parser.words[0][:1] != "-" and parser.words[0] not in command.functions:
         raise UnknownName("form", parser.words[0], command.functions)
     forms = parser.add_subparsers(dest="form", metavar="FORM", required=True, parser_class=FormParser)
     calls = dict[str, Call]()
     for name, each in command.functions.items():
         form = forms.add_parser(name, help=summary(each), description=summary(each))
-        if not parser.words or parser.words[0] == name:  # of the others only the names are needed
+        if not parser.words or parser.words[0] == name:  # only this form is needed
             calls[name] = describe(form, each)
     return lambda given: calls[given.form](given)
 
 
 def keep_inputs(described: Mapping[str, Option], given: Namespace) -> None:
-    """Raise LocalError if a file that is read is the one that -o names: it would be gone if anything is wrong."""
+    """Check that -o does not name a file that is read; raises LocalError."""
     outputs = [name for name, option in described.items() if option.flag == "-o"]
     for output in (str(found) for name in outputs if (found := getattr(given, name, None)) is not None):
         for name in (name for name, option in described.items() if option.is_file and name not in outputs):
             found = getattr(given, name, None) or ()
-            for word in [found] if isinstance(found, (str, Path)) else found:
+            several = [found] if isinstance(found, (str, Path)) else found
+            for word in several:
                 read = str(word).rpartition("=")[2]  # `5=drive.eds`
                 if os.path.isfile(output) and os.path.exists(read) and os.path.samefile(output, read):  # noqa: PTH110, PTH113, PTH121
                     raise LocalError(f"-o {output} is the file that is read: name another one")
 
 
 def ahead(parser: Parser, function: Callable[..., Any]) -> Any:
-    """Call a function with what is in a command line for it, before all options of that are described."""
+    """Call a function with its part of a command line, before the parser knows all options."""
     early = Parser(parser.prog, robot=parser.robot, add_help=False)
     call = describe(early, function)
     return call(early.parse_known_args(parser.words, parser.known)[0])
 
 
 def _describe(parser: Parser, container: _ActionsContainer, function: Callable[..., Any]) -> Call:
-    """Describe the parameters of a function, or the fields of a dataclass; return what calls it."""
-    values, apart = dict[str, Call](), dict[str, _ActionsContainer]()
-    hints, texts = typing.get_type_hints(function, include_extras=True), told(function)
+    """Add the parameters of a function, or the fields of a dataclass, to a parser; return what calls it."""
+    values = dict[str, Call]()
+    apart = dict[str, _ActionsContainer]()
+    hints = typing.get_type_hints(function, include_extras=True)
+    texts = parameter_help(function)
     for name, parameter in signature(function).parameters.items():
         hint = Hint.of(hints[name], parser)
         hint, either = hint._replace(text=texts.get(name, hint.text)), hint.option.either
@@ -300,12 +305,18 @@ def _describe(parser: Parser, container: _ActionsContainer, function: Callable[.
             if either and either not in apart:
                 apart[either] = container.add_mutually_exclusive_group()
             values[name] = _add(parser, apart.get(either, container), parameter, hint)
-    return lambda given: function(**{name: found for name, of in values.items() if (found := of(given)) is not None})
+
+    def call(given: Namespace) -> Any:
+        found = {name: value(given) for name, value in values.items()}
+        return function(**{name: each for name, each in found.items() if each is not None})
+
+    return call
 
 
 def _add(parser: Parser, container: _ActionsContainer, parameter: Parameter, hint: Hint) -> Call:
-    """Add an option or an argument, unless another parameter has added it; return what reads its value."""
-    flag, is_option = hint.option.flag, parameter.kind is Parameter.KEYWORD_ONLY
+    """Add an option or argument, unless another parameter has added it; return what reads its value."""
+    flag = hint.option.flag
+    is_option = parameter.kind is Parameter.KEYWORD_ONLY
     long = flag if flag.startswith("--") else f"--{parameter.name.replace('_', '-')}"
     name = long if is_option else parameter.name
     if name not in parser.described:
@@ -321,11 +332,11 @@ def _add(parser: Parser, container: _ActionsContainer, parameter: Parameter, hin
 
 
 NARGS = {(False, False): "?", (False, True): None, (True, False): "*", (True, True): "+"}
-"""How many words an argument takes, by whether there may be several, and has to be one."""
+"""Number of words of an argument, by whether several are allowed and one is required."""
 
 
 def _settings(name: str, hint: Hint, is_needed: bool) -> dict[str, Any]:
-    """Return what argparse has to know of an option, whose name begins with a hyphen, or of an argument."""
+    """Return argparse's settings of an option, whose name begins with a hyphen, or of an argument."""
     option, is_option = hint.option, name.startswith("-")
     settings: dict[str, Any] = {"help": hint.text and hint.text.replace("%", "%%")}
     if is_option:
@@ -337,13 +348,15 @@ def _settings(name: str, hint: Hint, is_needed: bool) -> dict[str, Any]:
         elif hint.several:
             settings["action"] = "append"
     else:
-        settings |= {"nargs": NARGS[hint.several, is_needed], "default": None}  # or else "*" would be required
-    metavar = f"{{{','.join(option.words)}}}" if option.words else name[2:].upper() if is_option else None
+        settings |= {"nargs": NARGS[hint.several, is_needed], "default": None}  # otherwise "*" would be required
+    metavar = name[2:].upper() if is_option else None
+    if option.words:
+        metavar = f"{{{','.join(option.words)}}}"
     return {**settings, "metavar": option.metavar or metavar, "type": partial(_read, hint)}
 
 
 def _read(hint: Hint, word: str) -> Any:
-    """Make the value of a word; raises ArgumentTypeError, which argparse reports with the option's name."""
+    """Parse a word; raises ArgumentTypeError, which argparse reports with the option's name."""
     words = hint.option.words
     try:
         read = hint.option.read or READERS.get(hint.kind, hint.kind)
@@ -363,4 +376,4 @@ def _numeral(kind: Callable[[str], Any], what: str) -> Callable[[str], Any]:
 
 
 READERS: Mapping[Any, Callable[[str], Any]] = {int: _numeral(int, "a whole number"), float: _numeral(float, "a number")}
-"""What reads a value of a type that does not read it itself, in words for a person."""
+"""Parsers of types whose own errors are not for users."""

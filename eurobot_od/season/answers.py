@@ -1,6 +1,6 @@
-"""Questions to a season that are ready (`REPORTS`), and its answers: aligned lines, CSV, JSON lines, pictures.
+"""Answers of a season: aligned lines, CSV, JSON lines, or pictures of ready questions (`REPORTS`) and of any query.
 
-Without a question the answer is a list of the season's tables.
+Without a question, the answer lists the season's tables.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from eurobot_od.support import svg
 from eurobot_od.support.svg import Axis
 from eurobot_od.support.texts import cell, columns
 
-# Pictures: bars, lines, histograms, as SVG. They show what the rows say; nothing is smoothed or left out.
+# Pictures: bars, lines and histograms of all rows, as SVG, without smoothing.
 
 
 LEFT, TOP, PLOT, HEIGHT, RIGHT, BOTTOM = 70, 60, 720, 320, 30, 60
-"""Margins, width and height of the plot; one unit is a pixel of a screen."""
+"""Margins, width and height of the plot, in pixels."""
 
 NAMES, ROW, BAR = 320, 20, 12
-"""Width for the names of bars, height of a row, and of its bar."""
+"""Width of the names of bars, height of a row, height of its bar, in pixels."""
 
 CLASSES = 40
-"""A histogram has at most this many classes."""
+"""Maximum number of classes of a histogram."""
 
 
 def draw(rows: pl.DataFrame, chart: Chart, title: str) -> str:
-    """Return a picture of rows as an SVG document; raises LocalError for rows that it cannot show."""
+    """Return a picture of rows as an SVG document; raises LocalError if no column has numbers."""
     complete = rows.drop_nulls()
     if not any(column.dtype.is_numeric() for column in rows):
         raise LocalError(f"nothing to draw: none of the columns {', '.join(rows.columns)} has numbers")
@@ -49,7 +49,7 @@ Drawn = tuple[list[str], int, int]
 
 
 def chart_of(rows: pl.DataFrame) -> Chart:
-    """Return how rows of any query are drawn: a number first is drawn along, anything else names bars."""
+    """Return a chart for the rows of any query: lines along a number in the first column, otherwise bars."""
     first = rows.columns[0]
     if len(rows.columns) == 1:
         return Chart(ChartKind.HISTOGRAM, first, "rows")
@@ -57,7 +57,7 @@ def chart_of(rows: pl.DataFrame) -> Chart:
     return Chart(kind, first, ", ".join(rows.columns[1:]))
 
 
-# Bars: a row for each
+# Bars: one per row
 
 
 def _bars(rows: pl.DataFrame, chart: Chart) -> Drawn:
@@ -72,7 +72,9 @@ def _bars(rows: pl.DataFrame, chart: Chart) -> Drawn:
         bar = svg.group(
             svg.title(f"{name}: {shown}"),
             svg.text((NAMES - 10, y + BAR - 1), name, font_size=svg.TEXT, fill=svg.INK, text_anchor="end"),
-            svg.rectangle((low, y), max(high - low, 1.0), BAR, fill=svg.COLOURS[0]),  # a 0 is seen, too
+            svg.rectangle(
+                (low, y), max(high - low, 1.0), BAR, fill=svg.COLOURS[0]
+            ),  # at least one pixel, so that a 0 is visible
             svg.text((high + 6, y + BAR - 1), shown, font_size=svg.TEXT, fill=svg.PALE),
         )
         content.append(bar)
@@ -85,7 +87,7 @@ def _grid_down(scale: Axis, bottom: float, label: str) -> Iterator[str]:
     yield svg.text((middle, bottom + 42), label, font_size=svg.TEXT, fill=svg.INK, text_anchor="middle")
 
 
-# Lines and histograms: both have two scales
+# Lines and histograms have two scales
 
 
 def _axes(across: Axis, up: Axis, chart: Chart) -> Iterator[str]:
@@ -97,7 +99,7 @@ def _axes(across: Axis, up: Axis, chart: Chart) -> Iterator[str]:
 def _scales(across: Sequence[float], up: Sequence[float]) -> tuple[Axis, Axis]:
     low, high = min(across), max(across)
     most = max(0.0, *up) or 1.0
-    # An axis has a length also where all values are one.
+    # An axis has a length even if all values are equal.
     return Axis(low, high if high > low else low + 1, LEFT, LEFT + PLOT), Axis(min(0.0, *up), most, TOP + HEIGHT, TOP)
 
 
@@ -110,7 +112,8 @@ def _lines(rows: pl.DataFrame, chart: Chart) -> Drawn:
     across, up = _scales(along, [value for values in series.values() for value in values])
     content = list(_axes(across, up, chart))
     for number, (name, values) in enumerate(series.items()):
-        colour, places = svg.COLOURS[number % len(svg.COLOURS)], zip(map(across.at, along), map(up.at, values))
+        colour = svg.COLOURS[number % len(svg.COLOURS)]
+        places = zip(map(across.at, along), map(up.at, values))
         content.append(svg.polyline(places, fill="none", stroke=colour, stroke_width=1.5))
         content.append(svg.text((LEFT + PLOT - 150, TOP + 16 * number - 24), name, font_size=svg.TEXT, fill=colour))
     return content, LEFT + PLOT + RIGHT, TOP + HEIGHT + BOTTOM
@@ -119,7 +122,7 @@ def _lines(rows: pl.DataFrame, chart: Chart) -> Drawn:
 def _histogram(rows: pl.DataFrame, chart: Chart) -> Drawn:
     values = rows[rows.columns[0]].cast(pl.Float64)
     low, high = float(values.min() or 0), float(values.max() or 0)  # type: ignore[arg-type]  # numbers
-    # A round width, so that the classes begin at numbers a person would choose.
+    # A round width, so that classes begin at round numbers.
     width = svg.round_step((high - low) / CLASSES) if high > low else 1.0
     classes = (values / width).floor().value_counts(name="count").sort("index" if not values.name else values.name)
     begins = [number * width for number in classes[:, 0].to_list()]
@@ -141,7 +144,7 @@ DRAWN: Mapping[ChartKind, Callable[[pl.DataFrame, Chart], Drawn]] = {
 
 
 def tables(season: Season) -> pl.DataFrame:
-    """Return the tables, how many rows each has, and its columns."""
+    """Return the tables with their number of rows and their columns."""
     rows = []
     for name in [*season.files]:
         frames = season.frames(name)
@@ -151,19 +154,19 @@ def tables(season: Season) -> pl.DataFrame:
 
 
 def picture(ask: Callable[[str], pl.DataFrame], report: SeasonReport | None, rows: pl.DataFrame, title: str) -> str:
-    """Draw an answer as SVG, as its report says, or else as its columns suggest and with a title."""
+    """Return a picture of an answer as SVG, with the chart of its report, otherwise one that fits its columns."""
     if report is None:
         return draw(rows, chart_of(rows), title)
     return draw(ask(report.chart.sql) if report.chart.sql else rows, report.chart, report.title)
 
 
 def as_json(rows: pl.DataFrame) -> str:
-    """Write one JSON object a row."""
+    """Return one JSON object per row."""
     return _plain(rows).write_ndjson()
 
 
 def as_csv(rows: pl.DataFrame) -> str:
-    """Write CSV; a list or a record is JSON in its cell."""
+    """Return CSV; a list or record is JSON in its cell."""
     made = _plain(rows)
     for name, type_ in made.schema.items():
         if type_.is_nested():
@@ -175,7 +178,7 @@ def as_csv(rows: pl.DataFrame) -> str:
 
 
 def as_table(rows: pl.DataFrame) -> str:
-    """Write aligned lines: numbers to the right, all else to the left."""
+    """Return aligned lines, with numbers to the right."""
     made = _plain(rows)
     align = "".join("r" if type_.is_numeric() else "l" for type_ in made.dtypes)
     rows_shown = (
@@ -187,5 +190,5 @@ def as_table(rows: pl.DataFrame) -> str:
 
 
 def _plain(rows: pl.DataFrame) -> pl.DataFrame:
-    """Return rows with bytes as hexadecimal digits, which CSV and JSON have no form for."""
+    """Return the rows with bytes as hexadecimal digits, as CSV and JSON have no bytes."""
     return rows.with_columns(cs.binary().bin.encode("hex").str.to_uppercase(), cs.categorical().cast(pl.String))

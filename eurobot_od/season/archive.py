@@ -1,9 +1,9 @@
-"""Logs into a season: each is read once, decoded by columns, and written as Parquet, batch after batch.
+"""Archives logs in a season: each is read once, decoded by columns, and written as Parquet, batch by batch.
 
-Rule of this file: a log is in the season whole or not at all, and once. Its name there comes from its bytes and from
-those of the EDS files, so that the same file again, under whatever name, is known; its row in `runs` is put in place
-last, after all its other files, so that an interrupted run is done again. Any number of processes may work on
-one season at once: each makes its runs in folders of its own; of two with the same bytes the last one is there.
+Each log is in the season once, complete or not at all. The name of its run is a hash of its bytes and of the EDS files,
+so the same log under another name is recognised. Its row in `runs` is written last, after all its other files, so an
+interrupted run is done again. Several processes may write to one season at once: each makes its runs in its own folder;
+of two runs with the same bytes the last one stays.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ from eurobot_od.traffic.meaning import Decoder, SdoTransfer
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
 
 VERSION = b"7"
-"""To be raised when the same log would give other tables, so that it is archived again."""
+"""Version of the table format; bump it so that logs are archived again."""
 
 
 class DecodedNetwork(NamedTuple):
-    """The devices of the logs: their files as read, their messages, and by name which message `answers` which.
+    """The devices of the logs: their dictionaries and messages, and by name which message `answers` which.
 
-    `errors` are words for emergency error codes by node-ID, `dbc` the files that name frames of other protocols;
-    `frames` returns what a device sends outside CANopen, in any process.
+    `errors` are texts for EMCY error codes by node-ID, `dbc` the files that describe other protocols. `frames` returns
+    the non-CANopen frames of a device; it must be picklable.
     """
 
     dictionaries: tuple[Dictionary, ...]
@@ -61,15 +61,18 @@ class DecodedNetwork(NamedTuple):
     frames: FramesOfDevice = only_canopen
 
     def decoder(self) -> Decoder:
-        """Return the decoder of their frames; raises LocalError without cantools, FileError."""
-        # A PDO that does not hold is left out: the one who loaded the devices has reported it.
-        others, refused = read_dbc(self.dbc), lambda _: None
-        return Decoder(self.dictionaries, self.catalogue, refused, self.errors, others=others, frames=self.frames)
+        """Return the decoder of the frames; raises LocalError without cantools, FileError."""
+        # Invalid PDOs are left out; they were reported when the devices were loaded.
+        others = read_dbc(self.dbc)
+
+        return Decoder(
+            self.dictionaries, self.catalogue, lambda _: None, self.errors, others=others, frames=self.frames
+        )
 
     def hash(self, decoder: Decoder) -> str:
-        """Return a hash of these EDS files with their node-IDs, and of what else names frames."""
+        """Return a hash of the EDS files with their node-IDs, and of everything else that names frames."""
         digest = hashlib.blake2b(VERSION, digest_size=16)
-        # With what is not in the file: the node-ID, on which identifiers depend, and the name, which the tables have.
+        # Including node-ID and name, which are not in the file: COB-IDs and tables depend on them.
         for each in self.dictionaries:
             digest.update(f"{each.node_id} {each.name}\n".encode() + each.content)
         named = {cob_id: (each.name, dict(each.units)) for cob_id, each in decoder.others.items()}
@@ -81,11 +84,13 @@ class DecodedNetwork(NamedTuple):
 
 
 class NetworkDecoding:
-    """How the frames of a network become the rows of tables."""
+    """Converts the frames of a network to rows of tables."""
 
     def __init__(self, network: DecodedNetwork, shown: Decoder | None = None, eds: str = "") -> None:
         self.decoder = shown or network.decoder()
-        self._devices, protocol, others = network, self.decoder.protocol, self.decoder.foreign
+        self._devices = network
+        protocol = self.decoder.protocol
+        others = self.decoder.foreign
         names = tables.table_names(dict.fromkeys([*protocol.names(), *(each.name for each in others.values())]))
         answers = dict(network.answers)
         self.eds = eds or network.hash(self.decoder)
@@ -96,12 +101,12 @@ class NetworkDecoding:
         self.messages |= {
             each.cob_id: BoundDecoding(each, names[each.name], answers.get(each.name, "")) for each in protocol.bindings
         }
-        # An identifier of the predefined set that a message has is the message's.
+        # A message takes precedence over a service with the same COB-ID.
         found = self.decoder.services
         self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
 
     def as_shown(self, decoder: Decoder) -> NetworkDecoding:
-        """Return the same network as a bus has shown it to be."""
+        """Return the decoding of the same network with another decoder, after its configuration has changed."""
         return NetworkDecoding(self._devices, decoder, self.eds)
 
 
@@ -112,25 +117,26 @@ NO_COLUMNS = pa.schema([])
 
 
 class MessageDecoding:
-    """How the frames of one message become the rows of its `table`."""
+    """Converts the frames of one message to the rows of its `table`."""
 
     def __init__(self, table: str, schema: pa.Schema, metadata: Mapping[str, Mapping[str, str]]) -> None:
-        self.table, self.schema = table, tables.with_metadata(schema, metadata)
+        self.table = table
+        self.schema = tables.with_metadata(schema, metadata)
         said_of_columns = repr([(each.name, str(each.type)) for each in self.schema]).encode()
         self.fingerprint = hashlib.blake2b(said_of_columns, digest_size=3).hexdigest()
 
     def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
-        """Return the rows of the frames that can be read, and what is wrong with them all."""
+        """Return the rows of the readable frames, and the defects of all frames."""
         raise NotImplementedError
 
 
 class BoundDecoding(MessageDecoding):
-    """How the frames of a PDO become rows: those that are long enough."""
+    """Converts the frames of a PDO that are long enough."""
 
     def __init__(self, binding: Binding, table: str, answers: str) -> None:
         place = [each.name for each in tables.PLACE if each is not tables.DATE]
         fields = columns.message_columns(binding, [*place, tables.DATE.name])
-        # Polars itself knows of which type an expression is: it is asked with no rows.
+        # Polars computes the types of the expressions, from no rows.
         made = EMPTY.select(each.expression.alias(each.name) for each in fields).to_arrow().schema
         said = {"message": binding.name, "cob_id": f"0x{binding.cob_id:03X}", "answers": answers}
         said |= {"senders": ", ".join(binding.senders), "receivers": ", ".join(binding.receivers)}
@@ -145,7 +151,7 @@ class BoundDecoding(MessageDecoding):
 
 
 class ForeignDecoding(MessageDecoding):
-    """How the frames of a message of another protocol become rows."""
+    """Converts the frames of a message of another protocol."""
 
     def __init__(self, cob_id: int, message: ForeignMessage, table: str) -> None:
         place = [each.name for each in tables.PLACE]
@@ -161,19 +167,19 @@ class ForeignDecoding(MessageDecoding):
 # Files
 
 ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT", "datetime": "DELTA_BINARY_PACKED"}
-"""How numbers are written that grow from row to row: a third of the bytes, and less to compress."""
+"""Encodings of columns that grow from row to row: a third of the size, and faster to compress."""
 
 UNREPEATED = (*ENCODINGS, "data")
-"""Columns whose values seldom repeat: a dictionary of them would not pay."""
+"""Columns whose values seldom repeat, so that a dictionary does not pay."""
 
 REMAPPED = "_mapped_"
-"""Stands before a hash of the columns in the name of the table of a message that was mapped anew behind its first rows.
+"""Part of the table name of a message whose mapping has changed, before a hash of its columns.
 
-So one mapping has one name in all logs.
+So one mapping has the same table name in all logs.
 """
 
 MANY = 1 << 16
-"""Frames of a message that are decoded and written at once, if there are as many."""
+"""Number of frames of a message that are decoded and written together."""
 
 
 def writer(file: Path, schema: pa.Schema) -> pq.ParquetWriter:
@@ -186,29 +192,31 @@ def writer(file: Path, schema: pa.Schema) -> pq.ParquetWriter:
         use_dictionary=[name for name in schema.names if name not in UNREPEATED],
         column_encoding={name: each for name, each in ENCODINGS.items() if name in schema.names},
         write_page_checksum=True,
-        write_statistics=list(ENCODINGS),  # in order, so that a reader can leave out most for a time or a line
+        write_statistics=list(ENCODINGS),  # sorted, so that a reader can skip most row groups for a time or line
     )
 
 
 DATE = pl.when(pl.col("t") >= OF_DATES).then((pl.col("t") * 1e6).round().cast(pl.Int64)).cast(pl.Datetime("us", "UTC"))
-"""The date of a time."""
+"""Expression for the date of a time."""
 
 
 class TableRows:
-    """The rows of a table of a run: kept in memory, and in its file once they are many, or the run is put in place."""
+    """The rows of one table of a run: in memory, and in a file once there are many, or when the run is finished."""
 
     def __init__(self, file: Path, schema: pa.Schema) -> None:
-        self.schema, self._file = schema, file
-        self._kept, self._number = list[pa.Table](), 0
+        self.schema = schema
+        self._file = file
+        self._kept = list[pa.Table]()
+        self._number = 0
         self._writer: pq.ParquetWriter | None = None
 
     @property
     def is_begun(self) -> bool:
-        """Whether a part of it is in its file."""
+        """Whether some rows are in the file."""
         return self._writer is not None
 
     def write(self, rows: pl.DataFrame) -> None:
-        """Take in rows with the columns of the schema."""
+        """Add rows with the columns of the schema."""
         if len(rows):
             arrays = rows.with_columns(DATE.alias(tables.DATE.name)).select(self.schema.names).to_arrow().columns
             self._kept.append(pa.Table.from_arrays(arrays, schema=self.schema))
@@ -217,7 +225,7 @@ class TableRows:
                 self._flush()
 
     def add(self, other: TableRows) -> None:
-        """Take in the rows that the same table of another run has in memory."""
+        """Add the rows that the same table of another run has in memory."""
         self._kept += other._kept
 
     def _flush(self) -> None:
@@ -227,10 +235,11 @@ class TableRows:
         if self._kept:
             joined = pa.concat_tables(self._kept).unify_dictionaries()
             self._writer.write_table(joined, row_group_size=packing.ROWS)
-        self._kept, self._number = [], 0
+        self._kept = []
+        self._number = 0
 
     def close(self, *, is_wanted: bool = True) -> None:
-        """Write the rest; the file is there even without a row, so that a query finds it."""
+        """Write the rest, and close the file, which exists even without rows; without `is_wanted` only close it."""
         if is_wanted:
             self._flush()
         if self._writer is not None:
@@ -238,33 +247,33 @@ class TableRows:
 
 
 OF_SERVICES = {SDO: tables.SDO, EMCY_NAME: tables.EMCY, HEARTBEAT: tables.HEARTBEAT, NMT: tables.NMT}
-"""The tables of the services."""
+"""The tables of the services, by the service's name."""
 
 
 def rows_of(table: str) -> pl.Schema:
-    """Return the columns of a service's table, without the run."""
+    """Return the columns of a service's table, without the run and the date."""
     made = pl.from_arrow(tables.SCHEMAS[table].empty_table())
     assert isinstance(made, pl.DataFrame)
     return pl.Schema({name: type_ for name, type_ in made.schema.items() if name not in ("run", tables.DATE.name)})
 
 
 def of_transfer(transfer: SdoTransfer) -> Fields:
-    """Return the row of an SDO transfer, without its place."""
+    """Return the row of an SDO transfer, without time and place."""
     said = transfer.fields | {"object": transfer.object, "whole": transfer.is_whole}
     return said | ({"value": str(said["value"])} if "value" in said else {})
 
 
-def _of_types(fields: Fields, types: Mapping[str, Any]) -> Fields:
-    """Return the fields that a table has columns for."""
-    return {name: value for name, value in fields.items() if name in types}
-
-
-def said_by(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows of a service's frames, all of one identifier, as far as they have a length that it can have."""
-    right, wanted = frames.filter(pl.col(LENGTH).is_in(service.lengths)), rows_of(OF_SERVICES[service.name])
-    different = right["data"].unique()  # most are many times the same
+def service_rows(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
+    """Return the rows of a service's frames, all with one COB-ID, except those with a wrong length."""
+    right = frames.filter(pl.col(LENGTH).is_in(service.lengths))
+    wanted = rows_of(OF_SERVICES[service.name])
+    different = right["data"].unique()  # most data repeat
     types = {"data": pl.Binary()} | {name: type_ for name, type_ in wanted.items() if name not in ENTRY}
-    said = pl.DataFrame([{"data": each} | _of_types(service.fields(each), types) for each in different], types)
+    rows = [
+        {"data": each} | {name: value for name, value in service.fields(each).items() if name in types}
+        for each in different
+    ]
+    said = pl.DataFrame(rows, types)
     return right.join(said, on="data", maintain_order="left").select("run", *wanted.names())
 
 
@@ -278,7 +287,7 @@ def _by_channel(frames: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame]]:
 
 
 def _followed(frames: pl.DataFrame, decoder: Decoder, after: int) -> Iterator[tuple[int, float, int, Frame]]:
-    """Yield what a decoder follows behind a line; of heartbeats only boot-ups."""
+    """Yield the frames after a line that may change the decoder; of heartbeats only boot-ups."""
     is_state = pl.col("cob_id").is_in([cob_id for cob_id in HEARTBEATS if cob_id in decoder.followed])
     wanted = pl.col("cob_id").is_in(list(decoder.followed)) & (~is_state | (pl.col("data") == bytes(1)))
     some = frames.filter((pl.col("line") > after) & ~pl.col("remote") & wanted)
@@ -287,15 +296,17 @@ def _followed(frames: pl.DataFrame, decoder: Decoder, after: int) -> Iterator[tu
 
 
 class RunTables:
-    """All tables of a run, or of some that were joined; those with many rows are in files in a folder.
+    """The tables of one run, or of several small ones; those with many rows are in files in a folder.
 
-    Frames are kept until there are many, as to decode and write a few costs as much: all that the files describe as
-    they are (`_plain`), and those of a message.
+    Frames are collected before they are decoded and written, as few cost as much as many: in `_plain` those whose
+    mapping is that of the files, in `_kept` those of each message.
     """
 
     def __init__(self, folder: Path, run: str, decoding: NetworkDecoding) -> None:
-        self.folder, self._decoding = folder, decoding
-        self.run, self._constant = run, pl.lit(run).cast(pl.Categorical).alias("run")
+        self.folder = folder
+        self._decoding = decoding
+        self.run = run
+        self._constant = pl.lit(run).cast(pl.Categorical).alias("run")
         self.tables: dict[str, TableRows] = {}
         self._frames, self._damage, *services = (
             self._table(name, tables.with_metadata(tables.SCHEMAS[name], {}))
@@ -309,7 +320,8 @@ class RunTables:
         self._plain, self._wrong = list[pl.DataFrame](), list[pl.DataFrame]()
         self._now: dict[str, NetworkDecoding] = {}
         self._following = Following(decoding.decoder)
-        self.frames, self.damaged = 0, Counter[str]()
+        self.frames = 0
+        self.damaged = Counter[str]()
         self._ends: dict[str, float | None] = {"start": None, "end": None}
 
     def _table(self, name: str, schema: pa.Schema) -> TableRows:
@@ -318,8 +330,9 @@ class RunTables:
         return self.tables[name]
 
     def _of_message(self, decoding: MessageDecoding) -> TableRows:
-        """Return the table for a message's rows; the first mapping that has some takes the message's name."""
-        name, known = decoding.table, self.tables.get(decoding.table)
+        """Return the table of a message; the first mapping with rows has the message's name."""
+        name = decoding.table
+        known = self.tables.get(decoding.table)
         if known is not None and not known.schema.equals(decoding.schema):
             name = f"{name}{REMAPPED}{decoding.fingerprint}"
         return self._table(name, decoding.schema)
@@ -339,17 +352,17 @@ class RunTables:
             self._flush()
 
     def _flush(self) -> None:
-        """Decode and write what is kept."""
+        """Decode and write the collected frames."""
         self._wrong += self._of_plain()
         self._wrong += [wrong for each in self._kept for wrong in self._flushed(each)]
         self._write_services()
         self._write_damage()
         for message in self._decoding.messages.values():
-            if message.table not in self.tables:  # also a table without rows is there for a query
+            if message.table not in self.tables:  # a table without rows exists, too, for queries
                 self._of_message(message)
 
     def join(self, others: Iterable[RunTables]) -> None:
-        """Take in other runs of the same `eds` that are small."""
+        """Add other small runs with the same `eds`."""
         for other in others:
             self._plain += other._plain
             self._wrong += other._wrong
@@ -360,7 +373,7 @@ class RunTables:
                 self.tables[name].add(table)
 
     def close(self, *, is_wanted: bool = True) -> None:
-        """Close all files, with the rest of the rows if they are wanted."""
+        """Close all files, after writing the rest if it is wanted."""
         if is_wanted:
             self._flush()
         for each in self.tables.values():
@@ -373,7 +386,7 @@ class RunTables:
 
     @property
     def eds(self) -> str:
-        """The hash of the EDS files, and of what else is mapped: all runs of one hash have the same columns."""
+        """Hash of the EDS files and of changed mappings: runs with the same hash have the same columns."""
         said = {**tables.SCHEMAS, **{each.table: each.schema for each in self._decoding.messages.values()}}
         found = {name: each.schema for name, each in self.tables.items()}
         others = sorted(
@@ -384,11 +397,11 @@ class RunTables:
         return hashlib.blake2b(f"{self._decoding.eds} {others}".encode(), digest_size=16).hexdigest()
 
     def notes(self) -> tuple[str, ...]:
-        """Return what the log cannot tell."""
+        """Return what the log does not show."""
         return tuple(self._following.notes())
 
     def row(self) -> dict[str, Any]:
-        """Return the run's row, but for how much is damaged: network, number of frames, start and end."""
+        """Return the run's row without the number of defects: network, number of frames, start and end."""
         start = self._ends["start"]
         date = None if start is None or start < OF_DATES else datetime.fromtimestamp(start, UTC)
         known = {"network": self._decoding.network, "eds": self.eds, tables.DATE.name: date}
@@ -398,11 +411,11 @@ class RunTables:
         """Decode and write a batch."""
         frames = batch.frames.with_columns(self._constant, *FROM_DATA)
         self._frames.write(frames)
-        # Frames of CAN FD are other traffic on the wire, and not damage.
+        # CAN FD frames are no damage, but other traffic.
         foreign = batch.foreign.filter(pl.col("kind") != Damage.FD.value)
         classic = frames.filter(~pl.col("fd")) if frames["fd"].any() else frames
         self._wrong.append(foreign.with_columns(self._constant))
-        self._wrong += self._by_what_is_in_force(classic)
+        self._wrong += self._decoded(classic)
         if not self._plain:
             self._keep_transfers()
             self._write_services()
@@ -414,15 +427,17 @@ class RunTables:
             self._ends["start"] = min(each[0] for each in times) if begin is None else begin
             self._ends["end"] = max(each[-1] for each in times)
 
-    def _by_what_is_in_force(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
-        """Write the messages as their devices are set, which other frames may change; yield what is wrong with all."""
+    def _decoded(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
+        """Write the messages by the current configuration of the devices; yield all defects."""
         for channel, some in _by_channel(frames):
             for span in self._following.spans(channel, partial(_followed, some)):
                 yield from self._of_transfers(channel, span)
-                behind, last = pl.col("line") > span.after, span.last
-                wanted = behind if last is None else behind & (pl.col("line") <= last)
+                last = span.last
+                wanted = pl.col("line") > span.after
+                if last is not None:
+                    wanted &= pl.col("line") <= last
                 part = some if last is None and span.after < 0 else some.filter(wanted)
-                decoding = self._in_use(channel, span)
+                decoding = self._decoding_of(channel, span)
                 if decoding is self._decoding:
                     self._plain.append(part)
                 if decoding is not self._decoding or sum(map(len, self._plain)) >= packing.ROWS:
@@ -431,13 +446,13 @@ class RunTables:
                     yield from self._of_messages(part, decoding)
 
     def _of_plain(self) -> Iterator[pl.DataFrame]:
-        """Write the messages that are as the files say; yield what is wrong with all frames."""
+        """Write the messages with the mapping of the files; yield all defects."""
         if self._plain:
             frames = pl.concat(self._plain)
             self._plain.clear()
             yield from self._of_messages(frames, self._decoding)
 
-    def _in_use(self, channel: str, span: DecoderSpan) -> NetworkDecoding:
+    def _decoding_of(self, channel: str, span: DecoderSpan) -> NetworkDecoding:
         decoding = self._now.get(channel, self._decoding)
         if decoding.decoder is not span.decoder:
             decoding = self._now[channel] = self._decoding.as_shown(span.decoder)
@@ -445,7 +460,7 @@ class RunTables:
         return decoding
 
     def _of_transfers(self, channel: str, span: DecoderSpan) -> Iterator[pl.DataFrame]:
-        """Take in the SDO transfers of a span; yield what the log lacks of them."""
+        """Collect the SDO transfers of a span; yield the frames of them that the log lacks."""
         lacking: list[Fields] = []
         for line, (time, said) in span.followed.items():
             place = {"line": line, "t": time, "channel": channel}
@@ -458,30 +473,30 @@ class RunTables:
         yield pl.DataFrame(lacking, FOREIGN).with_columns(self._constant)
 
     def _of_messages(self, frames: pl.DataFrame, decoding: NetworkDecoding) -> Iterator[pl.DataFrame]:
-        """Write the messages; yield what is wrong with them and with all other frames."""
+        """Write the messages; yield the defects of these and of all other frames."""
         others = []
         remote = frames["remote"]
-        if remote.any():  # of an identifier that a message or a service has, a remote frame says that it is asked for
+        if remote.any():  # a remote frame has no data to decode
             others.append(frames.filter(remote))
             frames = frames.filter(~remote)
         for (cob_id,), some in frames.partition_by("cob_id", as_dict=True).items():
             if message := decoding.messages.get(int(cob_id)):
                 self._kept[message].append(some)
-                # A batch has some of each message: written as they come, a table would be of many small row groups,
-                # which a reader opens one by one.
+                # A batch has a few frames of each message; writing them at once would make many small row groups, which
+                # are slow to read.
                 if sum(map(len, self._kept[message])) >= MANY:
                     yield from self._flushed(message)
             else:
                 others.append(some)
                 service = decoding.services.get(int(cob_id))
                 if service and service.name in self._said and service.name != SDO:
-                    self._said[service.name].append(said_by(service, some))
+                    self._said[service.name].append(service_rows(service, some))
         if others:
             unmapped = decoding.decoder.unmapped
             yield from columns.of_others(pl.concat(others), decoding.services, decoding.messages, unmapped)
 
     def _flushed(self, message: MessageDecoding) -> list[pl.DataFrame]:
-        """Decode and write the frames of a message that are kept; return what is wrong with them."""
+        """Decode and write the collected frames of a message; return their defects."""
         kept, self._kept[message] = self._kept[message], []
         if not kept:
             return []
@@ -504,24 +519,24 @@ class RunTables:
         parts = [each.select("run", *FOREIGN.names()).cast(FOREIGN) for each in self._wrong if len(each)]
         self._wrong.clear()
         if parts:
-            damage = pl.concat(parts).sort("run", "line")  # they came message by message
+            damage = pl.concat(parts).sort("run", "line")  # they are in the order of messages
             self._damage.write(damage.with_columns(pl.col("kind").cast(pl.Categorical)))
             self.damaged.update(damage["run"].cast(pl.String))
 
 
 TOGETHER = 1 << 20
-"""Bytes of small logs that are put in together: in a second or two, which is what a kill costs."""
+"""Size of small logs that are archived together, in bytes: one or two seconds of work, the loss if killed."""
 
 PACKED = 16
-"""Groups of logs after which what they became is packed, and at the end."""
+"""Number of groups of logs after which their files are packed; also at the end."""
 
 HASHED = 1 << 20
 BEGUN = ".begun"
-"""The folder of a season in which runs are made."""
+"""Folder of a season in which runs are made."""
 
 
 class Archived(NamedTuple):
-    """The result for a log: its `run`, whether it was `known` before, what is in it, and what it cannot tell."""
+    """The result for one log: its `run`, whether it was `known` before, its contents, and what it does not show."""
 
     log: str
     run: str
@@ -534,14 +549,15 @@ class Archived(NamedTuple):
 
 def _archived(log: ReadLog, damaged: int) -> Archived:
     """Return the result for a log."""
-    name, size = str(log.log), log.file["bytes"]
+    name = str(log.log)
+    size = log.file["bytes"]
     if log.tables is None:
         return Archived(name, log.run, True, size)
     return Archived(name, log.run, False, size, log.tables.frames, damaged, log.tables.notes())
 
 
 Progress = Callable[[int], object]
-"""Called with how many bytes of a log have been read."""
+"""Called with the number of bytes of a log that have been read."""
 
 
 def unwatched(_size: int) -> None:
@@ -556,52 +572,51 @@ def archive(
     workers: Workers = HERE,
     progress: Progress = unwatched,
 ) -> Iterator[Archived]:
-    """Put logs into a season, several at once if there are workers, and yield what became of each, in their order.
+    """Archive logs in a season, in parallel if there are workers, and yield their results in order.
 
-    `progress` is called with the bytes of each part read, if that happens in this process.
+    `progress` is called with the size of each part read, if that happens in this process.
 
-    Raises UnknownName for a format that is not known, FileError for a log that cannot be opened, OSError.
+    Raises UnknownName for an unknown format, FileError for a log that cannot be opened, OSError.
     """
     tables.checked(season)
-    # A log named twice would be put in by two workers at once.
+    # Two workers must not archive the same log at once.
     each_once = list(dict.fromkeys(logs))
     for log in each_once:
         with files.opened(log) as opened:
-            formats.form_of(opened, form)  # complains before anything is done
-    # A bar on this terminal cannot be moved by another process.
+            formats.form_of(opened, form)  # raises before anything is done
+    # Another process cannot move a progress bar on this terminal.
     archiver = Archiver(season, network, form, unwatched if workers.executor else progress)
     groups = list(_together(each_once, workers.number))
     with _begun(season / BEGUN):
         for number, some in enumerate(campaign.run(archiver.put, groups, workers._replace(block=BLOCK)), 1):
             yield from some
             if number % PACKED == 0 or number == len(groups):
-                # What one call has made is joined; with what was there before only once there is much of it.
+                # Files of this call are joined at once, with those of earlier calls only when there are many.
                 packing.pack(season, season / BEGUN, writer, packing.MANY if number == 1 else 2)
 
 
 def _together(logs: Sequence[Path], workers: int) -> Iterator[tuple[Path, ...]]:
-    """Yield logs in groups of TOGETHER bytes, or less if there are several workers to have some."""
-    most = min(TOGETHER, sum(map(_size, logs)) // workers)
-    some, size = list[Path](), 0
-    for log in logs:
-        if some and size + _size(log) > most:
+    """Yield logs in groups of TOGETHER bytes, or smaller ones if there are several workers."""
+    sizes = [log.stat().st_size for log in logs]
+    most = min(TOGETHER, sum(sizes) // workers)
+    some = list[Path]()
+    size = 0
+    for log, added in zip(logs, sizes):
+        if some and size + added > most:
             yield tuple(some)
-            some, size = [], 0
+            some = []
+            size = 0
         some.append(log)
-        size += _size(log)
+        size += added
     if some:
         yield tuple(some)
 
 
-def _size(log: Path) -> int:
-    return log.stat().st_size
-
-
 @contextmanager
 def _begun(folder: Path) -> Iterator[None]:
-    """Provide the folder in which runs are made; leftovers of interrupted runs go if no other program is at work.
+    """Provide the folder in which runs are made; leftovers of interrupted runs are removed if no program uses it.
 
-    A program at work holds a lock on it, which the operating system releases with the program. Without POSIX, or on a
+    A program that uses it holds a lock, which the operating system releases with the program. Without POSIX, or on a
     file system without locks, leftovers stay.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -613,18 +628,18 @@ def _begun(folder: Path) -> Iterator[None]:
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         with suppress(OSError):
-            flock(descriptor, LOCK_EX | LOCK_NB)  # granted only if nobody else is at work: what is here is left over
+            flock(descriptor, LOCK_EX | LOCK_NB)  # granted only if no other program uses it
             for left in folder.iterdir():
                 shutil.rmtree(left, ignore_errors=True)
         with suppress(OSError):
-            flock(descriptor, LOCK_SH)  # shared by all who work here; nobody else can clear away meanwhile
+            flock(descriptor, LOCK_SH)  # shared by all programs that use it, so that none removes the files of others
         yield
     finally:
         os.close(descriptor)
 
 
 class ReadLog(NamedTuple):
-    """A log that was read: the run, what is known of its file, and its tables; None if it is in the season already."""
+    """A log that was read: its run, its file's data, and its tables; None if it is in the season already."""
 
     log: Path
     run: str
@@ -634,7 +649,7 @@ class ReadLog(NamedTuple):
 
 @dataclass(frozen=True)
 class Archiver:
-    """Puts one log after the other into a season; `progress` is called with the bytes of each part read."""
+    """Archives logs in a season; `progress` is called with the size of each part read."""
 
     season: Path
     network: DecodedNetwork
@@ -643,21 +658,23 @@ class Archiver:
 
     @cached_property
     def _decoding(self) -> NetworkDecoding:
-        """What all logs have in common, most of the work for a short one: made once for each block of logs."""
+        """The decoding of all logs, most of the work for a short one; made once per block of logs."""
         return NetworkDecoding(self.network)
 
     def __call__(self, log: Path) -> Archived:
-        """Put a log into the season. Raises OSError, UnknownName."""
+        """Archive one log; raises OSError, UnknownName."""
         (archived,) = self.put([log])
         return archived
 
     def put(self, logs: Sequence[Path]) -> list[Archived]:
-        """Put logs into the season, small ones of a network in common files; errors as for one of them.
+        """Archive several logs, small ones of a network in common files; raises as for one.
 
-        Those before one that cannot be read are put in.
+        If a log cannot be read, those before it are archived.
         """
-        # A folder of its own: another process may be at work on the same log.
-        begun, read, damaged = self.season / BEGUN / secrets.token_hex(8), list[ReadLog](), Counter[str]()
+        # A folder of its own, as another process may archive the same log.
+        begun = self.season / BEGUN / secrets.token_hex(8)
+        read = list[ReadLog]()
+        damaged = Counter[str]()
         try:
             for log in logs:
                 read.append(self._read_log(log, begun))
@@ -669,17 +686,18 @@ class Archiver:
         return [_archived(each, damaged[each.run]) for each in read]
 
     def _read_log(self, log: Path, begun: Path) -> ReadLog:
-        """Read a log that is not in the season."""
+        """Read a log, unless it is in the season."""
         with files.opened(log) as file:
-            form, size = formats.form_of(file, self.form), os.fstat(file.fileno()).st_size
-            # The same log read by other EDS files gives other tables, so they are part of its name.
-            # Its bytes, not its name or its date: the same log copied to another folder is the same run.
+            form = formats.form_of(file, self.form)
+            size = os.fstat(file.fileno()).st_size
+            # The hash includes the EDS files, which decide the tables. It includes the log's bytes, not its name or
+            # date, so that a copy is the same run.
             digest = hashlib.blake2b(f"{self._decoding.eds} {form}\n".encode(), digest_size=8)
             while part := file.read(HASHED):
                 digest.update(part)
             run = digest.hexdigest()
             known = {"run": run, "log": encodable(str(log)), "format": form, "bytes": size}
-            # One table that is missing or damaged is reason enough to put the log in again.
+            # If one table is missing or damaged, the log is archived again.
             if run in self._known or self._is_there(run):
                 return ReadLog(log, run, known)
             file.seek(0)
@@ -691,8 +709,9 @@ class Archiver:
         return ReadLog(log, run, known, made)
 
     def _place(self, read: Sequence[ReadLog]) -> Counter[str]:
-        """Put what was read into the season; return how much is damaged in each run."""
-        groups, damaged = defaultdict[str, list[ReadLog]](list), Counter[str]()
+        """Move the read logs into the season; return the number of defects of each run."""
+        groups = defaultdict[str, list[ReadLog]](list)
+        damaged = Counter[str]()
         for each in read:
             if each.tables is not None:
                 groups[each.tables.eds if each.tables.is_small else each.run].append(each)
@@ -702,7 +721,9 @@ class Archiver:
         return damaged
 
     def _put(self, logs: Sequence[ReadLog]) -> Counter[str]:
-        """Put logs that have the same tables into common files, their rows of `runs` last, with seals of the others."""
+        """Move logs with the same tables into common files; their rows of `runs`, with the seals of the others, come
+        last.
+        """
         made = [each.tables for each in logs if each.tables is not None]
         first, *others = made
         rows = [each.file | tables_.row() for each, tables_ in zip(logs, made)]
@@ -722,7 +743,7 @@ class Archiver:
         return first.damaged
 
     def _is_there(self, part: str) -> bool:
-        """Return whether all files of a part are there, and none is damaged."""
+        """Return whether all files of a part exist and none is damaged."""
         names = (*tables.SCHEMAS, *(each.table for each in self._decoding.messages.values()))
         there = tables.ArchivedRun.read(tables.file_of(self.season, tables.RUNS, part))
         return there is not None and all(
@@ -732,7 +753,7 @@ class Archiver:
 
     @cached_property
     def _known(self) -> set[str]:
-        """The logs in packs that are whole, which were there when the first log was put in, and those put in since."""
+        """The logs in undamaged packs, as found before the first log was archived, and those archived since."""
         found = (self.season / tables.RUNS).glob(f"{tables.PACK}*{tables.SUFFIX}")
         packs = (tables.ArchivedRun.read(file) for file in sorted(found) if self._is_there(file.stem))
         return {run for each in packs if each for run in each.row["run"].to_pylist()}

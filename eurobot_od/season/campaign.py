@@ -1,11 +1,11 @@
 """Long jobs in blocks, on any `concurrent.futures.Executor`: this process, others on this machine, or dask's workers.
 
-An item is what one call does, such as the match of a seed. Items go out in blocks, and results come back in the items'
-order. They may be kept in Parquet files, one for each block, from which a campaign is resumed (end of this file).
+An item is the argument of one call, such as the seed of a match. Items are sent in blocks, and results come back in the
+order of the items. They may be kept in Parquet files, one per block, from which a campaign is resumed (`results`).
 There is no scheduler here.
 
-Rule of this file: an item's result depends only on the item. So a block whose worker was lost is repeated, and the
-results are the same on any executor. Nothing is done twice: results that are already there are read.
+The result of an item depends only on the item. So the block of a lost worker is repeated, and the results are the same
+on any executor. Existing results are read, not computed again.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 DASK = "dask://"
 
 RETRIES = 3
-"""How often dask gives a block to another worker when one was lost."""
+"""How often dask sends a block to another worker after one was lost."""
 
 CONNECT_WAIT = "10s"
 
 BLOCK = 100
-"""Items of a block for workers elsewhere: losing one costs little, and handing it over next to nothing."""
+"""Number of items of a block for remote workers: losing one costs little, and sending it next to nothing."""
 
 
 class Workers(NamedTuple):
-    """How many things are done at once, and by which executor; None: in this process, one after the other.
+    """Number of parallel calls, and their executor; None: in this process, one after the other.
 
-    `block` is how many items are handed over at once at most.
+    `block` is the maximum number of items that are sent together.
     """
 
     number: int = 1
@@ -53,17 +53,17 @@ HERE = Workers()
 
 
 def cores() -> int:
-    """Return how many cores this process may use, MOST_JOBS at most."""
+    """Return the number of cores that this process may use, at most MOST_JOBS."""
     found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(found, MOST_JOBS)
 
 
 class Processes(ProcessPoolExecutor):
-    """Processes of this machine; at the end of the `with` block they end at once, whatever they are doing.
+    """Processes of this machine; the end of the `with` block kills them, whatever they are doing.
 
-    They are started anew, not forked: threads of other packages do not survive a fork. The standard library's wait for
-    work for ever when their parent was killed, and finish started work even when it is no longer wanted. So each
-    of ours has a thread that waits for either, and ends the process.
+    They are spawned, not forked, as threads of other packages do not survive a fork. Standard-library workers wait
+    forever if their parent is killed, and finish work that was cancelled. So each of ours has a thread that waits for
+    either, and ends the process.
     """
 
     def __init__(self, number: int) -> None:
@@ -72,7 +72,7 @@ class Processes(ProcessPoolExecutor):
         super().__init__(number, context, _begin, (self._end,))
 
     def __exit__(self, *_: object) -> bool | None:
-        self._end_here.send_bytes(b"end")  # it stays in the pipe, so that all processes see it
+        self._end_here.send_bytes(b"end")  # it stays in the pipe, so that all processes read it
         self.shutdown(wait=True, cancel_futures=True)
         self._end_here.close()
         self._end.close()
@@ -80,13 +80,13 @@ class Processes(ProcessPoolExecutor):
 
 
 def _begin(end: Connection) -> None:
-    """Set a new process up: Ctrl-C, which reaches all processes, is the parent's to act on."""
+    """Set up a new process: it ignores Ctrl-C, which the parent handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Its sentinel becomes readable however the parent dies; SIGKILL leaves it no time to write into the pipe.
+    # The sentinel becomes readable however the parent dies; after SIGKILL it cannot write into the pipe.
     parent = parent_process()
     awaited: list[Any] = [end] if parent is None else [end, parent.sentinel]
-    # Without a clean-up of the interpreter, which would wait for work that is no longer wanted. Looked up now: a match
-    # that is being played replaces it, so that its strategy cannot end the process.
+    # `_exit` does not wait for cancelled work. It is looked up now, as a match replaces it so that a strategy cannot
+    # end the process.
     exit_now = os._exit
 
     def end_process() -> None:
@@ -98,8 +98,8 @@ def _begin(end: Connection) -> None:
 
 @contextmanager
 def local(number: int) -> Iterator[Workers]:
-    """Yield a number of processes of this machine; one is this process itself. They end with the `with` block."""
-    # A single process would do the work no sooner than this one, and cost its start.
+    """Yield a number of processes of this machine, which end with the `with` block; one is this process itself."""
+    # A single process would be no faster than this one.
     if number == 1:
         yield HERE
         return
@@ -109,9 +109,9 @@ def local(number: int) -> Iterator[Workers]:
 
 @contextmanager
 def dask(address: str) -> Iterator[Workers]:
-    """Yield the workers of a dask scheduler, `HOST:PORT`; work that is not done at the end is given up.
+    """Yield the workers of a dask scheduler, `HOST:PORT`; unfinished work is cancelled at the end.
 
-    Raises LocalError if nobody answers there, without a worker, and for a worker with several threads: they would share
+    Raises LocalError if no scheduler answers, if it has no worker, or one with several threads, which would share
     `sys.stdout`. Raises ModuleNotFoundError without dask.
     """
     from distributed import Client
@@ -130,17 +130,19 @@ def dask(address: str) -> Iterator[Workers]:
         if several:
             what = f"{several[0]} has {threads[several[0]]} threads; start it with --nthreads 1"
             raise LocalError(f"{DASK}{address}: {what}")
-        # Not pure: otherwise dask would answer equal calls with one result, and not run the second.
+        # Not pure: otherwise dask would run equal calls once only.
         executor = client.get_executor(pure=False, retries=RETRIES)  # type: ignore[no-untyped-call]
         try:
             yield Workers(len(threads), executor, BLOCK)
         finally:
-            # Blocks that are still running are given up: nothing will take their results any more.
+            # Running blocks are cancelled.
             executor.shutdown(wait=False)
 
 
 def workers(text: str | None, jobs: int | None, most: int) -> AbstractContextManager[Workers]:
-    """Give what `dask://HOST:PORT` names, or else `jobs` processes, one a core, but not more than there is to do."""
+    """Return the workers: those of `dask://HOST:PORT`, otherwise `jobs` processes (default: one per core), at most
+    `most`.
+    """
     if text is None:
         return local(min(jobs or cores(), most))
     if not text.startswith(DASK):
@@ -148,11 +150,11 @@ def workers(text: str | None, jobs: int | None, most: int) -> AbstractContextMan
     return dask(text.removeprefix(DASK))
 
 
-# Items out in blocks, results back in their order: only those that come before their turn are held back
+# Items are sent in blocks; results that come early are kept until it is their turn
 
 
 ROUNDS = 8
-"""Blocks for each worker, if there are enough items: so the wait for the last block is short."""
+"""Number of blocks per worker, if there are enough items, so that the wait for the last block is short."""
 
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
@@ -161,13 +163,13 @@ ResultT = TypeVar("ResultT")
 def run(
     do: Callable[[ItemT], ResultT], items: Sequence[ItemT], workers: Workers, results: Results[ResultT] | None = None
 ) -> Generator[ResultT, None, None]:
-    """Yield what `do` makes of each item, in their order; `do` and everything it needs is sent to the workers.
+    """Yield the result of `do` for each item, in order; `do` and everything it needs is sent to the workers.
 
-    Raises ChildProcessError if a process of this machine dies, and whatever `do` raises.
+    Raises ChildProcessError if a process of this machine dies, and everything that `do` raises.
     """
     done = {} if results is None else results.known(items)
     left = [item for item in items if str(item) not in done]
-    # By what is left, not by all items: a campaign resumed near its end still keeps all workers busy.
+    # From the items that are left, so that a campaign resumed near its end keeps all workers busy.
     size = block_size(len(left), workers, results is not None)
     blocks = [left[begin : begin + size] for begin in range(0, len(left), size)]
     turns = deque(map(str, items))
@@ -181,18 +183,18 @@ def run(
 
 
 def block_size(items: int, workers: Workers, kept: bool) -> int:
-    """Return how many items a block has; results that are kept come in larger blocks, as each block is a file."""
+    """Return the number of items per block; with kept results it is larger, as each block is a file."""
     return max(1, min(BLOCK if kept else workers.block, items // (workers.number * ROUNDS)))
 
 
 def _done(
     do: Callable[[ItemT], ResultT], blocks: Sequence[Sequence[ItemT]], workers: Workers
 ) -> Generator[tuple[Sequence[ItemT], list[ResultT]], None, None]:
-    """Yield each block with its results as it is done."""
+    """Yield each block with its results when it is done."""
     if workers.executor is None:
         yield from ((block, _do_block(do, block)) for block in blocks)
         return
-    # All at once: the executor keeps every worker busy, and blocks are written in whatever order they are done.
+    # All at once, so that every worker stays busy; blocks are written in the order in which they are done.
     futures = {workers.executor.submit(_do_block, do, block): block for block in blocks}
     try:
         for future in as_completed(futures):
@@ -202,9 +204,4 @@ def _done(
 
 
 def _do_block(do: Callable[[ItemT], ResultT], block: Sequence[ItemT]) -> list[ResultT]:
-    return list(map(do, block))  # a function of the module, as it is sent to other processes
-
-
-# Results as rows of Parquet and back: named tuples and data classes, by the types of their fields. What comes back is
-# equal to what was written. Numbers, texts, bytes, paths, enums, lists, tuples, mappings from texts, values that may be
-# None, and records of all these are all that a record may have.
+    return list(map(do, block))  # a module-level function, as it is pickled for other processes

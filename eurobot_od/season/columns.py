@@ -1,14 +1,14 @@
-"""A log of any format as batches of columns, and a message's frames to the columns of its fields, all at once.
+"""Converts logs of any format to batches of columns, and a message's frames to columns of its fields.
 
-A batch has frames with line, time, channel, identifier and data, and all else apart: what `traffic.formats` reads, and
-nothing is read here. Memory holds a few batches, however long the log is.
+A batch has frames with line, time, channel, COB-ID and data, and separately everything that is no classic frame.
+`traffic.formats` reads the logs. Memory holds a few batches, however long the log is.
 
-Rule of this file: a column says what `Protocol.decode` says about each frame. A value that is not a plain number of the
-field's unit (unknown, a code such as `blocked`, out of range) is null in the field's column; the column `FIELD_flag`
-beside it, null for a plain value, says what it is: `unknown`, the code's word, or `out of range: ` and the raw value.
+A column has the values that `Protocol.decode` returns for each frame. A value that is not a plain number of the field's
+unit (unknown, a code such as `blocked`, out of range) is null in the field's column. The column `FIELD_flag` then says
+what it is: `unknown`, the code's word, or `out of range: ` and the raw value; it is null for a plain value.
 
-A field is a few shifts and masks of the data, taken as one 64-bit word, as its PDO is mapped. Polars has no shift:
-dividing or multiplying by a power of two does the same.
+A field is computed from the data, as one 64-bit word, by shifts and masks as its PDO is mapped. Polars has no shift, so
+these are divisions and multiplications by powers of two.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from eurobot_od.traffic.meaning import REWRITTEN, Unmapped
 from eurobot_od.traffic.services import CanopenService
 
 ROWS = 1 << 17
-"""A batch has about this many entries, if the log has them."""
+"""Approximate number of entries of a batch."""
 
 AHEAD = 2
-"""Batches made ahead: some take longer to be written than others."""
+"""Number of batches made ahead, as the time to write one varies."""
 
 ENTRY: Mapping[str, pl.DataType] = {"line": pl.UInt64(), "t": pl.Float64(), "channel": pl.Categorical()}
 KINDS = {"remote": pl.Boolean(), "fd": pl.Boolean(), "brs": pl.Boolean()}
@@ -50,9 +50,9 @@ NOTHING = pl.DataFrame(schema=FOREIGN)
 
 
 class ColumnBatch(NamedTuple):
-    """Consecutive entries of a log: the `frames`, and the `foreign` entries that are none; `size` in bytes.
+    """Consecutive entries of a log: the `frames`, and the `foreign` entries that are no frames.
 
-    `size` is how much of the log was read for it, 0 if that is unknown.
+    `size` is the number of bytes of the log that were read for it, 0 if unknown.
     """
 
     frames: pl.DataFrame
@@ -61,9 +61,9 @@ class ColumnBatch(NamedTuple):
 
 
 def batches(file: BinaryIO, form: str | None = None) -> Iterator[ColumnBatch]:
-    """Yield the batches of an open log, making the next ones meanwhile; errors as `formats.batches`."""
+    """Yield the batches of an open log, and make the next ones meanwhile; raises as `formats.batches`."""
     made = _joined(map(_columns, formats.batches(file, form)), file)
-    with ThreadPoolExecutor(1) as thread:  # one: the batches come out of one generator
+    with ThreadPoolExecutor(1) as thread:  # one, as the batches come from one generator
         coming = deque(thread.submit(next, made, None) for _ in range(AHEAD))
         while (batch := coming.popleft().result()) is not None:
             coming.append(thread.submit(next, made, None))
@@ -72,13 +72,17 @@ def batches(file: BinaryIO, form: str | None = None) -> Iterator[ColumnBatch]:
 
 def _joined(parts: Iterator[ColumnBatch], file: BinaryIO) -> Iterator[ColumnBatch]:
     """Join small batches into batches of about ROWS entries."""
-    taken, rows, read = list[ColumnBatch](), 0, 0
+    taken = list[ColumnBatch]()
+    rows = 0
+    read = 0
     for part in parts:
         taken.append(part)
         rows += len(part.frames) + len(part.foreign)
         if rows >= ROWS:
             yield _one(taken, file.tell() - read)
-            taken, rows, read = [], 0, file.tell()
+            taken = []
+            rows = 0
+            read = file.tell()
     if taken:
         yield _one(taken, file.tell() - read)
 
@@ -91,7 +95,7 @@ def _one(parts: list[ColumnBatch], size: int) -> ColumnBatch:
 def _columns(batch: Batch) -> ColumnBatch:
     """Return the entries of a batch as tables."""
     heads = [head if head.__class__ is int else None for head in batch.heads]
-    # Nearly always one: a text that is the same in each row is made once.
+    # Usually there is one channel, so its text is made once.
     channels = batch.channels[:1] if batch.is_of_one_channel else batch.channels
     place: tuple[Sequence[object], ...] = batch.lines, list(batch.times), channels
     columns = *place, heads, batch.data, [False], [False], [None]
@@ -109,7 +113,7 @@ def _columns(batch: Batch) -> ColumnBatch:
 
 
 def _odd_frame(raw: Raw) -> tuple[object, ...] | None:
-    """Return identifier, data and kind of a remote frame or one of CAN FD; None for what is not a frame."""
+    """Return the columns of a remote or CAN FD frame; None for an entry that is no frame."""
     if isinstance(raw, Foreign):
         return (*raw.frame, False, True, raw.has_bit_rate_switch) if raw.frame else None
     return raw.cob_id, raw.data, True, False, None
@@ -119,27 +123,27 @@ def _odd_frame(raw: Raw) -> tuple[object, ...] | None:
 
 
 WORD, LENGTH = "word", "length"
-"""Columns that expressions are made of: the data as a little-endian integer, filled up with zeros, and its bytes."""
+"""Columns for expressions: the data as a little-endian integer, padded with zeros, and its length in bytes."""
 
 FROM_DATA = (
     (pl.col("data") + bytes(8)).bin.head(8).bin.reinterpret(dtype=pl.UInt64).alias(WORD),
     pl.col("data").bin.size().alias(LENGTH),
 )
-"""How they are computed from the column `data`."""
+"""The expressions of these columns."""
 
 OUT_OF_RANGE = "out of range: "
-"""What a flag says before the raw value of a field that cannot have it."""
+"""Text of a flag before a raw value that is out of range."""
 
 SIGNED = {8: pl.Int8, 16: pl.Int16, 32: pl.Int32, 64: pl.Int64}
-"""Types of numbers; unsigned ones would make a difference of two of them an error in SQL."""
+"""Types of numbers; signed, as SQL raises an error for a negative difference of unsigned ones."""
 
 
 REALS = {32: (pa.uint32(), pa.float32(), pl.Float32), 64: (pa.uint64(), pa.float64(), pl.Float64)}
-"""For each width of a floating-point number the types of its bits and of the number."""
+"""Types of a floating-point number's bits and of the number, by its width."""
 
 
 class FieldColumn(NamedTuple):
-    """A column of a message's table: its name, how it is computed, and what is known of it as text."""
+    """A column of a message's table: its name, its expression, and its description as texts."""
 
     name: str
     expression: pl.Expr
@@ -147,7 +151,7 @@ class FieldColumn(NamedTuple):
 
 
 def message_columns(binding: Binding, taken: Iterable[str]) -> list[FieldColumn]:
-    """Return the columns of a message's mapped fields; `taken` are names that other columns have."""
+    """Return the columns of a message's mapped fields; `taken` are the names of other columns."""
     names = list(taken)
     columns: list[FieldColumn] = []
     for field in binding.limits:
@@ -158,11 +162,13 @@ def message_columns(binding: Binding, taken: Iterable[str]) -> list[FieldColumn]
 
 
 class ForeignColumns:
-    """The columns of a message of another protocol: of each signal the number, and the word where it has one."""
+    """The columns of a message of another protocol: a number for each signal, and a word if it has one."""
 
     def __init__(self, message: ForeignMessage, taken: Iterable[str]) -> None:
-        self._message, self._names = message, dict[str, tuple[str, str]]()
-        self.types, self.metadata = dict[str, pl.DataType](), dict[str, dict[str, str]]()
+        self._message = message
+        self._names = dict[str, tuple[str, str]]()
+        self.types = dict[str, pl.DataType]()
+        self.metadata = dict[str, dict[str, str]]()
         names = list(taken)
         for signal, unit in message.units.items():
             number = first_free(signal, names)
@@ -174,8 +180,8 @@ class ForeignColumns:
             self.metadata[word] = {"null": "a plain value, or a frame without it"}
 
     def rows(self, frames: pl.DataFrame) -> pl.DataFrame:
-        """Return the frames with these columns."""
-        different = frames["data"].unique()  # most are many times the same
+        """Return the frames with these columns added."""
+        different = frames["data"].unique()  # most data repeat
         rows = [{"data": each} | self._row(each) for each in different]
         said = pl.DataFrame(rows, {"data": pl.Binary(), **self.types})
         return frames.join(said, on="data", how="left", maintain_order="left")
@@ -192,7 +198,7 @@ class ForeignColumns:
 
 
 def readable(binding: Binding) -> pl.Expr:
-    """Return whether a frame has a length that this message can have, or a longer one that is read all the same."""
+    """Return the expression for whether a frame is long enough for its message."""
     is_longer = pl.lit(value=not binding.is_whole) | (pl.lit(value=binding.reads_longer) & _is_longer(binding))
     return pl.col(LENGTH).is_in(binding.lengths) | is_longer
 
@@ -201,22 +207,27 @@ def _is_longer(binding: Binding) -> pl.Expr:
     return pl.col(LENGTH) > binding.layout.length
 
 
-def _known(binding: Binding, field: str) -> pl.Expr | None:
-    """Return whether a frame has the field for certain; None if all frames have that are readable."""
+def _has_field(binding: Binding, field: str) -> pl.Expr | None:
+    """Return the expression for whether a frame surely has the field; None if every readable frame has."""
     if binding.is_whole:
         return None
     return pl.col(LENGTH).is_in([length for length in range(MOST_BYTES + 1) if field in binding.known_fields(length)])
 
 
 class _Field:
-    """One field of a message, and the expressions on it."""
+    """One field of a message, with its expressions."""
 
     def __init__(self, binding: Binding, field: str) -> None:
-        self.binding, self.field, self.kind = binding, field, binding.kinds[field]
-        self.limits, self.raws = binding.limits[field], binding.layout.raws[field]
-        self.raw, self.whole, self.known = _raw(binding, field), None, _known(binding, field)
+        self.binding = binding
+        self.field = field
+        self.kind = binding.kinds[field]
+        self.limits = binding.limits[field]
+        self.raws = binding.layout.raws[field]
+        self.raw = _raw(binding, field)
+        self.whole = None
+        self.known = _has_field(binding, field)
         unknown = binding.unknown
-        if unknown is not None and field in unknown.codes:  # only all of its fields together say "unknown"
+        if unknown is not None and field in unknown.codes:  # only all of these fields together mean "unknown"
             self.whole = pl.all_horizontal(*(_raw(binding, each) == code for each, code in unknown.codes.items()))
 
     def columns(self) -> Iterator[FieldColumn]:
@@ -239,9 +250,9 @@ class _Field:
             yield FieldColumn(f"{self.field}_flag", pl.coalesce(flags), {"null": "a plain value", "words": words})
 
     def outside(self) -> pl.Expr | None:
-        """Return the raw value where it is out of range, null elsewhere; None if it always is in range."""
+        """Return the expression for a raw value that is out of range, null otherwise; None if it never is."""
         ranges = self._plain_ranges()
-        # Every raw value is a plain one: a column of flags that are never set would cost time and space in each file.
+        # If every raw value is plain, a column of flags would only cost time and space.
         if sum(map(_count, ranges)) == _count(self.raws) or self.kind.column_form is ColumnForm.NOTHING:
             return None
         inside = [_between(self.raw, each) for each in ranges] + [self.raw == raw for raw in self._codes()]
@@ -250,7 +261,7 @@ class _Field:
         return pl.when(~pl.any_horizontal(*inside)).then(self.raw)
 
     def _plain_ranges(self) -> list[range]:
-        """Return the raw values that are plain values of the column."""
+        """Return the ranges of raw values that are plain values of the column."""
         form = self.kind.column_form
         if form is ColumnForm.WORD:
             return [range(raw, raw + 1) for raw in self.kind.named_values() if raw in self.raws]
@@ -263,7 +274,7 @@ class _Field:
         return [range(max(wanted.start, self.raws.start), min(wanted.stop, self.raws.stop))]
 
     def _codes(self) -> dict[int, str]:
-        """Return the raw values that stand for something else than a number, and the words for them."""
+        """Return the words of the raw values that are no number."""
         if self.kind.column_form not in (ColumnForm.NUMBER, ColumnForm.SCALED):
             return {}
         (numbers,) = self._plain_ranges()
@@ -273,7 +284,7 @@ class _Field:
     # Values
 
     def number(self) -> pl.Expr:
-        """Return the raw value where it is a number, in the smallest type that has all of them."""
+        """Return the expression for a plain raw value, in the smallest type for all of them."""
         (numbers,) = self._plain_ranges()
         fits = (
             type_
@@ -281,37 +292,37 @@ class _Field:
             if not numbers or (-1 << bits - 1 <= numbers.start and numbers.stop <= 1 << bits - 1)
         )
         value = pl.when(_between(self.raw, numbers)).then(self.raw)
-        # The smallest type: most fields have 8 to 16 bits, and a season has a billion of them.
-        return value.cast(next(fits, pl.UInt64))  # the upper half of 64 unsigned bits fits into no signed type
+        # The smallest type, as most fields have 8 to 16 bits, and a season has a billion of them.
+        return value.cast(next(fits, pl.UInt64))  # the upper half of 64 unsigned bits fits no signed type
 
     def scaled(self) -> pl.Expr:
-        """Return the raw value's number of units where it is a number."""
+        """Return the expression for a plain value in the field's unit."""
 
         def divided(raws: pl.Series) -> pl.Series:
-            # By Arrow: Polars multiplies by 1 / 10, and 3 steps of 0.1 would be 0.30000000000000004.
+            # By Arrow, as Polars multiplies by 1 / 10: 3 steps of 0.1 would be 0.30000000000000004.
             scale = self.kind.scale
             return pl.Series(raws.name, pc.add(pc.divide(raws.to_arrow(), 1 / scale.factor), float(scale.offset)))
 
         return self.number().cast(pl.Float64).map_batches(divided, return_dtype=pl.Float64)
 
     def word(self) -> pl.Expr:
-        """Return the words for the raw values."""
-        # A category is a number in each row; as texts the words would be most of the file.
+        """Return the expression for the words of the raw values."""
+        # As categories, since texts would be most of the file.
         words = self.kind.named_values()
         return self.raw.replace_strict(list(words), list(words.values()), default=None, return_dtype=pl.String).cast(
             pl.Categorical
         )
 
     def boolean(self) -> pl.Expr:
-        """Return whether the raw value is 1."""
+        """Return the expression for whether the raw value is 1."""
         return pl.when(_between(self.raw, range(2))).then(self.raw == 1)
 
     def real(self) -> pl.Expr:
-        """Return the floating-point number with these bits."""
+        """Return the expression for the floating-point number with these bits."""
         integer, real, type_ = REALS[self.binding.layout.widths[self.field]]
 
         def seen_as(raws: pl.Series) -> pl.Series:
-            # By Arrow, which looks at the same bits as another type; a cast would convert the number.
+            # By Arrow, which can view the same bits as another type; a cast would convert the number.
             return pl.Series(raws.name, raws.to_arrow().cast(integer).view(real))
 
         if not self.kind.scale.is_raw:
@@ -319,11 +330,11 @@ class _Field:
         return self.raw.map_batches(seen_as, return_dtype=type_)
 
     def read(self, type_: type[pl.DataType]) -> pl.Expr:
-        """Return what the kind reads; it is called once for each raw value that occurs."""
+        """Return the expression for the values that the kind reads; it is called once per different raw value."""
         read = partial(self.kind.read, limits=self.limits)
 
         def values(raws: pl.Series) -> pl.Series:
-            # A call of Python's for each frame would take longer than all the rest; different values are few.
+            # A call in Python for each frame would be the slowest part; there are few different values.
             different = raws.unique().to_frame("raw").with_row_index()
             meanings = pl.Series([read(raw) for raw in different["raw"]], dtype=type_)
             return meanings.gather(raws.to_frame("raw").join(different, on="raw", maintain_order="left")["index"])
@@ -356,12 +367,12 @@ def _count(values: range) -> int:
 
 
 def _raw(binding: Binding, field: str) -> pl.Expr:
-    """Return a field's raw value; an optional one that the frame leaves out has its default's."""
+    """Return the expression for a field's raw value; an optional field that a frame lacks has its default."""
     layout = binding.layout
     raw = reduce(add, map(_bits, layout.runs_in["little"][field]))
     if field in layout.signed:
-        sign = layout.raws[field].stop  # flipping the sign bit and taking its weight off extends it to any length
-        is_whole_word = layout.widths[field] == 64  # whose bits a cast would refuse as too large
+        sign = layout.raws[field].stop  # flipping the sign bit and subtracting its weight extends the sign
+        is_whole_word = layout.widths[field] == 64  # whose value a cast would refuse as too large
         raw = raw.reinterpret(signed=True) if is_whole_word else (raw.cast(pl.Int64) ^ sign) - sign
     if field not in binding.defaults:
         return raw
@@ -370,18 +381,18 @@ def _raw(binding: Binding, field: str) -> pl.Expr:
 
 
 def _bits(run: Run) -> pl.Expr:
-    """Return a run's bits at their place in the value."""
-    # Polars cannot shift a column: dividing and multiplying by a power of two does the same.
+    """Return the expression for a run of bits, at their place in the value."""
+    # Polars cannot shift a column, so this divides and multiplies by powers of two.
     down = pl.col(WORD) // (1 << run.offset) if run.offset else pl.col(WORD)
     bits = down & run.mask
     return bits * (1 << run.shift) if run.shift else bits
 
 
-# What is wrong with frames, all at once: a defect has the kind and the words that `traffic.meaning.Decoder` has for it
+# Defects of frames, with the kinds and texts of `traffic.meaning.Decoder`
 
 
 class Check(NamedTuple):
-    """A possible defect of a frame: its kind, the condition, and the words for it."""
+    """A possible defect of a frame: its kind, the condition, and its text."""
 
     damage: Damage
     is_so: pl.Expr
@@ -396,7 +407,7 @@ class MessageChecks:
         self._any = [each.is_so.any().alias(str(number)) for number, each in enumerate(self._checks)]
 
     def defects(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
-        """Yield the defects of the message's frames; nearly always there is none, which one test shows."""
+        """Yield the defects of the message's frames; one test finds out that there is none, as usual."""
         for check, found in zip(self._checks, frames.select(self._any).row(0)):
             if found:
                 yield _defects(frames.filter(check.is_so), check.damage, check.text)
@@ -404,7 +415,8 @@ class MessageChecks:
 
 def _checks(binding: Binding) -> Iterator[Check]:
     expected = " or ".join(map(str, binding.lengths))
-    start, got = pl.lit(f"{binding.name} ({shown_identifier(binding.cob_id)}): "), pl.col(LENGTH).cast(pl.String)
+    start = pl.lit(f"{binding.name} ({shown_identifier(binding.cob_id)}): ")
+    got = pl.col(LENGTH).cast(pl.String)
     if binding.is_whole:
         text = pl.concat_str(start, got, pl.lit(f" bytes of data, expected {expected}"))
         yield Check(Damage.WRONG_LENGTH, ~readable(binding), text)
@@ -425,7 +437,7 @@ def _checks(binding: Binding) -> Iterator[Check]:
 def of_others(
     frames: pl.DataFrame, services: Mapping[int, CanopenService], messages: Container[int], others: Unmapped
 ) -> Iterator[pl.DataFrame]:
-    """Yield the defects of frames that belong to no message: services of another length, and identifiers of none."""
+    """Yield the defects of frames without a message: services with a wrong length, and unknown COB-IDs."""
     for (cob_id,), some in frames.partition_by("cob_id", as_dict=True, maintain_order=True).items():
         number = int(cob_id)
         if number in services:
@@ -433,7 +445,7 @@ def of_others(
             continue
         damage, why = others.defect(number)
         if damage is not None:
-            # A remote frame of a message's identifier asks for the message, and is not a defect.
+            # A remote frame with a message's COB-ID requests the message, and is no defect.
             asks = pl.col("remote") if number in messages else pl.lit(value=False)
             yield _defects(some.filter(~asks), damage, pl.concat_str(_frame(number), pl.lit(why)))
 
@@ -446,9 +458,10 @@ def _of_service(frames: pl.DataFrame, cob_id: int, service: CanopenService) -> p
 
 
 def _frame(cob_id: int) -> pl.Expr:
-    """Write a frame as people do: `008#D27423592C01C3A5`, or `705#R1` for a remote one."""
+    """Return the expression for a frame as candump shows it: `008#D27423592C01C3A5`, or `705#R1` for a remote one."""
     length = pl.when(pl.col(LENGTH) == 0).then(pl.lit("")).otherwise(pl.col(LENGTH).cast(pl.String))
-    remote, data = pl.concat_str(pl.lit("R"), length), pl.col("data").bin.encode("hex").str.to_uppercase()
+    remote = pl.concat_str(pl.lit("R"), length)
+    data = pl.col("data").bin.encode("hex").str.to_uppercase()
     return pl.concat_str(pl.lit(f"{identifier_text(cob_id)}#"), pl.when("remote").then(remote).otherwise(data))
 
 

@@ -1,9 +1,9 @@
-"""Many short logs in few files: the files of a season's small runs, joined table by table.
+"""Joins the files of many short logs, table by table.
 
-A log that is archived has a file of its own in each table. Once there are MANY small ones of a network, they become one
-pack, which has a file in each table as a log has, with the rows of all of them. Rule of this file: each log is in the
-season at any time. A pack's row group of `runs` is put in place last, and only then its logs' own files go; whoever
-reads meanwhile, or after a kill, takes each log from one of them (`Season`).
+An archived log has its own file in each table. Once a network has MANY small ones, they become one pack, which has one
+file per table with the rows of all of them. Each log is in the season at any time: the pack's file in `runs` is moved
+into place last, and only then are the logs' own files removed. A reader in between, or after a kill, takes each log
+from one of them (`Season`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 import secrets
 import shutil
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -24,33 +24,36 @@ from eurobot_od.season import season as tables
 from eurobot_od.season.season import ArchivedRun, Season
 
 MANY = 8
-"""So many small parts of one network are joined."""
+"""Minimum number of small parts of a network that are joined."""
 
 SMALL = 16 << 20
-"""Bytes of a part, all its files together, above which it is left as it is."""
+"""Maximum size of a part that is joined, with all its files, in bytes."""
 
 ROWS = 1 << 17
-"""Rows of a row group."""
+"""Number of rows of a row group."""
 
 Writer = Callable[[Path, pa.Schema], pq.ParquetWriter]
 """Opens a file of a table for writing."""
 
 
 def pack(folder: Path, begun: Path, opened: Writer, many: int = MANY) -> None:
-    """Join the small parts of a season; `begun` is where files are made, `opened` writes them as all others are.
+    """Join the small parts of a season if there are at least `many`; files are made in `begun`, and `opened` opens
+    them.
 
-    Does nothing where they are fewer than `many`. Raises OSError.
+    Raises OSError.
     """
     with _alone(folder / tables.RUNS) as is_alone:
-        season = Season(folder) if is_alone else None
-        for parts in _small(season).values() if season else ():
-            if season and len(parts) >= many:
+        if not is_alone:
+            return
+        season = Season(folder)
+        for parts in _small(season).values():
+            if len(parts) >= many:
                 _join(season, parts, begun / f"pack.{secrets.token_hex(4)}", opened)
 
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[bool]:
-    """Yield whether nobody else packs here, by a lock on a folder; where there are no locks, nobody is known to."""
+    """Yield whether no other program packs here, by a lock on a folder; without locks, always true."""
     if os.name != "posix":
         yield True
         return
@@ -70,7 +73,7 @@ def _alone(folder: Path) -> Iterator[bool]:
 
 
 def _small(season: Season) -> Mapping[str, list[str]]:
-    """Return the names of the parts that may be joined, by the network."""
+    """Return the names of the parts that may be joined, by network."""
     sizes = defaultdict[str, int](int)
     for files in season.files.values():
         for file in files:
@@ -84,13 +87,15 @@ def _small(season: Season) -> Mapping[str, list[str]]:
 
 
 def _join(season: Season, parts: list[str], folder: Path, opened: Writer) -> None:
-    """Make a pack of some parts, put it in place, and remove them."""
+    """Make a pack of some parts, move it into place, and remove the parts."""
     wanted = set(parts)
     folder.mkdir(parents=True)
     try:
         for table, files in season.files.items():
             if some := [file for file in files if file.stem in wanted]:
-                _write(folder / f"{table}{tables.SUFFIX}", (_rows(season, file) for file in some), opened)
+                joined = pa.concat_tables(_rows(season, file) for file in some)
+                with opened(folder / f"{table}{tables.SUFFIX}", joined.schema) as writer:
+                    writer.write_table(joined, row_group_size=ROWS)
         seals = {each.stem: tables.Seal.of(each) for each in folder.iterdir() if each.stem != tables.RUNS}
         runs = pa.concat_tables([season.rows_of(each) for each in parts])
         name = tables.pack_name(season.folder, runs["run"].to_pylist())
@@ -105,7 +110,7 @@ def _join(season: Season, parts: list[str], folder: Path, opened: Writer) -> Non
 
 
 def _rows(season: Season, file: Path) -> pa.Table:
-    """Return the rows of a file, without those of logs that stand elsewhere."""
+    """Return the rows of a file, without those of logs that are in another part, too."""
     rows = pq.read_table(file)
     hidden = season.hidden.get(file.stem)
     if not hidden:
@@ -113,24 +118,18 @@ def _rows(season: Season, file: Path) -> pa.Table:
     return rows.filter(pc.invert(pc.is_in(rows["run"].cast(pa.large_string()), pa.array(hidden, pa.large_string()))))
 
 
-def _write(file: Path, parts: Iterable[pa.Table], opened: Writer) -> None:
-    joined = pa.concat_tables(parts)
-    with opened(file, joined.schema) as writer:
-        writer.write_table(joined, row_group_size=ROWS)
-
-
 def put_in_place(made: Path, season: Path, name: str) -> None:
-    """Move the files of a part into a season: a part without its rows in `runs` is not there, so those go last."""
+    """Move the files of a part into a season; its rows of `runs` go last, as without them it does not count."""
     for each in sorted(made.iterdir(), key=lambda each: each.stem == tables.RUNS):
         target = tables.file_of(season, each.stem, name)
         target.parent.mkdir(exist_ok=True)
-        with each.open("rb+") as opened:  # on the disk before it is in place: a power cut leaves no half
+        with each.open("rb+") as opened:  # on the disk before it is moved, in case of a power cut
             os.fsync(opened.fileno())
         each.replace(target)
 
 
 def remove(season: Path, name: str) -> None:
-    """Remove the files of a part, those in `runs` first: what is left of it then is not there."""
+    """Remove the files of a part, those in `runs` first, so that the rest no longer counts."""
     part = ArchivedRun.read(tables.file_of(season, tables.RUNS, name))
     for table in [tables.RUNS, *(part.seals if part else ())]:
         with suppress(FileNotFoundError):

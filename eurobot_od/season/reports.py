@@ -1,6 +1,6 @@
-"""Ready questions to a season: SQL for a table, and how its answer is drawn. These are for any devices.
+"""Ready questions to a season of any devices: the SQL for a table, and its chart.
 
-A report is a row; what a report needs to know about messages it gets from the table `messages`.
+A report is a row; it finds messages by the table `messages`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ WITH named AS (
 
 
 class ChartKind(Enum):
-    """How an answer is drawn."""
+    """The kind of a chart."""
 
     BARS = "bars"
     LINES = "lines"
@@ -26,9 +26,9 @@ class ChartKind(Enum):
 
 
 class Chart(NamedTuple):
-    """A picture: its kind, the query for it (None: the report's), and the words at its axes.
+    """A chart: its kind, the query for it (None: the report's), and the labels of its axes.
 
-    BARS take a text and a number of each row, LINES a number along and one or more up, a HISTOGRAM one number.
+    BARS need a text and a number per row, LINES a number along and one or more up, a HISTOGRAM one number.
     """
 
     kind: ChartKind
@@ -38,7 +38,7 @@ class Chart(NamedTuple):
 
 
 class SeasonReport(NamedTuple):
-    """A question: in words, as SQL, and as a picture."""
+    """A question: in words, as SQL, and as a chart."""
 
     title: str
     sql: str
@@ -77,7 +77,7 @@ JOIN counted c ON c.message = m.answers GROUP BY ALL ORDER BY request"""
 
 BITS = "(CAST(octet_length(data) AS BIGINT) * 8 + 47)"
 STUFFED = "(CAST(octet_length(data) AS BIGINT) * 8 + 47 + (octet_length(data) * 8 + 33) // 4)"
-"""Bits of a classic base frame with its intermission, without stuff bits and with as many as there can be."""
+"""Bits of a classic base frame with its intermission, without stuff bits and with the maximum number."""
 
 SECONDS = f"""
 WITH seconds AS (

@@ -1,7 +1,6 @@
-"""The results of a campaign on the disk: a folder with a Parquet file for each block, written as blocks are done.
+"""The results of a campaign on disk: a folder with one Parquet file per block.
 
-Rule of this file: a file is written completely or not at all; a folder holds the results of one campaign, with the
-settings that are written in it.
+A file is written completely or not at all. A folder holds the results of one campaign, with its settings.
 """
 
 from __future__ import annotations
@@ -25,13 +24,12 @@ from eurobot_od.errors import LocalError
 from eurobot_od.support.files import UNREADABLE, write_whole
 from eurobot_od.support.texts import encodable
 
-# Results as rows of Parquet and back: named tuples and data classes, by the types of their fields. What comes back is
-# equal to what was written. Numbers, texts, bytes, paths, enums, lists, tuples, mappings from texts, values that may be
-# None, and records of all these are all that a record may have.
+# Records to rows of Parquet and back: named tuples and data classes, by the types of their fields, without loss. A
+# field may be a number, text, bytes, path, enum, list, tuple, mapping from texts, optional value, or record of these.
 
 
 class Form(NamedTuple):
-    """How values of a type are kept: the column, and how a value becomes what is in it, and back."""
+    """How values of a type are stored: the column's type, and the conversions to and from it."""
 
     column: pa.DataType
     plain: Callable[[Any], Any] = lambda value: value
@@ -50,8 +48,9 @@ SIMPLE: Mapping[object, Form] = {
 
 @cache
 def form_of(hint: Any) -> Form:
-    """Return the form of a type; that of what may be None is that of the type beside it."""
-    origin, arguments = get_origin(hint), get_args(hint)
+    """Return the form of a type; for an optional type, that of the type with None."""
+    origin = get_origin(hint)
+    arguments = get_args(hint)
     if origin in (Union, types.UnionType):
         (hint,) = (each for each in arguments if each is not type(None))
         form = form_of(hint)
@@ -83,7 +82,7 @@ def _unless_none(convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 @cache
 def fields(record: Any) -> dict[str, Form]:
-    """Return the forms of a record's fields by name."""
+    """Return the forms of a record's fields, by name."""
     hints = get_type_hints(record)
     names = [each.name for each in dataclasses.fields(record)] if dataclasses.is_dataclass(record) else record._fields
     return {name: form_of(hints[name]) for name in names}
@@ -100,23 +99,23 @@ def row(record: Any) -> dict[str, Any]:
 
 
 def record_of(record: type, row: Mapping[str, Any]) -> Any:
-    """Return the record that a row was made of."""
+    """Return the record of a row."""
     return record(**{name: form.made(row[name]) for name, form in fields(record).items()})
 
 
 MOST_ROWS, MOST_BYTES, AT_ONCE = 1_000_000, 32 << 20, 4 << 20
-"""Most rows of a file that is read into memory, most bytes of them, and of a batch: a few pages can say billions."""
+"""Maximum rows of a file, bytes of all its rows, and bytes of a batch; a small file can hold billions of equal rows."""
 
 
 def verified(file: Path, schema: pa.Schema | None = None) -> pa.Table | None:
-    """Return a Parquet file's rows, the checksums of its pages verified; None for a damaged one, and for no file.
+    """Return a Parquet file's rows, with the checksums of its pages verified; None if it is damaged or missing.
 
-    With a `schema` None also for a file of another one, and always for one that is too large to be one of ours.
+    Also None for a file with another `schema`, and for one that is too large.
     """
     try:
-        if not file.is_file():  # to open a pipe would wait for whoever writes into it
+        if not file.is_file():  # opening a pipe would wait for its writer
             return None
-        # Not `read_table`: what it imports takes longer than to read a file.
+        # Not `read_table`, whose imports take longer than reading a file.
         with pq.ParquetFile(file, page_checksum_verification=True) as opened:
             table = _read(opened)
     except (OSError, *UNREADABLE, pa.ArrowException):
@@ -125,7 +124,7 @@ def verified(file: Path, schema: pa.Schema | None = None) -> pa.Table | None:
 
 
 def _read(opened: pq.ParquetFile) -> pa.Table | None:
-    """Return the rows of a file; None for more than is read: few bytes may say that all rows have one long text."""
+    """Return the rows of a file; None if they are too many or too large."""
     footer = opened.metadata
     if footer.num_rows > MOST_ROWS:
         return None
@@ -133,7 +132,8 @@ def _read(opened: pq.ParquetFile) -> pa.Table | None:
     longest = max(
         (each.column(n).total_uncompressed_size for each in groups for n in range(each.num_columns)), default=1
     )
-    batches, size = list[pa.RecordBatch](), 0
+    batches = list[pa.RecordBatch]()
+    size = 0
     for batch in opened.iter_batches(min(max(AT_ONCE // max(longest, 1), 1), MOST_ROWS)):
         size += batch.nbytes
         if size > MOST_BYTES:
@@ -143,7 +143,7 @@ def _read(opened: pq.ParquetFile) -> pa.Table | None:
 
 
 def _settings(file: Path, text: str) -> dict[str, Any]:
-    """Return the settings of a campaign; raises LocalError for a file that holds none."""
+    """Return the settings of a campaign; raises LocalError if the file has none."""
     with suppress(*UNREADABLE):
         found = json.loads(text)
         if isinstance(found, dict):
@@ -153,19 +153,20 @@ def _settings(file: Path, text: str) -> dict[str, Any]:
 
 SETTINGS = "campaign.json"
 ITEM = "item"
-"""The column that says which item a row is the result of."""
+"""Name of the column of items."""
 
 ResultT = TypeVar("ResultT")
 
 
 class Results(Generic[ResultT]):
-    """The results in a folder, records of one type; `settings` are all that they depend on besides the item.
+    """The results in a folder, records of one type; `settings` are everything they depend on besides the item.
 
-    Without `resume` the folder has to be new. Raises LocalError if it is not, or holds another campaign.
+    Raises LocalError if the folder holds another campaign, or is not new without `resume`.
     """
 
     def __init__(self, folder: Path, record: type[ResultT], settings: Mapping[str, Any], resume: bool) -> None:
-        self._folder, self._record = folder, record
+        self._folder = folder
+        self._record = record
         self._schema = pa.schema([(ITEM, pa.string()), *schema(record)])
         text = json.dumps(settings, indent=1, sort_keys=True) + "\n"
         said = folder / SETTINGS
@@ -177,17 +178,18 @@ class Results(Generic[ResultT]):
         elif not resume:
             raise LocalError(f"{folder} holds a campaign already: --resume goes on with it")
         elif (before := said.read_text(encoding="utf-8")) != text:
-            # The first difference is enough to see which campaign it is.
-            was, is_ = _settings(said, before), json.loads(text)
+            # The error names the first difference.
+            was = _settings(said, before)
+            is_ = json.loads(text)
             name = next(key for key in sorted({*was, *is_}) if was.get(key) != is_.get(key))
             what = f"{name} was {was.get(name)!r}, and is {is_.get(name)!r}"
             raise LocalError(f"{folder} holds a campaign with other settings: {what}")
 
     def known(self, items: Iterable[object]) -> dict[str, ResultT]:
-        """Return the results that are there of some items, by the items as text."""
-        # The folder may hold items of an earlier, longer range of seeds; those are left alone.
+        """Return the results of these items that exist, by the items as text."""
+        # The folder may hold items of an earlier, longer range of seeds.
         wanted = set(map(str, items))
-        # A damaged file is left out: its block is done again, and takes its place.
+        # Damaged files are ignored: their blocks are done again, and replace them.
         whole = (verified(file, self._schema) for file in sorted(self._folder.glob("*.parquet")))
         rows = (row for table in whole if table is not None for row in table.to_pylist())
         return {row[ITEM]: record_of(self._record, row) for row in rows if row[ITEM] in wanted}
@@ -197,6 +199,6 @@ class Results(Generic[ResultT]):
         rows = [{ITEM: str(item)} | row(result) for item, result in zip(items, results)]
         sink = pa.BufferOutputStream()
         pq.write_table(pa.Table.from_pylist(rows, self._schema), sink, compression="zstd", write_page_checksum=True)
-        # Named after its items: a block done again because its worker was lost replaces its own file.
+        # The name is a hash of the items, so a repeated block replaces its file.
         name = hashlib.blake2b("\n".join(map(str, items)).encode(), digest_size=8).hexdigest()
         write_whole(self._folder / f"{name}.parquet", sink.getvalue().to_pybytes())

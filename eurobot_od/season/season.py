@@ -1,12 +1,13 @@
-"""A season that is there: its tables as lazy frames, and SQL over them.
+"""An archived season: its tables as lazy frames, and SQL over them.
 
     season = Season.open("SEASON")
     season.frames("goto_xy").filter(pl.col("speed") > 50).collect()
     season.sql("SELECT message, count(*) FROM frames JOIN messages USING (cob_id) GROUP BY message")
 
-Nothing is written, and nothing is read before it is asked for. Its tables are folders of Parquet files, a file for each
-log. All of them start with `run`, `line`, `t` and `channel`: which log, which line of it, when in seconds by the log's
-own clock, on which channel."""
+Nothing is written, and nothing is read before it is needed. Tables are folders of Parquet files, one file per log. Each
+table starts with `run`, `line`, `t` and `channel`: the log, the line in it, the time in s by the log's clock, and the
+channel.
+"""
 
 from __future__ import annotations
 
@@ -38,13 +39,13 @@ if TYPE_CHECKING:
     import duckdb
 
 RUNS, FRAMES, DAMAGE = "runs", "frames", "damage"
-"""The logs; all frames; what was wrong, with log and line."""
+"""Tables of the logs, of all frames, and of all defects, with log and line."""
 
 SDO, EMCY, HEARTBEAT, NMT = "sdo", "emcy", "heartbeat", "nmt"
-"""The services that have tables: SDO transfers, and the frames of the others. Every other table is of a message."""
+"""Tables of SDO transfers, and of the frames of the other services. Each further table is of a message."""
 
 TEXT, OCTETS, WORD = pa.large_string(), pa.large_binary(), pa.dictionary(pa.uint32(), pa.large_string())
-"""Types as Polars gives them; WORD is for texts that repeat."""
+"""Types as Polars writes them; WORD is for texts that repeat."""
 
 
 def _never_null(**types: pa.DataType) -> list[pa.Field]:
@@ -92,7 +93,7 @@ TYPES: Mapping[str, pa.DataType] = {
     )
     for name in names
 }
-"""The types of the columns that the logs, damage and services have."""
+"""The types of the columns of the logs, damage and services."""
 
 
 def _schema(*names: str, place: Iterable[pa.Field] = PLACE) -> pa.Schema:
@@ -118,12 +119,12 @@ SCHEMAS: Mapping[str, pa.Schema] = {
 
 
 def table_names(messages: Iterable[str]) -> dict[str, str]:
-    """Return the table of each message: `Goto XY` is in `goto_xy`; no two are one."""
+    """Return a different table name for each message, such as `goto_xy` for `Goto XY`."""
     taken = [*SCHEMAS]
     names: dict[str, str] = {}
     for message in messages:
         plain = re.sub(r"\W+", "_", message.lower(), flags=re.ASCII).strip("_") or "message"
-        # SQL takes a name that begins with a digit only in quotes.
+        # SQL needs quotes for a name that begins with a digit.
         names[message] = first_free(f"message_{plain}" if plain[0].isdigit() else plain, taken)
         taken.append(names[message])
     return names
@@ -135,27 +136,27 @@ def file_of(season: Path, table: str, run: str) -> Path:
 
 
 def with_metadata(schema: pa.Schema, said: Mapping[str, Mapping[str, str]]) -> pa.Schema:
-    """Return a schema whose columns say what is known of them: units, what null means, what is allowed."""
+    """Return a schema with descriptions of its columns: units, meaning of null, allowed values."""
     known = {name: {"meaning": text} | ({"unit": UNITS[name]} if name in UNITS else {}) for name, text in SAID.items()}
     known |= {name: dict(texts) for name, texts in said.items()}
     return pa.schema([field.with_metadata(known.get(field.name)) for field in schema], schema.metadata)
 
 
 MAGIC = b"PAR1"
-"""Begins and ends a Parquet file; before the end stands the length of what describes the file, in 4 bytes."""
+"""First and last bytes of a Parquet file; the length of its footer, in 4 bytes, is before the last ones."""
 
 
 SEALS = b"seals"
-"""Key in the metadata of a run's file of `runs`: the seals of its other files by table, as JSON, behind its CRC-32."""
+"""Metadata key in a run's file of `runs`: the seals of its other files by table, as JSON after its CRC-32."""
 
 PIECE = 1 << 20
-"""Bytes that are read at once."""
+"""Number of bytes that are read at once."""
 
 
 class Seal(NamedTuple):
-    """CRC-32 of a Parquet file's footer, which describes the file, and of the rest: its pages of rows.
+    """CRC-32 of a Parquet file's footer, and of the rest, its pages of rows.
 
-    Pages have checksums of the format's own, the footer has none, and neither DuckDB nor Polars verifies any.
+    Parquet has checksums of pages, but none of the footer, and neither DuckDB nor Polars verifies any.
     """
 
     footer: int
@@ -163,8 +164,9 @@ class Seal(NamedTuple):
 
     @classmethod
     def of(cls, file: Path) -> Seal:
-        """Compute it; raises OSError, and ValueError for what is not a whole Parquet file."""
-        footer, pages = footer_of(file), 0
+        """Compute the seal of a file; raises OSError, and ValueError if it is not a complete Parquet file."""
+        footer = footer_of(file)
+        pages = 0
         left = file.stat().st_size - len(footer)
         with file.open("rb") as opened:
             while left > 0 and (piece := opened.read(min(PIECE, left))):
@@ -173,13 +175,13 @@ class Seal(NamedTuple):
 
 
 def seals_text(seals: Mapping[str, Seal]) -> str:
-    """Return seals by table as text, which `seals_of` reads."""
+    """Return seals by table as text, for `seals_of`."""
     text = json.dumps(seals)
     return f"{zlib.crc32(text.encode()):08x} {text}"
 
 
 def seals_of(text: str) -> dict[str, Seal]:
-    """Return the seals in a text; raises ValueError, TypeError or AttributeError for a damaged one."""
+    """Parse a text with seals; raises ValueError, TypeError or AttributeError if it is damaged."""
     crc, _, rest = text.partition(" ")
     if text.startswith("{"):  # of an earlier version, without a CRC
         rest = text
@@ -189,21 +191,23 @@ def seals_of(text: str) -> dict[str, Seal]:
 
 
 def footer_of(file: Path) -> bytes:
-    """Return a Parquet file's footer; raises OSError, and ValueError for what was cut off or overwritten, or a pipe."""
-    if not file.is_file():  # to open a pipe would wait for whoever writes into it
+    """Return a Parquet file's footer; raises OSError, and ValueError if it is truncated, overwritten, or a pipe."""
+    if not file.is_file():  # opening a pipe would wait for its writer
         raise ValueError("not a file")
     with file.open("rb") as opened:
-        head, size = opened.read(len(MAGIC)), opened.seek(0, os.SEEK_END)
+        head = opened.read(len(MAGIC))
+        size = opened.seek(0, os.SEEK_END)
         opened.seek(max(0, size - 8))
-        length, end = int.from_bytes(opened.read(4), "little"), opened.read(4)
-        if not head == end == MAGIC or length > size - 12:  # the two marks and this length itself
+        length = int.from_bytes(opened.read(4), "little")
+        end = opened.read(4)
+        if not head == end == MAGIC or length > size - 12:  # without the two marks and this length
             raise ValueError("not whole")
         opened.seek(size - 8 - length)
         return opened.read()
 
 
 def is_described(file: Path, seal: Seal | None) -> bool:
-    """Return whether a Parquet file has the footer of its seal; without a seal, whether it has one."""
+    """Return whether a Parquet file has the footer of its seal; without a seal, whether it has a footer."""
     try:
         footer = footer_of(file)
     except (OSError, ValueError):
@@ -212,7 +216,7 @@ def is_described(file: Path, seal: Seal | None) -> bool:
 
 
 def is_sound(file: Path, seal: Seal | None) -> bool:
-    """Return whether a Parquet file is as it was sealed, or has no seal; it is read whole for that."""
+    """Return whether a Parquet file matches its seal, or has none; reads the whole file."""
     try:
         return seal is None or Seal.of(file) == seal
     except (OSError, ValueError):
@@ -220,26 +224,27 @@ def is_sound(file: Path, seal: Seal | None) -> bool:
 
 
 PACK = "pack-"
-"""Begins the names of files of several logs; those of a log alone have the name of its run."""
+"""Prefix of the file names of several logs; the files of a single log have the name of its run."""
 
 
 def pack_name(season: Path, runs: Iterable[str]) -> str:
-    """Return the name of a new pack of some runs; of packs that have the same log the later one comes last."""
+    """Return the name of a new pack of some runs; later packs sort after earlier ones."""
     before = [int(each.stem.split("-")[1]) for each in (season / RUNS).glob(f"{PACK}*{SUFFIX}")]
     digest = hashlib.blake2b("\n".join(runs).encode(), digest_size=8).hexdigest()
     return f"{PACK}{max(before, default=0) + 1:04}-{digest}"
 
 
 class ArchivedRun(NamedTuple):
-    """A log in a season, or a pack of logs: its rows of `runs`, and by table the seals of its files, if it has any."""
+    """A log in a season, or a pack of logs: its rows of `runs`, and the seals of its files by table, if any."""
 
     row: pa.Table
     seals: Mapping[str, Seal]
 
     @classmethod
     def read(cls, file: Path) -> ArchivedRun | None:
-        """Read a file of `runs`, and verify the checksums of its pages; None if it is damaged."""
-        row, schema = verified(file), SCHEMAS[RUNS]
+        """Read a file of `runs` and verify its checksums; return None if it is damaged."""
+        row = verified(file)
+        schema = SCHEMAS[RUNS]
         if row is None or not len(row):
             return None
         try:
@@ -253,7 +258,7 @@ class ArchivedRun(NamedTuple):
 
 
 FIELDS = "fields"
-"""The table of what is known of the columns of all tables, a file for each hash of EDS files."""
+"""Table of the descriptions of all columns, with one file per hash of EDS files."""
 
 FIELD_COLUMNS = pa.schema(
     [(name, pa.string()) for name in ("eds", "table", "field", "unit", "allowed", "words", "null_is", "meaning")]
@@ -261,7 +266,7 @@ FIELD_COLUMNS = pa.schema(
 
 
 def write_fields(season: Path, eds: str, schemas: Mapping[str, pa.Schema]) -> None:
-    """Write what the schemas say of their columns, if it is not there; raises OSError."""
+    """Write the descriptions of all columns, if they do not exist yet; raises OSError."""
     target = file_of(season, FIELDS, eds)
     if verified(target, FIELD_COLUMNS) is not None:
         return
@@ -277,39 +282,39 @@ def write_fields(season: Path, eds: str, schemas: Mapping[str, pa.Schema]) -> No
 
 
 MESSAGES = "messages"
-"""The table of what is known of each message's table, made from its files."""
+"""Table of the descriptions of the messages' tables, made from their files."""
 
 KNOWN = ("message", "cob_id", "senders", "receivers", "answers")
 
 
 INTERVAL = 0.1
-"""Seconds between two reports of progress."""
+"""Time between two reports of progress, in s."""
 
 Progress = Callable[[int], object]
-"""Called with how many percent of a query are done."""
+"""Called with how much of a query is done, in percent."""
 
 
 MOST_ROWS = 10_000_000
-"""Rows that a query may return: they have to fit in memory, and as text once more."""
+"""Maximum number of rows of a query: they have to fit in memory, once more as text."""
 
 
 class SqlError(LocalError):
-    """A query that DuckDB does not take."""
+    """A query that DuckDB rejects."""
 
 
 class Season:
-    """The Parquet files of a season, by table, without those that are `damaged`.
+    """The Parquet files of a season, by table, without `damaged` ones.
 
-    Its `parts` are logs, or packs of several, by the name of their files. Of a log that is in two parts, as when it was
-    archived again, or packing was interrupted, the rows in one of them are `hidden`.
+    Its `parts` are logs, or packs of several, by the name of their files. If a log is in two parts, as after it was
+    archived again or packing was interrupted, its rows in one of them are `hidden`.
 
-    Raises LocalError for a folder without any.
+    Raises LocalError for a folder without logs.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = checked(folder)
         self.damaged: list[Path] = []
-        # Files of a run that is being moved here, or was interrupted while it was, have no row in `runs` yet.
+        # Files without a row in `runs` are just being moved here, or this was interrupted.
         self.parts = {
             file.stem: run for file in _files(folder / RUNS) if (run := self._undamaged(file, ArchivedRun.read(file)))
         }
@@ -320,17 +325,17 @@ class Season:
         self._verified = {RUNS}
         self.files: dict[str, list[Path]] = {}
         for table in sorted(folder.iterdir()):
-            if table.is_dir() and not table.name.startswith("."):  # `archive` makes runs in a hidden one
+            if table.is_dir() and not table.name.startswith("."):  # `archive` makes runs in a hidden folder
                 self._add(table.name, _files(table), is_described)
 
     def _undamaged(self, file: Path, found: Any) -> Any:
-        """Return what was found of a file, and note that it is damaged if that is nothing."""
+        """Return `found`; if it is nothing, note that the file is damaged."""
         if not found:
             self.damaged.append(file)
         return found
 
     def _add(self, table: str, files: Iterable[Path], is_right: Callable[[Path, Seal | None], bool]) -> None:
-        """Take in those files of a table that are right; a table without any is none."""
+        """Add the valid files of a table; a table without any does not exist."""
         known = (file for file in files if file.stem in self.parts)
         seals = ((file, self.parts[file.stem].seals.get(table)) for file in known)
         self.files[table] = [file for file, seal in seals if self._undamaged(file, is_right(file, seal))]
@@ -338,31 +343,31 @@ class Season:
             del self.files[table]
 
     def _verify(self, table: str) -> None:
-        """Leave out the files of a table whose rows are damaged; once, and not before its rows are asked for."""
+        """Remove the files of a table whose rows are damaged; done once, when its rows are first read."""
         if table not in self._verified:
             self._verified.add(table)
             self._add(table, self.files[table], is_sound)
 
     @classmethod
     def open(cls, folder: str | Path) -> Season:
-        """Open a season; raises LocalError for a folder that is not one."""
+        """Open a season; raises LocalError if the folder is none."""
         return cls(Path(folder))
 
     def frames(self, table: str) -> pl.LazyFrame:
-        """Return a table, of which nothing is read yet, except to see whether it is damaged; raises UnknownName.
+        """Return a table, of which only checksums are read now; raises UnknownName, LocalError.
 
-        A column that only some logs have, as their EDS files map it, is null for the others.
+        A column that only some logs have, by their EDS files, is null for the others.
         """
         if table == FIELDS:
             return self.fields.lazy()
         if table in self.files:
             self._verify(table)
-        self._complain(table)
+        self._check_left(table)
         if table not in self.files:
             raise UnknownName("table", table, self.files)
         if table == RUNS:
             return pl.DataFrame(self._rows).lazy()
-        # Names of files, not patterns: a folder's may have a `*`.
+        # Not patterns, as a folder's name may contain a `*`.
         found = (pl.scan_parquet(files, glob=False).filter(self._is_shown(files[0])) for files in self._alike(table))
         return pl.concat(found, how="diagonal")
 
@@ -370,8 +375,8 @@ class Season:
         hidden = self.hidden.get(file.stem)
         return ~pl.col("run").cast(pl.String).is_in(hidden) if hidden else pl.lit(value=True)
 
-    def _complain(self, table: str) -> None:
-        """Raise LocalError for a table of which only damaged files are left."""
+    def _check_left(self, table: str) -> None:
+        """Check that not all files of a table are damaged; raises LocalError."""
         damaged = [each for each in self.damaged if each.parent.name == table]
         if table not in self.files and damaged:
             named = ", ".join(map(str, damaged))
@@ -380,42 +385,43 @@ class Season:
             )
 
     def _alike(self, table: str) -> list[list[Path]]:
-        """Return the files of a table in groups that have the same columns and rows hidden."""
+        """Return the files of a table in groups with the same columns and hidden rows."""
         groups: dict[tuple[str, ...], list[Path]] = {}
         for file in self.files[table]:
             groups.setdefault((self._eds(file), *self.hidden.get(file.stem, ())), []).append(file)
         return list(groups.values())
 
     def rows_of(self, name: str) -> pa.Table:
-        """Return the rows of `runs` of a part, without those that are hidden."""
-        rows, hidden = self.parts[name].row, self.hidden.get(name)
+        """Return the rows of `runs` of a part, without hidden ones."""
+        rows = self.parts[name].row
+        hidden = self.hidden.get(name)
         return rows.filter([run not in hidden for run in rows["run"].to_pylist()]) if hidden else rows
 
     @property
     def _rows(self) -> pa.Table:
-        """The table `runs`, of which the files were verified when they were read."""
+        """The table `runs`, whose files were verified when they were read."""
         return pa.concat_tables(map(self.rows_of, self.parts))
 
     def _eds(self, file: Path) -> str:
-        """Return the hash of the EDS files that a file's logs were read by."""
+        """Return the hash of the EDS files of a file's logs."""
         return str(self.parts[file.stem].row["eds"][0])
 
     @cached_property
     def messages(self) -> pl.DataFrame:
-        """What is known of the messages' tables: table, network, message, identifier, nodes, and what it answers."""
+        """Descriptions of the messages' tables: table, network, message, COB-ID, nodes, and the message it answers."""
         rows = []
         for table in self.files.keys() - SCHEMAS.keys():
             for file, *_ in self._alike(table):
                 said = {key.decode(): text.decode() for key, text in (pq.read_schema(file).metadata or {}).items()}
                 rows.append((table, self._eds(file), *(said.get(key, "") for key in KNOWN)))
-        # The types are said, as there may be no row: nothing but frames is known of a bus without files.
+        # With types, as there may be no row: a bus without files has only frames.
         made = pl.DataFrame(rows, dict.fromkeys(("table", "eds", *KNOWN), pl.String), orient="row")
         number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt32)
         return made.with_columns(number).sort("cob_id", "eds")
 
     @cached_property
     def fields(self) -> pl.DataFrame:
-        """What is known of the columns of all tables: unit, range, words, what null is; without damaged files."""
+        """Descriptions of the columns of all tables: unit, range, words, meaning of null; without damaged files."""
         known = sorted({str(each.row["eds"][0]) for each in self.parts.values()})
         files = [file for eds in known if (file := file_of(self.folder, FIELDS, eds)).is_file()]
         found = list(filter(None, (self._undamaged(file, verified(file, FIELD_COLUMNS)) for file in files)))
@@ -430,11 +436,15 @@ class Season:
         progress: Progress | None = None,
         at_most: float = inf,
     ) -> pl.DataFrame:
-        """Return what a query in DuckDB's SQL gives: a view for each table, and `messages`; raises SqlError.
+        """Return the rows of a query in DuckDB's SQL, with a view per table, and `messages`; raises SqlError.
 
-        It reads and writes no file outside the season, and loads no extension. `values` are those of `$name` in the
-        query; those that it does not name are left out. `progress` is called now and then, in another thread,
-        with how far the query is in percent, and at the end with 100. A query is ended that takes over `at_most` s.
+        The query cannot read or write files outside the season, or load extensions.
+
+        Args:
+            query: the query.
+            values: values of `$name` in the query; unused ones are ignored.
+            progress: called from another thread with how much is done in percent, at the end with 100.
+            at_most: maximum time in s, after which the query is cancelled.
         """
         import duckdb
 
@@ -447,58 +457,60 @@ class Season:
                     self._confine(connection)
                     answer = connection.sql(query, params=named or None)
                     rows: pl.DataFrame = pl.DataFrame()
-                    if answer is not None:  # one row more than allowed, to see that there are more
+                    if answer is not None:  # one row more than allowed, to find out whether there are more
                         rows = _as_text(answer).limit(MOST_ROWS + 1).pl()
             except duckdb.InterruptException:
                 raise SqlError(f"the query has not ended within {texts.text(at_most)}") from None
             except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
                 names = ", ".join([*self.files, MESSAGES, FIELDS])
                 known = f"; tables: {names}" if "Table with name" in str(error) else ""
-                # What follows in DuckDB's further lines is the query, with a mark below it.
+                # DuckDB's further lines repeat the query, with a mark.
                 raise SqlError(str(error).partition("\n")[0] + known) from None
         if len(rows) > MOST_ROWS:
             raise SqlError(f"more than {MOST_ROWS} rows: ask for sums, or for a part by LIMIT")
         return rows
 
     def _confine(self, connection: duckdb.DuckDBPyConnection) -> None:
-        """Keep queries in the season's folder for good; settings of our own have to be made before."""
-        # Also as the views spell it, with what would be a pattern escaped.
+        """Confine queries to the season's folder for good; our own settings have to be made before."""
+        # Also in the spelling of the views, with patterns escaped.
         connection.execute(f"SET allowed_directories = [{_quoted(str(self.folder))}, {_quoted(_named(self.folder))}]")
-        # Replacements: a name that is not a table would be looked up among the variables of this program.
+        # With replacements, DuckDB would look up unknown tables among the variables of this program.
         connection.execute("SET enable_external_access = false; SET python_enable_replacements = false")
         connection.execute("SET TimeZone = 'UTC'")  # not that of this machine
-        connection.execute("SET lock_configuration = true")  # or the query could allow itself everything again
+        connection.execute("SET lock_configuration = true")  # or the query could change these settings
 
     def _selected(self, files: list[Path]) -> str:
         """Return the query for the rows of files with the same columns."""
-        listed, hidden = ", ".join(_quoted(_named(file)) for file in files), self.hidden.get(files[0].stem)
+        listed = ", ".join(_quoted(_named(file)) for file in files)
+        hidden = self.hidden.get(files[0].stem)
         left_out = f" WHERE run NOT IN ({', '.join(map(_quoted, hidden))})" if hidden else ""
         return f"SELECT * FROM read_parquet([{listed}]){left_out}"
 
     def _add_views(self, connection: duckdb.DuckDBPyConnection, query: str) -> None:
-        """Add a view for each table that the query names: opening all files takes long."""
-        # A word in a string or a comment opens a table for nothing; one that is missed would be an error.
+        """Add a view for each table that the query names, as opening all files takes long."""
+        # A word in a string or comment opens a table for nothing; a missed table would be an error.
         words = set(re.findall(r"\w+", query.lower()))
         for table in words & self.files.keys():
             self._verify(table)
         for table in words & {each.parent.name for each in self.damaged}:
-            self._complain(table)
-        if RUNS in words:  # those that were verified
+            self._check_left(table)
+        if RUNS in words:
             connection.register("verified", self._rows)
             connection.execute(f"CREATE TABLE {RUNS} AS SELECT * FROM verified")
         for table in words & self.files.keys() - {RUNS}:
-            # By name, as logs of another network may have other columns.
+            # BY NAME, as logs of another network may have other columns.
             parts = " UNION ALL BY NAME ".join(map(self._selected, self._alike(table)))
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
         for table in words & {MESSAGES, FIELDS} - self.files.keys():
-            # Copied: DuckDB reports progress only for tables of its own.
+            # Copied, as DuckDB reports progress only for its own tables.
             connection.register("known", self.messages if table == MESSAGES else self.fields)
             connection.execute(f"CREATE TABLE {table} AS SELECT * FROM known")
 
 
 def _hidden(parts: Mapping[str, ArchivedRun]) -> dict[str, list[str]]:
-    """Return by part the runs that count elsewhere: a log's own files come before packs, a later pack before others."""
-    seen, hidden = set[str](), dict[str, list[str]]()
+    """Return the hidden runs of each part: a log's own files come before packs, later packs before earlier ones."""
+    seen = set[str]()
+    hidden = dict[str, list[str]]()
     packs = sorted((name for name in parts if name.startswith(PACK)), reverse=True)
     for name in [*(each for each in parts if not each.startswith(PACK)), *packs]:
         runs = parts[name].row["run"].to_pylist()
@@ -509,29 +521,29 @@ def _hidden(parts: Mapping[str, ArchivedRun]) -> dict[str, list[str]]:
 
 
 def _named(path: Path) -> str:
-    """Return the pattern that fits a path and nothing else."""
+    """Return a pattern that matches only this path."""
     return re.sub(r"([*?[])", r"[\1]", str(path))
 
 
 def _quoted(text: str) -> str:
-    """Return a text for SQL."""
+    """Return a text as an SQL literal."""
     return "'" + text.replace("'", "''") + "'"
 
 
 def checked(folder: Path) -> Path:
-    """Return a season's folder; raises LocalError for a name that the libraries for Parquet files cannot take."""
+    """Return the folder of a season; raises LocalError if the Parquet libraries cannot use its name."""
     if str(folder) != encodable(str(folder)):
         raise LocalError(f"{folder}: the name of a season's folder has to be UTF-8")
     return folder
 
 
 def _files(table: Path) -> list[Path]:
-    """Return the files of a table; what is not a file, such as a pipe or a device of that name, is not looked at."""
+    """Return the files of a table, without pipes or devices."""
     return sorted(each for each in table.glob(f"*{SUFFIX}") if each.is_file())
 
 
 OF_DUCKDB = ("INTERVAL", "UNION", "BIT")
-"""Types that Polars does not have; such a column is shown as text."""
+"""Types that Polars does not have; such columns become text."""
 
 
 def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
@@ -540,7 +552,7 @@ def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
     if not any(own):
         return answer
     names = ('"' + name.replace('"', '""') + '"' for name in answer.columns)
-    # By their places, as two columns of an answer may have one name.
+    # By position, as two columns may have the same name.
     return answer.project(
         ", ".join(
             f"CAST(#{place} AS VARCHAR) AS {name}" if is_own else f"#{place} AS {name}"
@@ -551,19 +563,20 @@ def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
 
 @contextmanager
 def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress | None, at_most: float) -> Iterator[None]:
-    """Report the progress of a connection's queries while the block lasts, and end them after `at_most` s."""
+    """Report the progress of a connection's queries during the block, and cancel them after `at_most` s."""
     connection.execute("SET enable_progress_bar = true; SET enable_progress_bar_print = false")
-    connection.execute("SET progress_bar_time = 0")  # by default it begins after two seconds
-    over, end = Event(), time.monotonic() + at_most
+    connection.execute("SET progress_bar_time = 0")  # the default is two seconds
+    over = Event()
+    end = time.monotonic() + at_most
 
     def watch() -> None:
         while not over.wait(INTERVAL):
-            if time.monotonic() > end:  # again and again: what has just begun does not hear it
+            if time.monotonic() > end:  # repeatedly, as a query that has just begun ignores it
                 connection.interrupt()
-            if progress and (done := connection.query_progress()) >= 0:  # negative where DuckDB cannot tell
+            if progress and (done := connection.query_progress()) >= 0:  # negative if DuckDB does not know
                 progress(round(done))
 
-    # DuckDB says how far it is to whoever asks: the query itself runs in this thread until it is done.
+    # The query blocks this thread, so another one asks for the progress.
     thread = Thread(target=watch, daemon=True)
     thread.start()
     try:

@@ -16,7 +16,7 @@ from typing import Any, cast, get_type_hints
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.cli.signature import Command, Forms, Hint, Parser, told
+from eurobot_od.cli.signature import Command, Forms, Hint, Parser, parameter_help
 from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, UnknownName, WorldError
 from eurobot_od.loading import ROBOTS
 from tests.cli.console import run
@@ -268,7 +268,7 @@ def functions_of(command: Command) -> Iterable[Callable[..., Any]]:
 
 def options(function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
     """Yield the help and the default of each option of a function, those of its groups too."""
-    hints, texts = get_type_hints(function, include_extras=True), told(function)
+    hints, texts = get_type_hints(function, include_extras=True), parameter_help(function)
     for name, parameter in signature(function).parameters.items():
         hint = Hint.of(hints[name], Parser("of"))
         if is_dataclass(hint.kind):
