@@ -1,7 +1,6 @@
-"""The Eurobot 2014 robot: its messages, nodes, world, matches and checks. Nothing below imports this package.
+"""The Eurobot 2014 robot: its messages, nodes, world, matches and checks. No module outside it imports this package.
 
-Its public names, which a team's own robot is written with, are loaded when they are asked for, as those of
-`eurobot_od`: `__init__.pyi` lists them.
+Its public names, for a team's own robot, are loaded on first use, as those of `eurobot_od`: `__init__.pyi` lists them.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ __all__ = [*_HOMES]
 
 
 def __dir__() -> list[str]:
-    """List the public names, also those that are not loaded yet."""
+    """Return the public names, including those that are not loaded yet."""
     return sorted({*globals(), *_HOMES})
 
 
@@ -29,7 +28,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     home, there = _HOMES[name]
-    try:  # a module of that name first: to ask this one for it would ask here again
+    try:  # a module of that name first, as looking it up here would recurse
         found = import_module(f"{home}.{there}")
     except ModuleNotFoundError:
         found = getattr(import_module(home), there)

@@ -1,6 +1,6 @@
 """The dialects of the robot of 2014: the folders of `eds/`.
 
-Rule of this file: the only place that names a dialect or a folder.
+No other module names a dialect or a folder.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from eurobot_od.od import Dialects
 
 
 def eds_folder() -> Path:
-    """Return the folder of the dialects: inside an installed package, or next to the package in a checkout."""
+    """Return the folder of the dialects: in an installed package, or next to the package in a checkout."""
     package = Path(__file__).parents[1]
     inside = package / "eds"
     return inside if inside.is_dir() else package.parent / "eds"
@@ -22,4 +22,7 @@ DEFAULT = "canopen"
 
 DIALECTS = Dialects(eds_folder(), DEFAULT)
 
-names, folder, load, load_all = DIALECTS.names, DIALECTS.folder, DIALECTS.load, DIALECTS.load_all
+names = DIALECTS.names
+folder = DIALECTS.folder
+load = DIALECTS.load
+load_all = DIALECTS.load_all

@@ -1,6 +1,6 @@
 """The core node on a live bus, for scripts and the REPL: every call waits for its result.
 
-Each method is the core's method of the same name, waited for, and nothing more: if you know one, you know the other.
+Each method does what the core's method of the same name does, and waits for it.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ Arguments = ParamSpec("Arguments")
 def _waited_for(
     method: Callable[Concatenate[Core, Arguments], Call[Result]],
 ) -> Callable[Concatenate[Robot, Arguments], Result]:
-    """Turn a call of the core's into one that waits for the result.
+    """Return a method that makes the core's call and waits for its result.
 
-    Ctrl-C while it waits gives up the call: a goto then ends with a stop.
+    Ctrl-C cancels the call: a goto then ends with a stop.
     """
 
     @wraps(method)
@@ -39,7 +39,7 @@ def _waited_for(
         try:
             return call.result()
         finally:
-            call.cancel()  # nothing, if the result is there
+            call.cancel()  # no effect on a finished call
 
     return wait
 
@@ -85,7 +85,7 @@ class Robot:
         self._leaving = ExitStack()
         sigterm = self._leaving.enter_context(EndedBySigterm())
         self._leaving.enter_context(self.live)
-        # Pushed last, so called first: a second SIGTERM must not cut the stop short.
+        # Called first, so that a second SIGTERM does not interrupt the stop.
         self._leaving.callback(sigterm.hold)
         return self
 
@@ -95,12 +95,12 @@ class Robot:
     def play(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
         """Run a team's strategy, a coroutine that awaits the core's calls, and return its result.
 
-        Raises what it raises, and ProgramFailed if it hangs. It works in a notebook as well.
+        Raises what it raises, and ProgramFailed if it hangs. Works in a notebook, too.
         """
         return apart(lambda: run(strategy(self.core)))
 
     async def play_async(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
-        """Do as `play` does, for a program that has an event loop of its own, which goes on meanwhile."""
+        """Run a strategy as `play` does, for a program with its own event loop, which goes on meanwhile."""
         return await asyncio.to_thread(self.play, strategy)
 
     def send(self, message: Message) -> None:
@@ -108,7 +108,7 @@ class Robot:
         self.core.send(message)
 
     def on(self, message: type[MessageT], function: Callable[[MessageT], object]) -> Callable[[], None]:
-        """Have a function called with each message of a type, on the bus's thread; see `Core.on`."""
+        """Register a function that is called with each message of a type, on the bus's thread; see `Core.on`."""
         return self.core.on(message, function)
 
     ask = _waited_for(Core.ask)

@@ -1,7 +1,8 @@
-"""Faults of the robot's nodes, besides those of any device: what helps whoever tests a strategy, or a node of his own.
+"""Faults of the robot's nodes, besides those of any device, for testing a strategy or a node.
 
-Most are one wrong message, a row of a table each; the others are those of the 2014 robot. A fault names the step of the
-shipped suite that finds it. What only proves the suites is in the tests' kit, and `tools/fault_matrix.py` tries it all.
+Most are one wrong message, a row of a table each; the others are faults of the 2014 robot. A fault names the step of
+the shipped suite that finds it. Faults that only prove the suites are in the tests' kit; `tools/fault_matrix.py` tries
+all.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ DRIVES_ON = Wrong("drives on after {}", lambda message: hooks.arriving(message, 
 
 
 def message_faults(suite: str, *rows: tuple[str, Wrong, type[Message], str]) -> dict[str, Fault]:
-    """Make faults that steps of one suite find; a row has the fault's name, what is wrong, with what, and the step."""
+    """Return faults that steps of one suite find; a row has the fault's name, what is wrong with which message, and the
+    step.
+    """
     return {
         name: Caught(suite, step).fault(wrong.text.format(hooks.words(message)), wrong.mixin(message))
         for name, wrong, message, step in rows
@@ -41,7 +44,7 @@ def message_faults(suite: str, *rows: tuple[str, Wrong, type[Message], str]) -> 
 
 
 class DeafWhenStopped(Node):
-    """Heeds emergencies and stops only in OPERATIONAL, like any other message."""
+    """Accepts emergencies and stops only in OPERATIONAL, like any other message."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         always = {self.device.protocol.cob_id(each) for each in self.CATALOGUE.always if each in self.HANDLERS}
@@ -51,7 +54,7 @@ class DeafWhenStopped(Node):
 
 
 class Padded(Node):
-    """Fills up short messages with what is left in the buffer, and acts on them (2014 robot)."""
+    """Pads short messages with left-over bytes, and acts on them (2014 robot)."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         lengths = {each.cob_id: each.layout.length for each in self.device.protocol.bindings}
@@ -59,19 +62,19 @@ class Padded(Node):
 
 
 class MatchWithoutEnd(Core):
-    """Leaves the end of the match to the strategy."""
+    """Does not end the match."""
 
     def start_match(self, duration: float | None = None) -> None:
         """Start no clock."""
 
 
 def _either(_: Core, answer: Message, healthy: Any) -> None:
-    """Take either node's check answer for both (2014 robot)."""
+    """Accept either node's check answer for both (2014 robot)."""
     healthy(messages.CheckDriveResponse())
     healthy(answer)
 
 
-# Groups of steps, and steps that find several faults: the first ones that look at an answer, or at all its fields
+# Groups of steps, and steps that find several faults, as they are the first to check an answer or all its fields
 ASKED, LOCATION = "2.2 Estimated Location request", "2.2 Estimated Location response"
 NODE_CHECK, CONFIRM = "2.3 Node Check Response", "2.3 Start Configuration Confirm"
 CONFIGURATION = "2.3 Start Configuration Set: colour, numbers and diameters"
@@ -185,4 +188,4 @@ OF_ANY_NODE = {
 }
 
 FAULTS: Faults = {Core: OF_THE_CORE, Drive: OF_THE_DRIVE, Navigation: OF_THE_NAVIGATION, Node: OF_ANY_NODE}
-"""The faults with their names, by the class of node that can have them; those of Node any node can have."""
+"""Faults by name, by the class of nodes that can have them."""

@@ -1,17 +1,17 @@
-"""The CAN gatekeeper (document sections 4 and 6): who hears which message, and which frame leaves next.
+"""The CAN gatekeeper (document sections 4 and 6): which listeners get a message, and which frame is sent next.
 
-How the document's wishes are met:
+How it meets the document's requirements:
 
 - *Listeners* (section 4.1). `setQueueCANListener` is `Gatekeeper.add_queue`, `setFunctionCANListener` is
-  `add_function`. Listeners are registered before the start, in a table that may be bounded as in the 2014 robot; one
-  that does not fit is an error with its name, and not lost silently.
-- *Hardware filters* (section 6). The robot had to keep its listener table for ever, as its filters were an index into
-  it. Here `Gatekeeper.filters` makes the filters from the routes whenever a bus wants them, and the bus keeps them.
-- *Transmit-complete interrupt* (section 6). Nothing waits for a mailbox and nothing polls one: a frame is submitted to
+  `add_function`. Listeners are registered before the start, in a table that may be bounded as in the 2014 robot; a
+  listener that does not fit is an error with its name, and not lost silently.
+- *Hardware filters* (section 6). The 2014 robot could never change its table of listeners, as its filters were indices
+  into it. Here `Gatekeeper.filters` makes the filters from the routes when a bus needs them.
+- *Transmit-complete interrupt* (section 6). Nothing waits for a mailbox or polls one: frames are submitted to
   `Mailboxes`, and `complete`, which an interrupt would call, makes room for the next one.
 
-Any device's controller has listeners and receive filters (`controller`). Here is what the robot of 2014 had besides: a
-table of listeners with an end, and a few mailboxes, for which a frame waits 50 ms.
+Any device's controller has listeners and receive filters (`controller`). The robot of 2014 adds a bounded table of
+listeners, and a few mailboxes, for which a frame waits 50 ms.
 """
 
 from __future__ import annotations
@@ -38,28 +38,29 @@ from eurobot_od.frame import Frame
 from eurobot_od.pdo.protocol import Protocol
 
 MAILBOXES = 3
-"""Transmit mailboxes of the 2014 robot's controller (document section 6)."""
+"""Number of transmit mailboxes of the 2014 robot's controller (document section 6)."""
 
 MAILBOX_WAIT = 0.050
-"""Longest time that a frame waits for a mailbox, in s (document section 6)."""
+"""Maximum time that a frame waits for a mailbox, in s (document section 6)."""
 
 
 class Mailboxes(TransmitQueue):
-    """`count` mailboxes; a frame that has waited for one for `wait` seconds since its submission is dropped.
+    """`count` mailboxes; a frame that has waited `wait` s for one is dropped.
 
-    `waiting` has the frames that wait, the most urgent first.
+    `waiting` has the waiting frames, the most urgent first.
     """
 
     def __init__(self, report: Reporter, count: int = MAILBOXES, wait: float = MAILBOX_WAIT) -> None:
         super().__init__()
-        self.count, self.wait = count, wait
+        self.count = count
+        self.wait = wait
         self._report = report
         self._loaded: list[Waiting] = []
 
     def _placed(self, frame: Frame, sequence: int, stay: Stay, now: float) -> Waiting:
-        """Return a frame with its deadline; if a mailbox is free now, it cannot be too late."""
-        # Frames that already wait count too: they will take the free mailboxes, unless this one is more urgent. With a
-        # mailbox free, the frame belongs to the controller from now on, which has no time limit (document section 6).
+        """Return a frame with its deadline; it has none if a mailbox is free."""
+        # Waiting frames count, too, as they will take the free mailboxes. If one is free for this frame, the controller
+        # has it from now on, without a time limit (document section 6).
         full = len(self._loaded) + len(self.waiting) >= self.count
         deadline = now + self.wait if full and stay is Stay.SHORT else inf
         return Waiting(frame.cob_id, sequence, frame, stay, deadline)
@@ -67,8 +68,8 @@ class Mailboxes(TransmitQueue):
     def load(self, now: float) -> list[Frame]:
         """Move the most urgent frames into free mailboxes and return them, for the controller to send."""
         loaded: list[Frame] = []
-        while self.waiting and len(self._loaded) < self.count and not self._lets_go_first():
-            # A heartbeat has the highest identifier and so waits last; it overtakes the segments of a transfer.
+        while self.waiting and len(self._loaded) < self.count and not self._waits_for_heartbeat():
+            # A heartbeat has the highest COB-ID and waits last, but is sent before the segments of a transfer.
             place = -1 if self.waiting[0].stay is Stay.TRANSFER and self.waiting[-1].stay is Stay.PERIODIC else 0
             first = self.waiting[place]
             if first.deadline <= now:
@@ -76,27 +77,27 @@ class Mailboxes(TransmitQueue):
             else:
                 insort(self._loaded, first)
                 loaded.append(first.frame)
-            del self.waiting[place]  # only now: an exception before leaves it in both places
+            del self.waiting[place]  # last, so that an exception loses no frame
         if self.waiting:
             self.expire(now)
-            # Frames that were submitted while a mailbox was free had no deadline; if more urgent ones have taken their
-            # place, they may wait from now on as long as any other.
+            # Frames that were submitted while a mailbox was free have no deadline; if more urgent ones have taken their
+            # place, their time begins now.
             late = now + self.wait
             self.waiting = [
                 w._replace(deadline=late) if w.stay is Stay.SHORT and w.deadline > late else w for w in self.waiting
             ]
         return loaded
 
-    def _lets_go_first(self) -> bool:
+    def _waits_for_heartbeat(self) -> bool:
         """Return whether a transfer has to wait because a heartbeat is in a mailbox."""
-        # A heartbeat's identifier is the greatest that a device sends: it would lose the arbitration to one segment of
-        # a block after the other, until its consumers take the device for dead.
+        # A heartbeat has the highest COB-ID of a device. It would lose the arbitration to each segment of a block,
+        # until its consumers report it lost.
         return self.waiting[0].stay is Stay.TRANSFER and any(each.stay is Stay.PERIODIC for each in self._loaded)
 
     def leave(self) -> None:
         super().leave()
         before = len(self._loaded)
-        # Loaded frames as well: a goto from before the gap must not leave when the bus is back.
+        # Loaded frames, too: an old goto must not be sent when the bus is back.
         self._loaded = [each for each in self._loaded if each.stay is Stay.LASTING]
         self._dropped += before - len(self._loaded)
 
@@ -107,7 +108,7 @@ class Mailboxes(TransmitQueue):
         return self._loaded[0].frame if self._loaded else None
 
     def complete(self, frame: Frame) -> bool:
-        """Free the mailbox of a frame that was sent (transmit-complete); False if no mailbox holds it."""
+        """Free the mailbox of a frame that was sent (transmit-complete); return whether a mailbox had it."""
         return self._taken(self._loaded, frame)
 
     @property
@@ -115,7 +116,7 @@ class Mailboxes(TransmitQueue):
         return min((each.deadline for each in self.waiting), default=inf)
 
     def expire(self, now: float) -> None:
-        """Drop the frames that have waited too long; frames in a mailbox belong to the controller and stay."""
+        """Drop the frames that have waited too long; frames in a mailbox stay."""
         expired = [each for each in self.waiting if each.deadline <= now]
         for each in expired:
             self.waiting.remove(each)
@@ -133,9 +134,9 @@ class Mailboxes(TransmitQueue):
 class Gatekeeper(Controller):
     """A controller with a table of listeners and a few mailboxes.
 
-    `table_size` is how many listeners may be registered (0: any number; 20 in the 2014 robot), and `mailboxes` how many
-    frames the controller holds at a time; a frame that has waited for one for `mailbox_wait` seconds is dropped. The
-    other parameters are those of `Controller`.
+    `table_size` is the maximum number of listeners (0: no limit; 20 in the 2014 robot), `mailboxes` the number of
+    frames in the controller; a frame that has waited `mailbox_wait` s for a mailbox is dropped. The other parameters
+    are those of `Controller`.
     """
 
     def __init__(
@@ -154,8 +155,7 @@ class Gatekeeper(Controller):
         self._table_size = table_size
 
     def _register(self, registration: Registration) -> None:
-        # Bounded, as the 2014 robot had 20 places: an application that registers in a loop is found at its start, and
-        # not by its use of memory.
+        # The limit finds an application that registers listeners in a loop at its start.
         if 0 < self._table_size <= len(self._registrations):
             name = registration.listener.name
             raise ListenerError(f"{name}: the listener table is full, it has {self._table_size} places")

@@ -1,6 +1,6 @@
-"""What the robot of 2014 brings to the workbench: the plugin that `pyproject.toml` enters.
+"""The robot of 2014 as a plug-in, which `pyproject.toml` registers.
 
-Rule of this file: it is imported by `--help`, so whatever costs time is imported in a function.
+`--help` imports this module, so slow imports are in functions.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ HERE = Path(__file__).parent
 
 
 def _imported(module: str, name: str) -> Any:
-    """Return something of this package, which is imported when it is asked for first."""
+    """Return an object of this package, imported on first use."""
     return getattr(import_module(f"{__package__}.{module}"), name)
 
 
 def own_robot(
     folder: str | Path, name: str, catalogue: Catalogue, nodes: Mapping[str, type[Node]] = MappingProxyType({})
 ) -> Plugin:
-    """Return a team's own robot: our core, drive and navigation on a table of its own, with nodes of its own.
+    """Return a team's own robot: our core, drive and navigation with the team's table, and the team's own nodes.
 
-    The `folder` has the EDS files in `eds/`, with `robot.yaml` and the table, check suites in `checks/`, and what it
-    plays in `strategy.py`. The `catalogue` is a copy of ours with the team's messages in it; each message in it that is
-    none of ours can have faults. `nodes` are the classes of its own nodes by their EDS files' names; one with a
-    `COMPONENT` is part of the start (see `robot.nodes.node.Component`).
+    Args: folder: has the EDS files in `eds/`, with `robot.yaml` and the table, check suites in `checks/`, and
+    `strategy.py`. name: the robot's name. catalogue: a copy of ours with the team's messages added; each of these can
+    have faults. nodes: the classes of the team's nodes by the names of their EDS files; one with a `COMPONENT` is part
+    of the start (see `robot.nodes.node.Component`).
     """
     home = Path(folder)
     dialects_here = Dialects(home / "eds")

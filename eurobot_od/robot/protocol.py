@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class EurobotProtocol(Protocol):
-    """A protocol that knows the 23 messages of the document's Table 5 by their types."""
+    """A protocol with the 23 messages of the document's Table 5 as types."""
 
     CATALOGUE = CATALOGUE
 
@@ -25,7 +25,7 @@ class EurobotProtocol(Protocol):
 
 
 def decoder(dialect: str | Path | None = None) -> Decoder:
-    """Return what tells the meaning of frames by the EDS files of a dialect; raises UnknownName, DictionaryError."""
-    from eurobot_od.traffic.meaning import Decoder  # `show` does without
+    """Return the decoder of frames by the EDS files of a dialect; raises UnknownName, DictionaryError."""
+    from eurobot_od.traffic.meaning import Decoder  # here, as `show` does not need it
 
     return Decoder(dialects.load_all(dialect), CATALOGUE)

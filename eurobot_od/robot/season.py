@@ -1,7 +1,7 @@
 """Questions to a season of the robot's logs: gotos, arrivals, stops.
 
-A log has what the nodes said, not where the robot was. So an arrival's error is the distance from
-the place that was asked for to the one that the drive believed in, and to the one that the beacons gave.
+A log has the nodes' messages, not the true places. So the error of an arrival is the distance from the goto's place to
+the drive's estimate, and to the beacons' measurement.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ FROM arrivals a JOIN runs r ON a.run = r.run GROUP BY log ORDER BY most_mm DESC,
 CODES = " ".join(f"WHEN {code} THEN '{words}'" for code, words in CATALOGUE.errors.items())
 
 APART = 1.0
-"""A stop is sent again until the robot stands, s; what comes later than that is another one."""
+"""Maximum time between two frames of one stop, in s, as a stop is repeated until the robot stands."""
 
 STOPS = f"""
 WITH codes AS (
@@ -83,4 +83,4 @@ REPORTS: Mapping[str, SeasonReport] = {
         "Stops and their reasons", STOPS, Chart(ChartKind.BARS, "", "stops", f"SELECT reason, stops FROM ({STOPS})")
     ),
 }
-"""Reports by name, beside those for any devices."""
+"""Reports by name, in addition to those for any devices."""

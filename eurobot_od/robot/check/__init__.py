@@ -1,9 +1,7 @@
-"""The check suites that come with the robot, and what its nodes need when they are checked in simulation.
+"""The robot's check suites in simulation: the world of its nodes, and a drill for the core.
 
-That is their world, and for the core something to do.
-
-The drill is what a core does when it is checked alone, with a tester in the place of the drive and the navigation. It
-is a fixed programme, and goes on whatever the others answer, as far as the protocol lets it: each step of a check gets
+The drill is what a core does when it is checked alone, while the tester plays drive and navigation. It is a fixed
+programme that goes on whatever the others answer, as far as the protocol allows, so that each step of a check has
 something to look at.
 """
 
@@ -28,26 +26,26 @@ from eurobot_od.robot.nodes.core.flows import NotStanding, Standstill
 from eurobot_od.robot.world.world import assemble
 
 BEFORE = 10.0
-"""Seconds from the start configuration to the first goto: time to look at the position polling."""
+"""Time from the start configuration to the first goto, in s; meanwhile the position polling is checked."""
 
 UNDER_WAY = 1.0
-"""Seconds that a goto lasts before something comes in between."""
+"""Time of a goto before it is stopped, in s."""
 
 MATCH = 1.0
-"""Seconds that a match lasts."""
+"""Duration of a match, in s."""
 
 BETWEEN = 1.5
-"""Seconds from one stop to the next goto: time to look whether anything is sent that should not be."""
+"""Time from a stop to the next goto, in s; meanwhile no frame may be sent."""
 
 ENEMY_DIAMETER = 30
-"""cm."""
+"""Diameter of enemy 1 in the start configuration, in cm."""
 
 UNDISTURBED = (
     GotoXY(1300, 1750, 90, 100, Barriers.of({2: Passage.FORCED})),
     GotoXY(700, 1150, 225, 60),
     GotoXY(1500, 900, 0, 80),
 )
-"""Gotos that the drive may bring to their end."""
+"""Gotos that the drive may complete."""
 
 STOPPED: tuple[tuple[GotoXY, Callable[[Core], Call[Standstill]]], ...] = (
     (GotoXY(1500, 1300, 90, 90), lambda core: core.emergency_stop(Obstacle.OBJECT)),
@@ -64,7 +62,7 @@ AFTER_THE_MATCH: tuple[tuple[GotoXY, Callable[[Core], Call[Standstill]]], ...] =
 async def drill(core: Core) -> None:
     """Do the startup (document 5.1), then all gotos one after the other, and one too many after the shutdown.
 
-    Ends early if a node does not answer during the startup: that blocks it. A stop is watched until the robot stands.
+    Ends early if a node does not answer during the startup. After a stop it waits until the robot stands.
     """
     with suppress(NoAnswer):
         await core.check_nodes()
@@ -73,14 +71,14 @@ async def drill(core: Core) -> None:
         for goto in UNDISTURBED:
             await _attempt(core, goto)
         await _stop_on_the_way(core, STOPPED)
-        # A match that ends on the way to a place; the next goto comes too late, and the match after it is open.
+        # The match ends during a goto, and the next goto comes too late. The following match has no end.
         core.start_match(MATCH)
         await _attempt(core, GotoXY(900, 600, 0, 60))
         await _attempt(core, GotoXY(1500, 900, 0, 80))
         await asyncio.sleep(BETWEEN)
         core.start_match()
         await _stop_on_the_way(core, AFTER_THE_MATCH)
-        await _attempt(core, UNDISTURBED[0])  # after the shutdown: it must not leave
+        await _attempt(core, UNDISTURBED[0])  # after the shutdown, so it must not be sent
 
 
 async def _stop_on_the_way(core: Core, ways: Sequence[tuple[GotoXY, Callable[[Core], Call[Standstill]]]]) -> None:
@@ -94,7 +92,7 @@ async def _stop_on_the_way(core: Core, ways: Sequence[tuple[GotoXY, Callable[[Co
 
 
 async def _attempt(core: Core, goto: GotoXY) -> None:
-    """Send a goto and wait for its end, also for one that is nobody's fault or not allowed."""
+    """Send a goto and wait for its end, even if it fails or is not allowed."""
     with suppress(NoAnswer, StateError):
         await core.goto(*goto)
 
@@ -102,23 +100,23 @@ async def _attempt(core: Core, goto: GotoXY) -> None:
 # The surroundings of nodes that are checked
 
 BELIEVED = "Node check.Nodes without SDO"
-"""The setting by which a core believes nodes that answer no SDO, as the tester, which plays drive and navigation."""
+"""Setting by which a core accepts nodes that answer no SDO, such as the tester."""
 
 
 def stored(dictionary: Dictionary) -> MemoryStore | None:
-    """Return what a node of the robot that is checked finds stored; None for nothing."""
+    """Return the stored values of a node that is checked; None if there are none."""
     if dictionary.name != "core":
         return None
     return MemoryStore({dictionary.address(BELIEVED): 1})
 
 
 ON_A_BENCH = MatchOptions(errors=NOISE_ONLY, falling=False, solid=False)
-"""Where nodes are checked: suites send the robot from place to place as if nothing stood there."""
+"""Options of a check: the robot drives everywhere as if there were no obstacles."""
 
 
 def partners(nodes: Sequence[Node], seed: int, clock: Callable[[], float]) -> Mapping[str, Program]:
-    """Put nodes that are checked into their world, and return what the core does there."""
-    # A core that is checked drives nothing, and would only be stopped by the robots that come along.
+    """Put nodes that are checked into their world, and return the core's program."""
+    # A core alone needs no world, and would only be stopped by the other robots.
     moving = [node for node in nodes if isinstance(node, Drive | Navigation)]
     if moving:
         assemble(moving, replace(ON_A_BENCH, seed=seed), clock)

@@ -1,4 +1,4 @@
-"""The rules of `diagnose` that only this robot has; that a goto needs a confirm its network file says (`answers`)."""
+"""This robot's rules of `diagnose`; its network file says that a goto needs a confirm (`answers`)."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from eurobot_od.traffic.diagnosis.incidents import IncidentRule, ObservedBus, Oc
 from eurobot_od.traffic.meaning import Meaning
 
 STANDS_WITHIN = 0.5
-"""Seconds that the drive may brake after a stop."""
+"""Maximum braking time of the drive after a stop, in s."""
 
 HEARS_WITHIN = 0.05
-"""Seconds after a stop in which the drive may still answer that the goto goes on."""
+"""For this long after a stop, in s, the drive may still report that the goto goes on."""
 
 STANDS = 20
-"""Millimetres by which two measured positions of a robot that stands may differ."""
+"""Maximum distance between two measured positions of a standing robot, in mm."""
 
 
 class EurobotRule(IncidentRule):
-    """The rules for the robot of 2014."""
+    """Rules for the robot of 2014."""
 
     STOP_NOT_OBEYED = RuleRow(
         Severity.ERROR,
@@ -47,7 +47,7 @@ class EurobotRule(IncidentRule):
 
 
 class EurobotWatcher(Watcher):
-    """Watches stops and the sources of positions."""
+    """Watches stops, and the sources of positions."""
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
@@ -61,7 +61,8 @@ class EurobotWatcher(Watcher):
 
     def _stopped(self, time: float, meaning: Meaning) -> None:
         if self._stop is None and meaning.message is not None:
-            self._stop, self._stands = (time, meaning.name, Occurrences.once(self.bus.at())), None
+            self._stop = (time, meaning.name, Occurrences.once(self.bus.at()))
+            self._stands = None
 
     def _sent_on(self, _: float, meaning: Meaning) -> None:
         if meaning.message is not None:
@@ -107,4 +108,4 @@ TAKES: Mapping[type[Message], Callable[[EurobotWatcher, float, Meaning], None]] 
     messages.GotoStateResponse: EurobotWatcher._goes_on,
     messages.PositionResponse: EurobotWatcher._position,
 }
-"""What takes the messages that are watched, by their classes."""
+"""Handlers of the watched messages, by class."""

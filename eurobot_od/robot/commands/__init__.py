@@ -1,4 +1,4 @@
-"""The robot's commands, and what several of them have: options for who plays, and the exit status of a match."""
+"""The robot's commands, with what they share: the options for the teams, and the exit status of a match."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WorldErrors: TypeAlias = Annotated[Sequence[tuple[str, str]], Option("--world"),
 
 @dataclass(frozen=True, kw_only=True)
 class Sides:
-    """Our colour, and who else is there.
+    """Our colour, and the other robots.
 
     team: our colour (default: red)
     enemies: how many enemies (default: 2)
@@ -36,6 +36,6 @@ def status_of(summary: Summary) -> ExitStatus:
     """Return the exit status of a match; print the end of the traceback if the strategy raised."""
     if summary.failure is None:
         return ExitStatus.FINE
-    sys.stdout.flush()  # the summary comes first: the traceback goes to the other stream
+    sys.stdout.flush()  # so that the summary comes before the traceback, which goes to the other stream
     print(summary.failure, file=sys.stderr)
     return ExitStatus.FOUND

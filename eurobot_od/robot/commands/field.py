@@ -1,4 +1,4 @@
-"""Draw the playing field to scale with what a log says about the match: path, gotos, stops, enemies, barriers."""
+"""`field` draws the playing field to scale with a match from a log: path, gotos, stops, enemies, barriers."""
 
 from __future__ import annotations
 
@@ -38,11 +38,12 @@ def field(
     $ field run.log -o field.svg
     $ field run.log -o field.html
     """
-    form(output)  # complains of a suffix before the logs are read
-    robot, damage = loading.find(robot_name), DamageCounts()
+    form(output)  # raises for an unknown suffix before the logs are read
+    robot = loading.find(robot_name)
+    damage = DamageCounts()
     with left_out() as refused:
         described = Decoder(robot.dialects.load_all(dialect), robot.catalogue(), refused)
-    # Most frames of a match recur: a request without data, a position that has not changed.
+    # Most frames of a match recur: requests without data, unchanged positions.
     decode = lru_cache(REMEMBERED)(described)
 
     def meanings() -> Iterator[tuple[float, Meaning]]:
@@ -62,7 +63,7 @@ def field(
 
 
 def _truth(logs: Sequence[str], start: float) -> Truth:
-    """Return what the world of a simulated match has left beside its log; of several logs nobody knows."""
+    """Return what the world of a simulated match has written beside its log; nothing for several logs."""
     try:
         return read_truth(Path(logs[0]), start) if len(logs) == 1 else NOTHING
     except EurobotError as error:

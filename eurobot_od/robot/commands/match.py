@@ -1,4 +1,4 @@
-"""Play a match of core, drive and navigation over a CAN bus, everything on it loaded from the EDS files."""
+"""`match` plays a match of core, drive and navigation over a CAN bus, everything loaded from the EDS files."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 
 
 def _seeds(text: str) -> range:
-    """Read the seeds of many matches; raises LocalError."""
+    """Parse the seeds of many matches; raises LocalError."""
     match = SEEDS.fullmatch(text)
     seeds = range(int(match[1] or 1), int(match[2]) + 1) if match else range(0)
     if not seeds:
@@ -49,7 +49,7 @@ def _seeds(text: str) -> range:
 
 
 def _match_time(text: str) -> float:
-    """Read a time in a match; raises LocalError."""
+    """Parse a time in a match; raises LocalError."""
     seconds = span(text)
     if not seconds:
         raise LocalError(f"a time of {text} is not above 0")
@@ -63,7 +63,7 @@ ERRORS = ", ".join(f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, 
 
 @dataclass(frozen=True, kw_only=True)
 class NodesAndWorld:
-    """What our nodes and the world are to be like.
+    """Settings and faults of our nodes, and errors of the world.
 
     fault: give a node a fault; `faults` lists them
     values: value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as
@@ -82,7 +82,7 @@ class NodesAndWorld:
 
 @dataclass(frozen=True, kw_only=True)
 class AskedMatch:
-    """A match, or many, as the command line asks for it.
+    """A match, or many, as the command line describes it.
 
     seed: seed of all chance: same seed, same frames (default: 1)
     seeds: play each seed, simulated, and compare
@@ -122,12 +122,12 @@ class AskedMatch:
 
     @property
     def robot(self) -> Plugin:
-        """Whose robot plays; raises as `loading.find`."""
+        """The robot that plays; raises as `loading.find`."""
         return loading.find(self.robot_name)
 
     @property
     def options(self) -> MatchOptions:
-        """The match of one seed; raises UnknownName, LocalError."""
+        """The options for one seed; raises UnknownName, LocalError."""
         return MatchOptions(
             **vars(self.sides),
             seed=1 if self.seed is None else self.seed,
@@ -145,13 +145,14 @@ class AskedMatch:
         """The files of the strategies; raises LocalError."""
         if self.against is not None and self.speed == "real":
             raise LocalError("--against is for simulated time, and does not go with --speed real")
-        ours, folder = self.strategy, self.robot.folder
+        ours = self.strategy
+        folder = self.robot.folder
         if ours is None and folder and (folder / "strategy.py").is_file():
-            ours = folder / "strategy.py"  # a team's own robot brings one; None is the shipped one
+            ours = folder / "strategy.py"  # that of a team's own robot; None is the shipped one
         return StrategyFiles(ours, self.against)
 
     def refuse(self, names: Iterable[str], why: str) -> None:
-        """Refuse options that are given, an option of the bus among them; raises LocalError."""
+        """Refuse options that are given, including those of the bus; raises LocalError."""
         usual = {"speed": "fast"}
         for name in names:
             value = getattr(self.bus if name in OF_A_BUS else self, name)
@@ -160,7 +161,7 @@ class AskedMatch:
 
 
 OF_A_BUS = ("interface", "channel", "bitrate")
-"""Options that mean nothing in simulated time."""
+"""Options without a meaning in simulated time."""
 
 
 def match(asked: AskedMatch) -> ExitStatus:
@@ -180,9 +181,9 @@ def match(asked: AskedMatch) -> ExitStatus:
 
 
 def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
-    """Play, print the timeline as it happens and the summary at the end; status 1 if the strategy raised."""
-    _refuse_what_does_not_go_with_one_match(asked)
-    # Loaded before the log is opened: a mistake in the strategy must not leave an empty log behind.
+    """Play, print the timeline as it happens and the summary at the end; return 1 if the strategy raised."""
+    _check_options(asked)
+    # Loaded before the log is opened, so that a mistake in the strategy leaves no empty log.
     players = asked.strategies.load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
@@ -190,11 +191,11 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
 
         def watch(time: float, frame: Frame) -> None:
             write_frame(time, frame)
-            if asked.field is not None or not frames:  # the first is where the truth begins
+            if asked.field is not None or not frames:  # the first frame is the start of the truth
                 frames.append((time, frame))
 
         show = events.append if asked.as_json else partial(_show, in_colour(sys.stdout))
-        # What a strategy prints is not to get into the JSON.
+        # A strategy's output must not get into the JSON.
         with redirect_stdout(sys.stderr) if asked.as_json else nullcontext():
             if asked.speed == "fast":
                 found, world = stage.play_simulated(options, show, watch, None, *players, complain)
@@ -211,13 +212,13 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
         else:
             print(f"\n{found}")
     if asked.log is not None and frames:
-        # After the log, which is whole only now.
+        # After the log, which is complete only now.
         _keep_truth(asked.log, world, frames[0][0])
     return status_of(found)
 
 
 def _keep_truth(log: Path, world: World, began: float) -> None:
-    """Write what only the world knows beside the log; without it the match is a match all the same."""
+    """Write what only the world knows beside the log; a failure does not spoil the match."""
     from eurobot_od.robot.scene.files import truth_of
     from eurobot_od.robot.scene.recording import write_truth
 
@@ -228,16 +229,17 @@ def _keep_truth(log: Path, world: World, began: float) -> None:
 
 
 def _bus(asked: AskedMatch) -> Callable[[], can.BusABC]:
-    """Return what opens the bus of a live match; complain of a bit rate that is too slow for the robot's messages."""
+    """Return a function that opens the bus of a live match; warn if its bit rate is too low for the robot's
+    messages."""
     slow = too_slow(asked.robot, asked.dialect, asked.bus.bitrate) if asked.bus.bitrate else ""
-    # Said and not refused: a team may have no faster bus, and most messages are in time on it.
+    # Not refused, as a team may have no faster bus, and most messages are in time.
     if slow:
         complain(slow)
     return partial(live.open_bus, asked.bus.interface, asked.bus.channel, asked.bus.bitrate)
 
 
 def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
-    """Say of a bit rate, bit/s, at which a stop or another message can be late that it is too slow; '' of others."""
+    """Return why a bit rate, in bit/s, is too low, as a stop or another message can be late; empty if it is not."""
     from eurobot_od.cli.load import of_robot
     from eurobot_od.traffic.load import load_report, summary
 
@@ -245,10 +247,10 @@ def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     return "" if found.holds else f"this bus is too slow: {summary(found)}; see `load -b {bit_rate}`"
 
 
-def _refuse_what_does_not_go_with_one_match(asked: AskedMatch) -> None:
-    """Raise LocalError, and OSError for a picture that could not be written: before the match, not after it."""
+def _check_options(asked: AskedMatch) -> None:
+    """Check the options of one match before it is played; raises LocalError, and OSError for a picture's file."""
     asked.campaign.refuse("--seeds")
-    # Refused rather than ignored: whoever names a bus expects the robot on it to move.
+    # Not ignored, as a user who names a bus expects the robot on it to move.
     if asked.speed == "fast":
         asked.refuse(OF_A_BUS, "goes with --speed real only: in simulated time there is no such bus")
     if asked.field is not None:
@@ -259,14 +261,14 @@ def _refuse_what_does_not_go_with_one_match(asked: AskedMatch) -> None:
 
 
 EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
-"""Terminal colours of timeline lines by their kind."""
+"""Terminal colours of the lines of a timeline, by the kind of event."""
 
 INDENT = len("    0.000 s  configure  ")
-"""Where an event's text begins in its line."""
+"""Column of an event's text in its line."""
 
 
 def _show(coloured: bool, event: MatchEvent) -> None:
-    """Print an event; a match that nobody reads any more is played to its end, for its log."""
+    """Print an event; if standard output is closed, the match goes on for its log."""
     colour = EVENT_COLOURS.get(event.kind.value) if coloured else None
     try:
         line = folded(str(event), sys.stdout, INDENT)
@@ -279,21 +281,22 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 
 
 def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitStatus:
-    """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
-    # one match starts without
+    """Play all seeds and print a summary; return 1 if something went wrong in a match."""
+    # here, as one match does not need it
     from eurobot_od.robot.match.seeds import SEED, PlayedMatch, play_many, report, settings
 
     asked.refuse(("speed", "seed", "field", *OF_A_BUS), "is for one match, and does not go with --seeds")
     log = None if asked.log is None else str(asked.log)
-    # Without it each match would overwrite the log of the one before.
+    # Otherwise each match would overwrite the log before.
     if log is not None and SEED not in log:
         raise LocalError(f"--log {log}: write {SEED} where each match's seed is to stand")
-    strategies, played = asked.strategies, []
+    strategies = asked.strategies
+    played = []
     results = asked.campaign.kept(PlayedMatch, lambda: settings(options, strategies))
     status = ExitStatus.INTERRUPTED
     with suppress(KeyboardInterrupt), asked.campaign.workers(len(seeds)) as workers:
         matches = play_many(options, seeds, workers, strategies, results, log)
-        hidden = asked.as_json and sys.stdout.isatty()  # its lines tell how far it is
+        hidden = asked.as_json and sys.stdout.isatty()  # the lines show the progress
         for match in counted(matches, len(seeds), "matches", workers, hidden):
             played.append(match)
             if asked.as_json:
@@ -308,7 +311,7 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
 
 
 def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
-    """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
+    """Play all seeds with each strategy and print them side by side; return 1 if something went wrong in a match."""
     from eurobot_od.robot.match.seeds import compared, farthest_apart, play_many
 
     asked.refuse(("speed", "seed", "strategy", "log", *OF_A_BUS), "does not go with --compare")
@@ -349,7 +352,7 @@ def _seen(options: MatchOptions, strategies: StrategyFiles) -> SeenMatch:
 
 
 def _draw_side_by_side(asked: AskedMatch, options: MatchOptions) -> None:
-    """Play a seed once more with each strategy, which gives the same frames, and write the page with all of them."""
+    """Play a seed again with each strategy, which gives the same frames, and write the page with all of them."""
     from eurobot_od.robot.scene.files import side_by_side
 
     assert asked.field is not None

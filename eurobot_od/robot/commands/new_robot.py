@@ -1,4 +1,4 @@
-"""Write a robot of your own that works at once: its table, EDS files, a node, a strategy and checks, to be changed."""
+"""`new-robot` writes a robot of your own that works at once: its table, EDS files, a node, a strategy and checks."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 
 FILES = Path(__file__).parents[1] / "new_robot"
-"""What a new robot is made of; each file has `.new` at the end of its name, as it is not a part of this package."""
+"""Folder of the templates of a new robot; the suffix `.new` keeps them from being part of this package."""
 
 SUFFIX = ".new"
 
 OF_PACKAGE = ("pyproject.toml",)
-"""Files of a package, which pip installs."""
+"""Files of a package for pip."""
 
 OF_ONE_LINE = {
     "__init__.py": '"""NAME, a robot for eurobot-od."""\n',
     "eurobot-od.yaml": "robot: PACKAGE  # an installed robot: commands here are about it, also beside others\n",
 }
-"""More files of a package."""
+"""Further files of a package."""
 
 OF_FOLDER = ("conftest.py",)
-"""Files of a folder, which `--robot` names."""
+"""Files of a folder for `--robot`."""
 
 AT_ROOT = {each: each for each in ("README.md", "pyproject.toml", "eurobot-od.yaml")}
 AT_ROOT["test_robot.py"] = "tests/test_robot.py"
-"""Files of a package that are not in the folder of its modules, and where they are."""
+"""Files of a package outside the folder of its modules, with their paths."""
 
 
 def new_robot(
@@ -59,7 +59,7 @@ def new_robot(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LocalError(f"{folder}: it is there, and not empty")
     called = name or folder.resolve().name
-    # It goes into YAML, Python and an EDS as it is: a quote would end a string there, and an EDS is ASCII.
+    # The name is inserted into YAML, Python and an EDS, which is ASCII, without escapes.
     if not (called.isprintable() and called.isascii()) or set(called) & set("\"'\\"):
         raise LocalError(f"--name {called}: printable ASCII characters without quotes and backslashes")
     module = _package(called) if package else ""
@@ -68,27 +68,27 @@ def new_robot(
         (folder / file).write_text(text, encoding="utf-8")
         print(folder / file)
     steps = [f"cd {folder}", *(["pip install -e ."] if package else [])]
-    # pip puts the program on the PATH; before, it may be nowhere but in this Python.
+    # Before pip installs the program, it may not be on the PATH.
     program = PROGRAM if package or shutil.which(PROGRAM) else shlex.join((sys.executable, "-m", "eurobot_od"))
     steps += [f"{program} match --field match.svg{'' if package else ' --robot .'}"]
     print("\ntry it:", *steps, sep="\n  ")
 
 
 def _package(name: str) -> str:
-    """Return what a robot's package is called; raises LocalError for a name that Python, or a module, has already."""
+    """Return the name of a robot's package; raises LocalError for a keyword or a module that exists."""
     package = re.sub(r"\W+", "_", name.lower()).strip("_")
     if not package.isidentifier() or iskeyword(package):
         raise LocalError(f"--name {name}: a package's name begins with a letter and is not a word of Python")
-    if (found := find_spec(package)) and found.origin:  # an empty folder has none
+    if (found := find_spec(package)) and found.origin:  # an empty folder has no origin
         raise LocalError(f"--name {name}: there is a module {package} already: {found.origin}")
     return package
 
 
 def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, str]]:
-    """Yield the files of a new robot, those that its table makes among them; `package` is `` for a folder.
+    """Yield the files of a new robot, including those made from its table; `package` is empty for a folder.
 
-    In them NAME is what the robot is called, FOLDER/ and TESTS/ where its files are, PACKAGE. what its modules are
-    imported from, and SETUP what is typed first.
+    In their texts NAME is the robot's name, FOLDER/ and TESTS/ the folders of its files, PACKAGE. the prefix of its
+    modules, and SETUP the first command to type.
     """
     from eurobot_od.od.make import read_table
     from eurobot_od.od.make.text import make_files

@@ -1,4 +1,4 @@
-"""What the command `node` does with a node of the robot: the options, its instruments, and what its core leads."""
+"""The command `node` for a node of the robot: its options, its instruments, and the core's part in a match."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
     from eurobot_od.robot.world.server import RemoteVehicle
 
 OF_THE_CORE = ("team", "drill", "strategy")
-"""Options that make sense for the core only."""
+"""Options for the core only."""
 
 SHIPPED = "shipped"
-"""What stands for the strategy that comes with the program, in place of a file."""
+"""Name of the shipped strategy, instead of a file."""
 
 PATIENCE = 5.0
-"""Seconds that a node waits for the world when it starts."""
+"""Maximum time that a node waits for the world at its start, in s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class NodeOptions:
-    """What a node of the robot is to do, and what it has besides the bus.
+    """What a node of the robot does, and its instruments.
 
     team: core only: check the nodes and configure the start
     drill: core only: do what the core does when it is checked
@@ -54,7 +54,7 @@ class NodeOptions:
     strategy: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None
 
     def check(self, role: str) -> None:
-        """Raise LocalError for options that do not fit a node, or each other."""
+        """Check that the options fit the node, and each other; raises LocalError."""
         spoken = f"the {role}" if role else "devices that do not belong to the robot"
         for option in OF_THE_CORE:
             if self._has(option) and role != "core":
@@ -68,11 +68,11 @@ class NodeOptions:
             raise LocalError("--strategy goes with --world only: a match is played in a world")
 
     def _has(self, option: str) -> bool:
-        """Return whether an option is given; the colour yellow is 0."""
+        """Return whether an option is given."""
         return getattr(self, option) is not None and getattr(self, option) is not False
 
     def values(self, kind: type[Node], dictionary: Dictionary, facts: Sequence[tuple[str, str]]) -> Mapping[str, Any]:
-        """Return the facts that a node goes by in place of the file's, and what is stored for a drill.
+        """Return the facts for a node that replace the file's, and the stored values for a drill.
 
         Raises LocalError.
         """
@@ -86,8 +86,9 @@ class NodeOptions:
         return {"facts": facts_for(dictionary.file, facts_given(facts)), **given}
 
     def set_up(self, node: Node, run: NodeRun) -> Scene:
-        """Give the node its instruments; raises WorldError, LocalError, OSError. On the bus: BusError, NoAnswer."""
-        played = _strategy(self.strategy) if self.strategy else None
+        """Give the node its instruments; raises WorldError, LocalError, OSError. The scene raises BusError,
+        NoAnswer."""
+        played = load_strategy(self.strategy) if self.strategy else None
         world = enter(node, self.world, run.duration) if self.world else None
 
         def play(live: Live) -> ExitStatus | None:
@@ -102,19 +103,20 @@ class NodeOptions:
         return play
 
 
-def _strategy(name: str) -> Strategy:
-    from eurobot_od.robot.match import referee, strategy  # a node outside of a match starts without
+def load_strategy(name: str) -> Strategy:
+    """Return the strategy of a file, or the shipped one; raises as `referee.load_strategy`."""
+    from eurobot_od.robot.match import referee, strategy  # here, as a node without a match does not need it
 
     return strategy.play if name == SHIPPED else referee.load_strategy(Path(name))
 
 
 def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[RemoteVehicle, MatchOptions]:
-    """Equip a node with instruments in a world."""
+    """Give a node its instruments in a world."""
     from eurobot_od.robot.world.server import RemoteVehicle
     from eurobot_od.robot.world.world import equip
 
     vehicle = RemoteVehicle(world, report=partial(print, flush=True))
-    # Nodes and world are started together, and the world need not be up first.
+    # The world may be started after the node.
     options = vehicle.hello(PATIENCE)
     equip([node], vehicle, options.errors, str(options.seed))
     return vehicle, replace(options, duration=duration)
@@ -123,14 +125,14 @@ def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[Remo
 def _play(
     live: Live, core: Core, vehicle: RemoteVehicle, options: MatchOptions, strategy: Strategy, run: NodeRun
 ) -> ExitStatus:
-    """Play the match; status 1 if the strategy raised."""
+    """Play the match; return 1 if the strategy raised."""
     from eurobot_od.bus.live import FrameReader
     from eurobot_od.pdo.protocol import Protocol
     from eurobot_od.robot.match.stage import play_led
     from eurobot_od.robot.match.summary import FrameCounter
 
     counter = FrameCounter(Protocol.of_devices(run.robot.dialects.load_all(run.dialect), run.robot.catalogue()))
-    # A second participant of the bus, as the core's own driver does not hear what it sends itself.
+    # A second participant on the bus, as the core's driver does not receive what it sends.
     watch = FrameReader(run.open_bus(), lambda _, frame: counter.count(frame), live.clock, opener=run.open_bus)
     with watch:
         summary = play_led(live, core, vehicle, options, strategy, counter, partial(print, flush=True))
@@ -139,14 +141,14 @@ def _play(
 
 
 def _lead(core: Core, options: NodeOptions, left: Callable[[], float]) -> None:
-    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer, StateError.
+    """Do the core's part of the startup (document 5.1) and its drill, as the options say; raises NoAnswer, StateError.
 
-    A match that the drive is in goes on: this core has begun again.
+    If the drive is in a match, that match goes on, as this core has been restarted.
 
-    The drill ends after the seconds that are `left`, and its goto with it.
+    The drill, with its goto, ends after the time that is `left`, in s.
     """
     memory = None
-    with suppress(NoAnswer):  # a drive that is not there yet remembers nothing
+    with suppress(NoAnswer):  # the drive may not be there yet
         memory = core.recall().result()
     if memory is not None and memory.time_left:
         place = core.recover().result()
@@ -162,5 +164,5 @@ def _lead(core: Core, options: NodeOptions, left: Callable[[], float]) -> None:
         from eurobot_od.robot.check import drill
 
         with suppress(TimeoutError):
-            # Cancelled and not left alone: the goto under way has to end as well, with the robot standing.
+            # Cancelled, so that the current goto ends, too, and the robot stands.
             asyncio.run(asyncio.wait_for(drill(core), left()))

@@ -1,4 +1,4 @@
-"""Run the world that the simulated nodes of other processes share: the truth that their wheels and beacons meet."""
+"""`world` runs the world that simulated nodes of other processes share."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from eurobot_od.robot.world.server import Channel, Server
 from eurobot_od.web.access import is_local
 
 HERE = WorldAddress.parse("127.0.0.1:2014")
-"""Where it listens by default: only this machine reaches it."""
+"""Default address, which only this machine can reach."""
 
 TOKEN_BYTES = 12
-"""Random bytes in a token: too many to be guessed over a network."""
+"""Number of random bytes of a token."""
 
 IN_WORDS = (
     "\n{seconds:.1f} s: {points} points; {touches} touches of our robot, in {at_fault} of them it drove into the "
     "other; {requests} requests, {refused} of them refused"
 )
-"""The summary, as a person reads it."""
+"""The summary as text."""
 
 
 def world(
@@ -72,10 +72,10 @@ def world(
         robot=robot_name,
     )
     begin = time.monotonic()
-    # Monotonic: a clock that is set while the match runs would move the robots.
+    # Monotonic, as setting a clock would move the robots.
     truth = World(options, lambda: time.monotonic() - begin)
     where = listen
-    # 127.0.0.1 is reached only by programs of this machine; any other address by the whole network.
+    # Any address but 127.0.0.1 can be reached from the network.
     if not where.token and not is_local(where.address.host):
         where = where._replace(token=secrets.token_hex(TOKEN_BYTES))
     channel = Channel(truth, options, where.token)
@@ -83,8 +83,8 @@ def world(
     def show(event: MatchEvent) -> None:
         print(json.dumps(event.as_data()) if as_json else event, flush=True)
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
-    with suppress(KeyboardInterrupt):  # not an error: a server ends in no other way
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # acts as Ctrl-C
+    with suppress(KeyboardInterrupt):  # the usual way to end it
         asyncio.run(Server(truth, channel, show).serve(where, inf if duration is None else duration))
     summary = _summary(truth, channel)
     print(json.dumps({"summary": summary}) if as_json else IN_WORDS.format(**summary))

@@ -1,7 +1,7 @@
 """The 23 messages of the document's Table 5.
 
-They have meaning only: millimetres, degrees, milliseconds, enums and None for "unknown". All numbers come from the EDS
-files: identifiers, bit positions, widths, ranges and codes. A unit stands here where the nodes reckon in it.
+Their fields have meaning: millimetres, degrees, milliseconds, enums and None for "unknown". All numbers come from the
+EDS files: COB-IDs, bit positions, widths, ranges and codes. A unit is named here if the nodes compute in it.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ if TYPE_CHECKING:
 
 
 class Angle(Kind):
-    """Degrees on the unit circle (document section 1): any whole angle from a caller, a full circle on the wire."""
+    """Degrees on the unit circle (document section 1): any whole angle from a caller, 0 to 359 in a frame."""
 
     modulus: int = 360
 
     @property
     def _circle(self) -> int:
-        """The steps of a full circle."""
+        """The number of steps of a full circle."""
         return round(self.modulus / self.scale.factor)
 
     def of(self, said: ObjectMeaning) -> Self:
@@ -68,7 +68,7 @@ class Angle(Kind):
         return (whole_number(value) if self.scale.is_raw else self._steps(value)) % self._circle
 
     def measured(self, limits: Limits) -> Limits:
-        # Ten bits can hold 1023: a received value that is not an angle is kept raw and flagged, not reduced modulo 360.
+        # Ten bits can hold 1023. A received value above 359 is flagged, not reduced modulo 360.
         return Limits(0, self._circle - 1)
 
     def allowed(self, limits: Limits) -> str:
@@ -76,7 +76,7 @@ class Angle(Kind):
 
 
 UNKNOWN: Mapping[str, None] = {"unknown": None}
-"""The code that a place has which nobody knows (document Table 2)."""
+"""The code of an unknown position (document Table 2)."""
 
 
 class Heading(Angle):
@@ -91,9 +91,9 @@ class Heading(Angle):
 
 
 class Coordinate(Kind):
-    """A coordinate, unknown only together with its partner and the heading (document Table 2).
+    """A coordinate, unknown only together with the other one and the heading (document Table 2).
 
-    The code alone is a real place; x, y and angle together with their codes mean "position unknown".
+    The code alone is a real coordinate; x, y and angle with their codes mean "position unknown".
     """
 
     def __init__(self, unit: str) -> None:
@@ -108,30 +108,30 @@ class Coordinate(Kind):
 
 
 TIMES: Mapping[str, Any] = {"arrived": 0, **UNKNOWN, **{words_of(fault): fault for fault in GotoFault}}
-"""What the codes of a goto's remaining time mean (document Table 1, 2014 robot)."""
+"""Meaning of the codes of a goto's remaining time (document Table 1, 2014 robot)."""
 
 
 def _shipped() -> Facts:
-    from eurobot_od.robot.model import robot_file  # YAML, which most commands start without
+    from eurobot_od.robot.model import robot_file  # here, as it imports YAML, which most commands do not need
 
     return robot_file.read()
 
 
 class BarrierFlags(Kind):
-    """Barrier flags: any 16 bits; a person writes `fire-1:forced,pool-2:normal`, `none` or a number.
+    """Barrier flags: any 16 bits, written as `fire-1:forced,pool-2:normal`, `none` or a number.
 
-    The barriers are those of the robot's file, read when their names are first needed; `facts` gives another robot's.
+    The barriers are those of the robot's file, read when their names are first needed; `facts` returns another robot's.
     """
 
     column_form = ColumnForm.BITS
 
     def __init__(self, facts: Callable[[], Facts] = _shipped) -> None:
         super().__init__()
-        self._asked = facts
+        self._read_facts = facts
 
     @cached_property
     def _facts(self) -> Facts:
-        return self._asked()
+        return self._read_facts()
 
     @property
     def keyed_form(self) -> KeyedForm:  # type: ignore[override]
@@ -174,7 +174,7 @@ class BarrierFlags(Kind):
 # The messages
 
 CATALOGUE = Catalogue({code.value: words_of(code) for code in (ErrorCode.VALUE_OUT_OF_RANGE, *RobotError)})
-"""The message types of this file by the names of their PDOs, and the words for the nodes' own error codes."""
+"""The message types of this module by the names of their PDOs, and the texts of the nodes' own error codes."""
 
 GTP, ELP, GIP = "GTP", "ELP", "GIP"
 """The document's three protocols: Goto, Estimated Location, General Information (Table 5)."""
@@ -187,7 +187,7 @@ MaybeSource: TypeAlias = Annotated["Source | OutOfRange", Choice(Source)]
 
 
 class PositionResponse(NamedTuple):
-    """What the answers to all requests for a position have (document Table 2); `source` is whose it is."""
+    """The fields of all position responses (document Table 2); `source` is the robot they are about."""
 
     x: MaybeMillimetres
     y: MaybeMillimetres
@@ -307,7 +307,7 @@ class ConfederatePositionResponse(PositionResponse):
 
 
 DIAMETERS: Mapping[Source, str] = {Source.ENEMY_1: "enemy_1_diameter", Source.ENEMY_2: "enemy_2_diameter"}
-"""The field of a start configuration with each robot's diameter."""
+"""The start configuration's field for each robot's diameter."""
 
 
 @CATALOGUE.message(GIP)
@@ -324,11 +324,11 @@ class StartConfigurationSet(NamedTuple):
         """Return whether a robot is in the match; ours always is."""
         if whom is Source.CONFEDERATE:
             return self.confederates >= 1
-        # The document gives the number of enemies, not which: a single one is enemy 1.
+        # The document only has the number of enemies; a single one is enemy 1.
         return self.enemies >= {Source.ENEMY_1: 1, Source.ENEMY_2: 2}.get(whom, 0)
 
     def contradiction(self) -> FieldError | None:
-        """Return the contradiction in it: a diameter for an enemy that is not there; None if there is none."""
+        """Return an error for the diameter of a missing enemy, None if there is none."""
         for whom, field in DIAMETERS.items():
             diameter = getattr(self, field)
             if diameter and not self.includes(whom):
@@ -365,7 +365,7 @@ StopMessage: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
 
 
 class Position(NamedTuple):
-    """How a position is asked for and told: the record in the object dictionary that has it, and whose it is."""
+    """How a position is requested: its record in the object dictionary, its messages, and the robot it is about."""
 
     record: str
     request: Message
@@ -383,6 +383,6 @@ POSITIONS = (
 """All positions, in the order in which the core asks for them."""
 
 SOURCES: Mapping[type[Message], Source] = {each.response: each.source for each in POSITIONS}
-"""Whose position each response has; one that names another source must not be believed."""
+"""The source of each response; a response with another source must be ignored."""
 
 __all__ = [each.__name__ for each in CATALOGUE.types]

@@ -18,45 +18,45 @@ from eurobot_od.support.connections import Address, parse
 
 @dataclass(frozen=True)
 class Errors:
-    """The errors of a simulated robot's instruments.
+    """Errors of a simulated robot's instruments.
 
-    Rates are shares 0..1 of all measurements. The noise of the beacons is not one of them: it is a setting of the
-    navigation (0x2101), as in the document's Table 2.
+    Rates are shares of all measurements, 0 to 1. The noise of the beacons is not here, but a setting of the navigation
+    (0x2101), as in the document's Table 2.
     """
 
     wheel_scale: float = 0.01
-    """Share by which the wheels' distance is off throughout a match, standard deviation."""
+    """Constant relative error of the wheels' distance in a match, standard deviation."""
     wheel_turn: float = 0.004
-    """Share by which the wheels' turning is off throughout a match, standard deviation."""
+    """Constant relative error of the wheels' turning in a match, standard deviation."""
     wheel_noise: float = 3.0
-    """Random error of the distance over one metre, standard deviation in mm; it grows with the root of the distance."""
+    """Random error of the distance over 1 m, standard deviation in mm; it grows with the root of the distance."""
     heading_noise: float = 0.3
-    """Random error of the heading over one metre or 90 degrees, standard deviation in degrees."""
+    """Random error of the heading over 1 m or 90 degrees, standard deviation in degrees."""
     wheel_slip: float = 0.05
-    """Share of the commanded distance that the encoders still count when something blocks the robot."""
+    """Share of the commanded distance that the encoders count while the robot is blocked."""
     beacon_latency: float = 0.02
-    """Age of a beacon position in seconds."""
+    """Age of a beacon position, in s."""
     beacon_dropouts: float = 0.02
-    """Rate of positions that the beacons do not see: "unknown" on the bus."""
+    """Rate of missing beacon positions, sent as "unknown"."""
     beacon_outliers: float = 0.01
-    """Rate of positions that are somewhere else on the field."""
+    """Rate of beacon positions somewhere else on the field."""
     beacon_swaps: float = 0.005
-    """Rate of positions that are those of another robot."""
+    """Rate of beacon positions of another robot."""
     sensor_range: float = 700.0
-    """Range of the distance sensor, mm from the robot's edge to the other's."""
+    """Range of the distance sensor, from edge to edge, in mm."""
     sensor_angle: float = 35.0
-    """How far to either side the distance sensor sees, degrees."""
+    """Angle of the distance sensor to either side, in degrees."""
     sensor_noise: float = 3.0
-    """Standard deviation of the measured distance, mm."""
+    """Standard deviation of the measured distance, in mm."""
     sensor_false: float = 0.0005
-    """Rate of measurements that see something where there is nothing."""
+    """Rate of measurements with an obstacle that does not exist."""
     sensor_missed: float = 0.02
-    """Rate of measurements that miss something."""
+    """Rate of measurements that miss an obstacle."""
 
     def changed_by(self, values: Iterable[tuple[str, str]]) -> Errors:
         """Return a copy with some errors changed, each given by name and value as text.
 
-        Raises UnknownName, LocalError for anything but a number from 0 up.
+        Raises UnknownName, and LocalError unless a value is a number of 0 or more.
         """
         changes: dict[str, float] = {}
         for name, text in values:
@@ -66,7 +66,7 @@ class Errors:
                 changes[name] = float(text)
             except ValueError:
                 changes[name] = -1.0
-            # Written so that "nan" fails as well: no comparison with it is true.
+            # Every comparison with "nan" is false, so this fails for it.
             if not 0.0 <= changes[name] < inf:
                 raise LocalError(f"{name}={text}: not a number from 0 on")
         return replace(self, **changes)
@@ -83,11 +83,11 @@ UNITS = {
 """Units of the errors; all others are shares or rates of 0..1."""
 
 NOISE_ONLY = Errors(beacon_latency=0.0, beacon_dropouts=0.0, beacon_outliers=0.0, beacon_swaps=0.0, sensor_false=0.0)
-"""A world whose beacons always answer and are merely noisy, as on a test bench."""
+"""A world whose beacons always answer and are only noisy, as on a test bench."""
 
 
 class WorldAddress(NamedTuple):
-    """Where a world listens, and the token that requests from other machines need; str() leaves the token out."""
+    """Address and token of a world; `str()` leaves out the token, which requests from other machines need."""
 
     address: Address
     token: str = ""
@@ -97,21 +97,21 @@ class WorldAddress(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> WorldAddress:
-        """Read [TOKEN@]HOST:PORT; raises LocalError."""
+        """Parse [TOKEN@]HOST:PORT; raises LocalError."""
         token, _, address = text.rpartition("@")
         return cls(parse(address), token)
 
 
 @dataclass(frozen=True)
 class MatchOptions:
-    """The options of a match: our colour, the other robots, the seed of all chance, and times in seconds.
+    """The options of a match; times are in s.
 
-    `emergency_at` is the match time at which the mushroom is hit, None for never. `duration` None takes the core's
-    setting. `errors` are those of the simulated instruments, `faults` the names of our nodes' faults. `settings` are
-    values, as a person writes them, that replace those of our nodes' EDS files and of the robot's file:
-    `("drive.Motion.Maximum speed", "600")`, `("body.radius", "250")`. With `falling`, once in a match a thing falls
-    over in front of our robot. If `solid` is False, robots drive through everything but the border and never stall, as
-    on a test bench. `robot` is the robot that plays, as `loading.find` takes it.
+    `seed` is that of all random numbers. `duration` None takes the core's setting. `emergency_at` is the match time at
+    which the mushroom is hit, None for never. `errors` are those of the simulated instruments, `faults` the names of
+    our nodes' faults. `settings` replace values of our nodes' EDS files and of the robot's file, as text:
+    `("drive.Motion.Maximum speed", "600")`, `("body.radius", "250")`. With `falling`, one thing per match falls over in
+    front of our robot. If `solid` is False, robots drive through everything but the border and never stall, as on a
+    test bench. `robot` is the robot that plays, as for `loading.find`.
     """
 
     team: TeamColour = TeamColour.RED
@@ -129,7 +129,7 @@ class MatchOptions:
     robot: str | None = None
 
     def facts(self) -> Facts:
-        """Return the facts of the robot and its match: from the file beside the EDS files, changed by the settings.
+        """Return the facts of the robot and its match, from the file beside the EDS files, changed by the settings.
 
         Raises UnknownName, FileError, LocalError.
         """
@@ -142,12 +142,12 @@ class MatchOptions:
 
 
 def facts_for(eds: Path, settings: Iterable[tuple[str, str]]) -> Facts:
-    """Return the facts beside EDS files, changed by the settings that are facts; raises as `robot_file.read`."""
+    """Return the facts beside EDS files, changed by those settings that are facts; raises as `robot_file.read`."""
     return robot_file.read(robot_file.file_for(eds), [each for each in settings if robot_file.is_fact(each[0])])
 
 
 def facts_given(settings: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
-    """Yield settings that must be facts; raises UnknownName for one that is not."""
+    """Yield settings that must be facts; raises UnknownName for any other."""
     for name, value in settings:
         if not robot_file.is_fact(name):
             raise UnknownName("fact", name.partition(".")[0], robot_file.SECTIONS)

@@ -1,4 +1,4 @@
-"""Places, headings and angles: plain geometry, in millimetres and degrees."""
+"""Geometry of places, headings and angles, in mm and degrees."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple, TypeAlias
 
 
 def normalise(angle: float) -> float:
-    """Bring any angle in degrees into [0, 360)."""
-    return angle % 360.0 % 360.0  # twice: a tiny negative angle gives 360.0 the first time
+    """Return an angle in degrees in [0, 360)."""
+    return angle % 360.0 % 360.0  # twice, as a tiny negative angle gives 360.0 the first time
 
 
 def turn(start: float, end: float) -> float:
@@ -18,7 +18,7 @@ def turn(start: float, end: float) -> float:
 
 
 Place: TypeAlias = tuple[float | None, float | None, float | None]
-"""A place in mm and degrees; None for anything unknown."""
+"""A place in mm and degrees; None for unknown values."""
 
 
 def is_near(here: Place, there: Place, distance: float, angle: float) -> bool:
@@ -26,7 +26,7 @@ def is_near(here: Place, there: Place, distance: float, angle: float) -> bool:
 
     An unknown place is near only to an unknown one; an unknown angle is near to any.
     """
-    # Two unknown places agree: a drive that says "unknown" twice has not moved, as far as anybody can tell.
+    # Two unknown places are equal: as far as known, the drive has not moved.
     if None in (*here[:2], *there[:2]):
         return here[:2] == there[:2]
     apart = math.hypot(*(a - b for a, b in zip(here[:2], there[:2]) if a is not None and b is not None))
@@ -35,7 +35,7 @@ def is_near(here: Place, there: Place, distance: float, angle: float) -> bool:
 
 
 class Point(NamedTuple):
-    """A place on the field, mm."""
+    """A place on the field, in mm."""
 
     x: float
     y: float
@@ -54,16 +54,18 @@ class Pose(NamedTuple):
         return Point(self.x, self.y)
 
     def distance(self, point: Point) -> float:
-        """Return the distance to `point`, mm."""
+        """Return the distance to a point, in mm."""
         return math.hypot(point.x - self.x, point.y - self.y)
 
     def bearing(self, point: Point) -> float:
-        """Return the direction of `point` from here, degrees in [0, 360); 0 for this very place."""
+        """Return the direction of a point, in degrees in [0, 360); 0 for this place."""
         return normalise(math.degrees(math.atan2(point.y - self.y, point.x - self.x)))
 
     def moved(self, distance: float, turn: float) -> Pose:
-        """Follow an arc of `distance` mm (negative: tail first) on which the heading changes by `turn` degrees."""
-        # Exact for an arc of any length: its chord is turned by half of the angle.
+        """Return the pose after an arc of `distance` mm (negative: backward), on which the heading changes by `turn`
+        degrees.
+        """
+        # Exact for any arc: the chord is turned by half of the angle.
         half = math.radians(turn) / 2
         chord = distance * (math.sin(half) / half if half else 1.0)
         direction = math.radians(self.angle) + half

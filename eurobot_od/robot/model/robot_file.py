@@ -1,6 +1,6 @@
-"""Reads `robot.yaml`: the facts of a robot and its match, with a place in the file for whatever is wrong.
+"""Reads `robot.yaml`, the facts of a robot and its match; problems have their place in the file.
 
-The shipped file says what each key is. It stands beside the EDS files of a robot, in their folder or the one above.
+The shipped file explains each key. A robot's file is in the folder of its EDS files or the one above.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from eurobot_od.support.yaml_places import STRING, Problems, ReadError, compose,
 from eurobot_od.support.yaml_shapes import Shape, shape_of
 
 SIDE, ANGLE = Within(0, 100_000, "mm"), Within(0, 359, "degrees")
-"""Places on a side of the largest field, and headings."""
+"""Ranges of coordinates on the field, and of headings."""
 
 OnField: TypeAlias = Annotated[Point, Listed(SIDE, SIDE)]
 Radius: TypeAlias = Annotated[float, Within(10, 1000, "mm")]
@@ -34,17 +34,17 @@ Radius: TypeAlias = Annotated[float, Within(10, 1000, "mm")]
 
 
 class Worth(Enum):
-    """What a task brings."""
+    """What a task is worth."""
 
     POINTS = "points"
     FRUIT = "fruit"
-    """Pieces of fruit, to be carried to the basket."""
+    """Pieces of fruit, to be brought to the basket."""
     HARVEST = "harvest"
-    """A point for each piece of fruit that the robot has with it."""
+    """One point per piece of fruit that the robot carries."""
 
 
 class Stand(NamedTuple):
-    """Where a robot stands and looks for a task: mm and degrees, whole numbers as in a goto."""
+    """The robot's place and heading for a task: mm and degrees, integers as in a goto."""
 
     x: int
     y: int
@@ -54,8 +54,8 @@ class Stand(NamedTuple):
 class Task(NamedTuple):
     """Something to do at a place.
 
-    It takes `seconds`. Each of `tries` succeeds with the probability `chance`, and then brings `points`. A task that is
-    `shared` can be done once, by whoever comes first; any other once by each robot.
+    It takes `seconds`. Each of `tries` succeeds with the probability `chance`, and then gives `points`. A `shared` task
+    can be done once by the first robot, any other once by each robot.
     """
 
     name: str
@@ -69,12 +69,12 @@ class Task(NamedTuple):
 
     @property
     def pose(self) -> Pose:
-        """The pose in which to do it."""
+        """The robot's pose for it."""
         return Pose(*self.at)
 
     @property
     def expected(self) -> float:
-        """What it brings on average: points, or fruit."""
+        """The expected result: points, or fruit."""
         return self.tries * self.chance * self.points
 
 
@@ -83,7 +83,7 @@ Corner: TypeAlias = Annotated[Point, Listed(FROM_MIDDLE, FROM_MIDDLE)]
 
 
 class Wheels(NamedTuple):
-    """The two driven wheels: the distance between them, and their diameter."""
+    """The two driven wheels: their distance, and their diameter."""
 
     track: Annotated[float, Within(1, 2000, "mm")]
     diameter: Annotated[float, Within(1, 1000, "mm")]
@@ -91,10 +91,9 @@ class Wheels(NamedTuple):
 
 @dataclass(frozen=True)
 class RobotShape:
-    """The shape of our robot: the `radius` of the circle around the middle between its wheels, mm.
+    """The shape of our robot: the `radius` of the circle around the middle between its wheels, in mm.
 
-    `outline` has the corners of its true shape within that circle, x ahead and y to the left; it is empty for a round
-    robot.
+    `outline` are the corners of its true shape in that circle, x forward and y to the left; empty for a round robot.
     """
 
     radius: float
@@ -102,11 +101,11 @@ class RobotShape:
     wheels: Wheels | None = None
 
     def corners(self, pose: Pose) -> list[Point]:
-        """Return the corners of the outline for the robot's pose."""
+        """Return the corners of the outline at a pose."""
         return _placed(pose, self.outline)
 
     def tracks(self, pose: Pose) -> list[tuple[Point, Point]]:
-        """Return back and front of each wheel for the robot's pose."""
+        """Return back and front of each wheel at a pose."""
         if self.wheels is None:
             return []
         side, half = self.wheels.track / 2, self.wheels.diameter / 2
@@ -125,7 +124,7 @@ def _placed(pose: Pose, points: Iterable[Point]) -> list[Point]:
 
 
 class Zone(NamedTuple):
-    """A rectangle on the field by its edges, mm."""
+    """A rectangle on the field by its edges, in mm."""
 
     left: float
     lower: float
@@ -134,14 +133,14 @@ class Zone(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Where a team starts: its zone, and the robot's place in it."""
+    """A team's start: its zone, and the robot's pose."""
 
     zone: Annotated[Zone, Listed(SIDE, SIDE, SIDE, SIDE)]
     pose: Annotated[Pose, Listed(SIDE, SIDE, ANGLE)]
 
 
 class Trees(NamedTuple):
-    """Trees at the border: the radius of their trunks and their places."""
+    """Trees at the border: the radius of the trunks, and their places."""
 
     radius: Annotated[float, Within(1, 1000, "mm")]
     places: tuple[OnField, ...]
@@ -152,7 +151,7 @@ NO_TREES = Trees(0, ())
 
 @dataclass(frozen=True)
 class Field:
-    """The playing field: its size along x and y, how thick its border is drawn, the teams' starts, trees."""
+    """The playing field: its size in x and y, the width of its border in drawings, the teams' starts, trees."""
 
     width: float
     height: float
@@ -165,7 +164,7 @@ class Field:
         return edge <= point.x <= self.width - edge and edge <= point.y <= self.height - edge
 
     def seen_by(self, team: TeamColour, point: Point) -> Point:
-        """Return a team's view of a place of the red team: yellow plays the mirror image."""
+        """Return a team's place for a place of the red team: yellow plays the mirror image."""
         return point if team is TeamColour.RED else Point(self.width - point.x, point.y)
 
 
@@ -181,11 +180,11 @@ class BarrierShape(Enum):
 
 
 AROUND = {BarrierShape.DISC: 2, BarrierShape.TRIANGLE: math.sqrt(3), BarrierShape.SQUARE: math.sqrt(2)}
-"""The size of a shape, its diameter or side, as a multiple of the radius of the circle around it."""
+"""Diameter or side of a shape, as a multiple of the radius of the circle around it."""
 
 
 class BarrierKind(NamedTuple):
-    """A kind of barrier: its shape and size (diameter or side), and whether a robot pushes it along."""
+    """A kind of barrier: its shape and size (diameter or side), and whether robots can push it."""
 
     name: str
     shape: BarrierShape
@@ -194,7 +193,7 @@ class BarrierKind(NamedTuple):
 
     @property
     def radius(self) -> float:
-        """Radius of the circle around it, mm."""
+        """Radius of the circle around it, in mm."""
         return self.size / AROUND[self.shape]
 
 
@@ -216,24 +215,24 @@ class Barrier(NamedTuple):
 # All facts
 
 
-def _leads_somewhere(rounds: tuple[Point, ...]) -> tuple[Point, ...]:
+def _two_or_more(rounds: tuple[Point, ...]) -> tuple[Point, ...]:
     if len(rounds) < 2:
         raise LocalError("rounds has less than 2 places")
     return rounds
 
 
 class OtherRobot(NamedTuple):
-    """Another robot of a simulated match: its radius, and the way points of its rounds when our team is red."""
+    """Another robot of a simulated match: its radius, and the way points of its rounds if our team is red."""
 
     radius: Radius
-    rounds: Annotated[tuple[OnField, ...], _leads_somewhere]
+    rounds: Annotated[tuple[OnField, ...], _two_or_more]
 
 
 @dataclass(frozen=True)
 class Facts:
-    """Everything in a robot's file; `barriers` are in the order of their numbers, `duration` is in seconds.
+    """Everything in a robot's file; `barriers` are sorted by number, `duration` is in s.
 
-    `red_tasks` are the tasks of the red team by name, `others` the other robots, by whom our navigation takes them for.
+    `red_tasks` are the tasks of the red team by name, `others` the other robots by source.
     """
 
     body: RobotShape
@@ -244,26 +243,26 @@ class Facts:
     duration: int
 
     def start(self, team: TeamColour) -> Pose:
-        """Return where a team's robot starts."""
+        """Return the start pose of a team's robot."""
         return self.field.starts[team].pose
 
     def barrier(self, name: str) -> Barrier:
-        """Return a barrier by its name as people write it: `fire 2`, `fire-2`, `Pool_1`; raises UnknownName."""
+        """Return a barrier by its name, in forms such as `fire 2`, `fire-2`, `Pool_1`; raises UnknownName."""
         names = {each.name: each for each in self.barriers}
-        # On a command line a name with a space needs quotes, so `fire-2` is accepted.
+        # `fire-2` needs no quotes on a command line.
         plain = name.strip().lower().replace("-", " ").replace("_", " ")
         if plain not in names:
             raise UnknownName("barrier", name, names)
         return names[plain]
 
     def flagged(self, flags: Barriers) -> Iterator[tuple[Barrier, Passage]]:
-        """Yield each barrier for which a goto's flags are set, and its passage."""
+        """Yield each barrier with flags in a goto, and its passage."""
         for barrier in self.barriers:
             if passage := flags.passage(barrier.number):
                 yield barrier, passage
 
     def words(self, flags: Barriers) -> str:
-        """Describe a goto's flags by the names of the barriers: `fire 2:forced, pool 1:normal`, or `none`."""
+        """Return a goto's flags as text: `fire 2:forced, pool 1:normal`, or `none`."""
         texts = (f"{barrier.name}:{passage.name.lower()}" for barrier, passage in self.flagged(flags))
         return ", ".join(texts) or "none"
 
@@ -274,7 +273,7 @@ class Facts:
         tasks = {}
         for task in self.red_tasks.values():
             at = Stand(int(self.field.width) - task.at.x, task.at.y, int(normalise(180 - task.at.angle)))
-            # The mirrored place keeps its own name: yellow's `fire 1` is where red's is.
+            # A task keeps the name of its place: yellow's `fire 1` is where red's is.
             there = (each.name for each in self.red_tasks.values() if each.at[:2] == at[:2])
             name = next(there, task.name)
             tasks[name] = task._replace(name=name, at=at)
@@ -284,40 +283,42 @@ class Facts:
 NAME = "robot.yaml"
 
 SECTIONS = ("body", "match", "field", "barriers", "tasks", "robots")
-"""The first words of what can be changed by its name, such as `body.radius`."""
+"""First parts of the names of facts, such as in `body.radius`."""
 
 Changes = tuple[tuple[str, str], ...]
-"""Facts in place of the file's, by their names in it: `("body.radius", "250")`."""
+"""Changed facts by name: `("body.radius", "250")`."""
 
 
 def is_fact(name: str) -> bool:
-    """Return whether a name is one of a fact, such as `body.radius`, and not of a node's setting."""
+    """Return whether a name is that of a fact, such as `body.radius`, not of a node's setting."""
     return name.partition(".")[0] in SECTIONS
 
 
 def names() -> list[str]:
-    """Return the names of the facts that the shipped file has: `body.radius` and so on."""
+    """Return the names of the facts in the shipped file: `body.radius` and so on."""
     source = read_whole(dialects.eds_folder() / NAME).decode()
     return [*_names_in(compose(source, []))]
 
 
 def _names_in(node: yaml.Node, before: str = "") -> Iterator[str]:
-    for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+    if not isinstance(node, yaml.MappingNode):
+        return
+    for key, value in node.value:
         yield f"{before}{key.value}"
         yield from _names_in(value, f"{before}{key.value}.")
 
 
 def file_for(eds: str | Path) -> Path:
-    """Return the robot's file beside an EDS file or a folder of them; the shipped one, if there is none."""
+    """Return the robot's file beside an EDS file or a folder of them; the shipped one if there is none."""
     folder = Path(eds) if Path(eds).is_dir() else Path(eds).parent
     beside = (each / NAME for each in (folder, folder.parent))
     return next((each for each in beside if each.is_file()), dialects.eds_folder() / NAME)
 
 
 def read(file: str | Path | None = None, changes: Iterable[tuple[str, str]] = ()) -> Facts:
-    """Return the facts of a file, of the shipped one without, with some of them changed.
+    """Return the facts of a file, by default of the shipped one, with some changes.
 
-    Raises YamlError for what is wrong in the file, LocalError for a change, FileError.
+    Raises YamlError for problems in the file, LocalError for those of a change, FileError.
     """
     path = dialects.eds_folder() / NAME if file is None else Path(file)
     return parse(read_whole(path).decode("utf-8", "replace"), str(path), tuple(changes))
@@ -325,19 +326,19 @@ def read(file: str | Path | None = None, changes: Iterable[tuple[str, str]] = ()
 
 @lru_cache(16)
 def parse(source: str, file: str, changes: Changes = ()) -> Facts:
-    """Return the facts that a text says, changed; raises as `read`."""
+    """Return the facts of a text, with changes; raises as `read`."""
     with telling(file) as problems:
         root = compose(source, problems)
         refuse_aliases(root, problems)
         facts = _shape().read(root, problems)
     for name, value in changes:
-        # One at a time, reading everything anew: a change that contradicts the file is refused by its own name.
+        # One at a time, so that an error names the change that contradicts the file.
         facts = _changed(root, name, value)
     return facts
 
 
 def _changed(root: yaml.Node, name: str, value: str) -> Facts:
-    """Put a value in place of the one with this name, and read all anew."""
+    """Replace the value with this name, and read everything again."""
     problems: Problems = []
     try:
         *path, key = name.split(".")
@@ -347,7 +348,8 @@ def _changed(root: yaml.Node, name: str, value: str) -> Facts:
             if each not in within:
                 refuse(node, problems, str(UnknownName("key", each, within)))
             node = within[each][1]
-        entries, given = _entries(node, problems), compose(value, problems)
+        entries = _entries(node, problems)
+        given = compose(value, problems)
         entries[key] = yaml.ScalarNode(STRING, key, given.start_mark, given.end_mark), given
         node.value = [*entries.values()]
         return _shape().read(root, problems)
@@ -361,11 +363,11 @@ def _entries(node: yaml.Node, problems: Problems) -> dict[str, tuple[yaml.Node, 
     return {key.value: (key, value) for key, value in node.value}
 
 
-# The file's parts, where they are not those of the facts
+# Parts of the file that differ from the facts
 
 
 class _Match(NamedTuple):
-    duration: Annotated[int, Within(1, 0xFFFF, "s")]  # what the object 0x2105 holds
+    duration: Annotated[int, Within(1, 0xFFFF, "s")]  # the range of object 0x2105
 
 
 def _body(radius: Radius | None = None, outline: tuple[Corner, ...] = (), wheels: Wheels | None = None) -> RobotShape:
@@ -376,7 +378,7 @@ def _body(radius: Radius | None = None, outline: tuple[Corner, ...] = (), wheels
         raise LocalError(f"outline has {len(outline)} corners; allowed: 3 or more")
     if radius is not None and around > radius:
         raise LocalError(f"radius = {radius:g} mm is less than that of a corner of the outline, {around:.1f} mm")
-    # Rounded up: a circle smaller than the outline by a fraction of a millimetre would cut off a corner.
+    # Rounded up, so that the circle includes the corners.
     return RobotShape(math.ceil(around) if radius is None else radius, outline, wheels)
 
 
@@ -407,7 +409,8 @@ class _Standing(NamedTuple):
 def _barriers(
     kinds: Annotated[Sequence[BarrierKind], ByName()], places: Mapping[str, _Standing]
 ) -> tuple[Barrier, ...]:
-    known, found = {each.name: each for each in kinds}, dict[int, Barrier]()
+    known = {each.name: each for each in kinds}
+    found = dict[int, Barrier]()
     for name, each in places.items():
         if each.kind not in known:
             raise LocalError(f"{name}: {UnknownName('kind', each.kind, known)}")
@@ -436,4 +439,4 @@ def _facts(
 
 @cache
 def _shape() -> Shape[Facts]:
-    return shape_of(_facts)  # takes longer than the rest of this file: not before a robot.yaml is read
+    return shape_of(_facts)  # cached and late, as it takes longer than the rest of this module

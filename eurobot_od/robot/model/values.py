@@ -1,6 +1,6 @@
-"""The values in messages: colours, obstacles, sources, barriers, faults; and how a goto ends.
+"""The values in messages: colours, obstacles, sources, barriers, faults; and outcomes of a goto.
 
-All are immutable, with the names that people use. Their numbers are codes of the protocol table, by the same names.
+All are immutable. Their numbers are codes of the protocol table, under the same names.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from enum import Enum, IntEnum
 from typing import NamedTuple
 
 OURS = "ours"
-"""Our robot, among those on a field."""
+"""Name of our robot among those on the field."""
 
 
 class TeamColour(Enum):
@@ -26,14 +26,14 @@ class TeamColour(Enum):
 
 
 class Obstacle(Enum):
-    """What an Emergency Stop was sent for (document Table 1, Extended Stop)."""
+    """The reason of an Emergency Stop (document Table 1, Extended Stop)."""
 
     OBJECT = "object"
     ENEMY = "enemy"
 
 
 class Source(Enum):
-    """Where a position comes from (document Table 2; the 2014 robot has these, the others are reserved)."""
+    """The source of a position (document Table 2; the codes of the 2014 robot, others are reserved)."""
 
     INTERNAL = "internal"
     CONFEDERATE = "confederate"
@@ -42,14 +42,14 @@ class Source(Enum):
 
 
 class Direction(Enum):
-    """How to drive to the place of a goto: nose or tail first (2014 robot; forward where it is not mapped)."""
+    """How to drive to the place of a goto: forward or backward (2014 robot; forward where it is not mapped)."""
 
     FORWARD = "forward"
     BACKWARD = "backward"
 
 
 class Route(Enum):
-    """Whether the drive plans a route round barriers (2014 robot; planned where it is not mapped, as in 2.1)."""
+    """Whether the drive plans a route around barriers (2014 robot; planned where it is not mapped, as in 2.1)."""
 
     DIRECT = "direct"
     PLANNED = "planned"
@@ -75,11 +75,11 @@ class Outcome(Enum):
 
 
 FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
-"""How a goto ended that has a fault in place of its remaining time."""
+"""The outcome of a goto with a fault instead of its remaining time."""
 
 
 class Caption(NamedTuple):
-    """What a robot's strategy said, and when, in s."""
+    """A text of a robot's strategy, with its time in s."""
 
     time: float
     robot: str
@@ -87,7 +87,7 @@ class Caption(NamedTuple):
 
 
 class Score(NamedTuple):
-    """Points made with a task: when, in s, by whom, which task, how many."""
+    """Points from a task: the time in s, the robot, the task, the points."""
 
     time: float
     robot: str
@@ -107,7 +107,7 @@ class RobotError(IntEnum):
 
 
 class Passage(IntEnum):
-    """How a barrier is to be treated (document Table 1); on the wire 3 means forced as well."""
+    """How to treat a barrier (document Table 1); in a frame, 3 means forced as well."""
 
     FREE = 0
     NORMAL = 1
@@ -115,27 +115,27 @@ class Passage(IntEnum):
 
 
 PASSAGE_OF_FLAGS = (Passage.FREE, Passage.NORMAL, Passage.FORCED, Passage.FORCED)
-"""What a barrier's two flags mean; `10` and `11` are both forced (document Table 1)."""
+"""Meaning of a barrier's two flags; `10` and `11` are both forced (document Table 1)."""
 
 
 FLAGGED = 8
-"""The number of barriers that have flags in a goto."""
+"""Number of barriers with flags in a goto."""
 
 
 class Barriers(int):
     """The barrier flags of a goto: two bits each for barriers 1 to 8 (document Table 1, Figure 2).
 
-    It is an integer of 16 bits, so that a received `11` stays what it was; `passage` gives the meaning. Which barrier
-    has which number, and what it is called, is a fact of the field (see `robot_file.Facts`).
+    They are an integer of 16 bits, so that a received `11` does not change; `passage` returns the meaning. Numbers and
+    names of barriers are facts of the field (see `robot_file.Facts`).
     """
 
     @classmethod
     def of(cls, passages: Mapping[int, Passage]) -> Barriers:
-        """Build the flags from barrier numbers 1..8 and their passages."""
+        """Return the flags for barrier numbers 1 to 8 and their passages."""
         return cls(sum(passage << 2 * (number - 1) for number, passage in passages.items()))
 
     def passage(self, number: int) -> Passage:
-        """Return how barrier `number` (1..8) is to be treated."""
+        """Return how to treat barrier `number` (1 to 8)."""
         return PASSAGE_OF_FLAGS[self >> 2 * (number - 1) & 3]
 
     def set_barriers(self) -> Iterator[tuple[int, Passage]]:

@@ -1,8 +1,8 @@
-"""The drive node: it moves the robot, one goto at a time of which the newest wins, and estimates where the robot is.
+"""The drive node: it moves the robot, one goto at a time of which the newest wins, and estimates the robot's pose.
 
-Rule of this file: the wheels move only while there is a motion, and a stop replaces any motion. One timer, `_control`,
-steps the motion; it is set while there is something to do, so at rest the node sleeps. A message never commands the
-wheels: it exchanges the motion, and the next control step follows the new one.
+The wheels move only during a motion, and a stop replaces any motion. One timer, `_control`, steps the motion; it is set
+only while there is something to do. A message does not command the wheels directly: it replaces the motion, which the
+next control step follows.
 """
 
 from __future__ import annotations
@@ -65,24 +65,24 @@ from eurobot_od.robot.nodes.node import (
 )
 
 LATE = 0.1
-"""How late a control step may be, in seconds, and still be made up for: as long as a busy computer may take."""
+"""Maximum delay of a control step that is caught up, in s; a busy computer may take this long."""
 
 UNSURER = 10.0
-"""The route is planned again when the spread of the place has grown by this much, mm: pauses of the navigation add
-less."""
+"""Growth of the place's spread, in mm, after which the route is planned again; pauses of the navigation add less."""
 
 HELD = 0.1
-"""Seconds after which wheels that fall short are held by something, and not just speeding up."""
+"""Time after which wheels that fall short are hindered, not just accelerating, in s."""
 
 PUSHED_AWAY = 2.0
-"""The remaining time rises by more than this, in seconds, or not at all: repeating the last millimetres takes less."""
+"""The reported remaining time rises by more than this, in s, or not at all; repeating the last millimetres takes less.
+"""
 
 
 class Drive(FollowingNode):
     """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
 
-    `goto` is the goto that it carries out or has carried out, None after a stop. `stopped_by` is the last stop, with
-    the obstacle as its reason. `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
+    `goto` is the current or last goto, None after a stop. `stopped_by` is the last stop, with the obstacle as its
+    reason. `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
 
     limits = together(
@@ -138,7 +138,7 @@ class Drive(FollowingNode):
         self.goto: messages.GotoXY | None = None
         self.fault: GotoFault | None = None
         self.stopped_by: messages.StopMessage | None = None
-        # Seconds for which the wheels have not followed, and have fallen short; the spread when the route was planned.
+        # Time in s for which the wheels were blocked, and for which they were hindered; spread at the last planning.
         self._stuck = self._held = self._planned = 0.0
         self._told = math.inf
         self._motion: Motion | Braking | None = None
@@ -147,7 +147,7 @@ class Drive(FollowingNode):
         self._has_driven = False
 
     def _application(self, dictionary: Dictionary) -> Application:
-        """Return what the application gives the objects: the core starts the match clock by a write."""
+        """Return the application's part of the objects; the core starts the match clock by a write."""
         told = {dictionary.address(TIME_LEFT): self._start_clock}
         return super()._application(dictionary)._replace(told=told)
 
@@ -164,29 +164,32 @@ class Drive(FollowingNode):
 
     @property
     def obstacle(self) -> Obstacle | OutOfRange | None:
-        """The obstacle that the last Emergency Stop was sent for; None if the last stop was another one."""
+        """The obstacle of the last Emergency Stop; None if the last stop was another one."""
         return self.stopped_by.obstacle if isinstance(self.stopped_by, messages.EmergencyStop) else None
 
     @property
     def moving(self) -> bool:
-        """Whether the wheels are told to move."""
+        """Whether the wheels are commanded to move."""
         return self._control is not None
 
     # Goto
 
     def _accept(self, goto: messages.GotoXY) -> Message:
-        """Take over a goto and drop the one before (document 2.1). Raises Refused in the safe state."""
+        """Accept a goto and drop the previous one (document 2.1). Raises Refused in the safe state."""
         if self.safe:
             raise Refused(Cause.STATE, "the safe state is held until a new start configuration")
-        self.goto, self.stopped_by, self._has_driven = goto, None, True
+        self.goto = goto
+        self.stopped_by = None
+        self._has_driven = True
         self._forget_obstruction()
         self._set_out(goto)
         return messages.GotoConfirm()
 
     def _set_out(self, goto: messages.GotoXY) -> None:
-        """Plan the route of a goto and set out on it; the wheels may already be rolling."""
-        self._planned, self._told = self.estimate.spread, math.inf
-        way = self._way(goto) if goto.speed else None  # at no speed, no place is ever reached
+        """Plan the route of a goto and start it; the wheels may already be rolling."""
+        self._planned = self.estimate.spread
+        self._told = math.inf
+        way = self._way(goto) if goto.speed else None  # at speed 0 no place is reached
         self.fault = None if way else GotoFault.NOT_POSSIBLE
         if way is None:
             self._brake()
@@ -195,24 +198,24 @@ class Drive(FollowingNode):
             self._move(Motion(self.limits, way, goto.angle, goto.speed, backward, self._rolling))
 
     def _way(self, goto: messages.GotoXY) -> tuple[Point, ...] | None:
-        """Return the way points of a goto; None if the place cannot be reached or our own place is unknown."""
+        """Return the way points of a goto; None if the place is unreachable or our own place is unknown."""
         if self.estimate.pose is None or self._is_unsure():
             return None
-        # A rolling robot brakes first: the route begins where it comes to a stand.
-        start, goal = self.limits.standing(self.estimate.pose, self._rolling).point, Point(goto.x, goto.y)
+        # A rolling robot brakes first, so the route begins where it comes to rest.
+        start = self.limits.standing(self.estimate.pose, self._rolling).point
+        goal = Point(goto.x, goto.y)
         if goto.route is Route.PLANNED:
             return find_route(start, goal, goto.barriers, self._clearances())
-        # Without a route the robot drives straight: normal barriers are then only a wish, but forced ones still stop
-        # it.
+        # Without planning, the robot drives straight through normal barriers; forced ones still stop it.
         forced = {n: passage for n, passage in goto.barriers.set_barriers() if passage is Passage.FORCED}
         direct = find_route(start, goal, Barriers.of(forced), self._clearances())
-        # Any other answer is a detour, which was not asked for.
+        # Any other answer is a detour, which the goto excludes.
         return direct if direct == (goal,) else None
 
     def _clearances(self) -> Clearances:
-        """Return how far to stay away: our own radius, plus what place and motion may be off."""
+        """Return the minimum distances: our radius, plus possible errors of place and motion."""
         deviations = self.estimate.deviations
-        # In the direction in which the place is known worst; the setting is in tenths of a deviation.
+        # The largest deviation of the place; the setting is in tenths of it.
         unsure = deviations.worst * self.position_margin / 10 if deviations else 0.0
         margin = self.safety_margin + self.limits.deviation + unsure
         return Clearances.of(self.facts, self.robot_radius, margin)
@@ -228,14 +231,14 @@ class Drive(FollowingNode):
         seconds = self._motion.remaining(self.estimate.pose)
         if not math.isfinite(seconds):
             return None
-        # A small correction must not make the time rise; a robot that was pushed away does need much longer.
+        # A small correction must not raise the time; a robot that was pushed away needs much longer.
         self._told = seconds if seconds > self._told + PUSHED_AWAY else min(seconds, self._told)
-        # Never 0, which means arrived, and below the code for unknown.
+        # Not 0, which means arrived, and below the codes.
         return min(max(round(self._told * 1000), 1), self._longest_time)
 
     @cached_property
     def _longest_time(self) -> int:
-        """The longest remaining time that is not a code, ms."""
+        """The longest remaining time that is not a code, in ms."""
         dictionary = self.device.dictionary
         said = dictionary.meanings.get(dictionary.address("Goto state.Time"), NO_MEANING)
         return said.plain.high if said.plain else 0
@@ -246,27 +249,27 @@ class Drive(FollowingNode):
     # Stops
 
     def _stop(self, stop: messages.StopMessage) -> None:
-        """Brake and forget the goto; an Emergency Stop's reason is kept (document 2.1).
+        """Brake and forget the goto; keep the reason of an Emergency Stop (document 2.1).
 
-        If the drive is stopped already, a plain stop does not change the reason.
+        If the drive is already stopped, a plain stop does not change the reason.
         """
-        # The core repeats a stop together with a Stop Drive, which must not erase the reason of an Emergency Stop.
+        # The core repeats a stop with a Stop Drive, which must not replace the reason of an Emergency Stop.
         again = self.goto is None and self.stopped_by is not None and isinstance(stop, messages.StopDrive)
         self.goto, self.fault, self.stopped_by = None, None, self.stopped_by if again else stop
         self._forget_obstruction()
         self._brake()
 
     def shut_down(self, shutdown: messages.EmergencyShutdown) -> None:
-        """Stop and hold the safe state (document 4.2.2 Emergency mushroom)."""
+        """Stop and enter the safe state (document 4.2.2 Emergency mushroom)."""
         self._stop(shutdown)
         super().shut_down(shutdown)
 
     def halted(self) -> None:
-        """Brake when a master takes the node out of OPERATIONAL: nobody can ask for its state any more."""
+        """Brake when a master takes the node out of OPERATIONAL, where its state cannot be requested."""
         self._stop(messages.StopDrive())
 
     def heartbeat_lost(self, node_id: int) -> None:
-        """Brake when the core has fallen silent, as nobody can stop the robot any more; a new goto moves it again."""
+        """Brake when the core's heartbeat is lost, as the core could not stop the robot; a new goto moves it again."""
         self._stop(messages.StopDrive())
         self._start_over_next()
 
@@ -290,15 +293,16 @@ class Drive(FollowingNode):
             self._control = self.at(self.now, self._step)
 
     def _step(self, now: float) -> None:
-        """Do one control step: ask the motion, command the wheels, follow what they did."""
-        motion, pose = self._motion, self.estimate.pose
+        """Do one control step: get the command of the motion, send it to the wheels, update the estimate."""
+        motion = self._motion
+        pose = self.estimate.pose
         dt = self.control_period
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
-        # The estimate follows what the wheels did and not their command, as they may be held.
+        # The estimate follows the odometry, not the command, as the wheels may be hindered.
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled, now)
         self._held = self._held + dt if rolled.falls_short(command, dt) else 0.0
-        # Whatever holds the robot may turn it aside without the wheels noticing.
+        # An obstacle may turn the robot without a trace in the odometry.
         if self._held >= HELD:
             self.estimate.bumped(now)
         if isinstance(motion, Motion):
@@ -308,15 +312,15 @@ class Drive(FollowingNode):
                 self.raise_error(RobotError.PLACE_UNSURE, Estimate)
                 self._brake()
             elif self.goto and not motion.arrived and self.estimate.spread > self._planned + UNSURER:
-                self._set_out(self.goto)  # forced barriers keep their distance even when the place is known worse
-        # If the wheels were found to be blocked, the brakes have taken over, and the earlier motion has not arrived.
+                self._set_out(self.goto)  # with a larger distance to forced barriers
+        # If the wheels are blocked, the motion has been replaced by braking, and has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
-        # Steps that are a moment late are made up for; those that a hanging node has missed are gone.
+        # Short delays are caught up; the steps that a hanging node has missed are skipped.
         following = max(now, self.now - LATE) + dt
         self._control = None if done else self.at(following, self._step)
 
     def _watch_wheels(self, followed: bool, dt: float) -> None:
-        """Give up the goto when the wheels have not followed for the blocked time (2014 robot: blocked)."""
+        """End the goto when the wheels have been blocked for the blocked time (2014 robot: blocked)."""
         self._stuck = 0.0 if followed else self._stuck + dt
         if self._stuck >= self.blocked_time:
             self.fault = GotoFault.BLOCKED
@@ -324,7 +328,7 @@ class Drive(FollowingNode):
             self._brake()
 
     def _is_unsure(self) -> bool:
-        """Return whether the place is too uncertain to drive on: without the navigation it gets worse with time."""
+        """Return whether the place is too uncertain to drive; without the navigation, uncertainty grows."""
         return self.estimate.spread > self.largest_deviation
 
     def _forget_obstruction(self) -> None:
@@ -337,14 +341,14 @@ class Drive(FollowingNode):
         """Correct the estimate by a navigation position (document 4.2.2 Navigation)."""
         if position.x is None or position.y is None:
             return
-        # Read for each position, so that a master's write counts from the next one on.
+        # Read for each position, so that a master's write takes effect at once.
         self.estimate.tuning = self.tuning
         self.estimate.corrected(Fix(position.x, position.y, position.angle), self.now)
         if not self._is_unsure():
             self.clear_error(Estimate)
 
     def _deviation(self, part: str, unit: float) -> int:
-        """Return one of the estimate's standard deviations in the form of its object, in `unit` mm or degrees."""
+        """Return one of the estimate's standard deviations as the value of its object, in `unit` mm or degrees."""
         deviations = self.estimate.deviations
         return UNKNOWN if deviations is None else min(round(getattr(deviations, part) / unit), UNKNOWN - 1)
 
@@ -353,19 +357,19 @@ class Drive(FollowingNode):
         if pose is None:
             return messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)
         limits = self.coordinates("Kalman position")
-        # The estimate may lie slightly outside the field, which Table 2 cannot express.
+        # The estimate may be slightly outside the field, which Table 2 cannot express.
         x, y = (round(min(max(value, each.low), each.high)) for value, each in zip(pose.point, limits))
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
     def configure(self, configuration: messages.StartConfigurationSet) -> Message:
         """Start over from the team's start place (document 2.3); raises Refused for a contradictory configuration.
 
-        In a match the start place holds before the first goto only, as the robot has left it since. The core says by
-        the object 0x210A if it is otherwise: the place is kept outside of a match as well, or the robot was put back.
+        In a match, this only applies before the first goto, as the robot has left the place since. The core can change
+        that by the object 0x210A: the place is kept outside of a match as well, or the robot was put back.
         """
         confirm = super().configure(configuration)
         self._stop(messages.StopDrive())
-        # The stop was part of configuring, and is not a reason.
+        # The stop was a part of configuring, and not a reason.
         self.stopped_by = None
         if not self._keeps_place() or self.estimate.pose is None:
             self.estimate = Estimate(self.tuning, self.facts.start(configuration.team_colour))
@@ -375,13 +379,13 @@ class Drive(FollowingNode):
         return confirm
 
     def _keeps_place(self) -> bool:
-        """Return whether the next start configuration leaves the place as it is known."""
+        """Return whether the next start configuration keeps the known place."""
         if self.keep_place == KeepPlace.BY_MATCH:
             return self._has_driven and self._match_end is not None and self.now < self._match_end
         return self.keep_place == KeepPlace.KEEP
 
     def _start_over_next(self) -> None:
-        # Whoever wanted it otherwise has had it, or is gone.
+        # The core's request has been carried out, or the core is lost.
         self.device.objects.put(self.device.dictionary.address(KEEP_PLACE), KeepPlace.BY_MATCH)
 
     def _start_state(self) -> StartState:

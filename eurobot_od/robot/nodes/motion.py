@@ -12,7 +12,7 @@ Phases. A differential drive is best at turning on the spot and at driving strai
 
 `_BEHAVIOUR` says for each phase which one follows, what the wheels do and how long it will take. DRIVE and FACE can
 also go back to AIM. Steering removes only small errors: when the navigation has moved the pose sideways close to a way
-point, the angle to it is large, and from LOST degrees on, or if the robot has passed the way point too far off, it has
+point, the angle to it is large: from LOST degrees on, or if the robot has passed the way point too far off, it has
 to turn on the spot again. And while it FACEs, a correction can show that it does not stand at the goal after all. Three
 things keep this from becoming a dance around the goal: a movement ends well inside its tolerance (EXACTNESS), a very
 near point is not steered at (STEERED), and a short distance back is driven tail first instead of turning round
@@ -45,33 +45,35 @@ from eurobot_od.robot.model.robot_file import Barrier, Facts
 from eurobot_od.robot.model.values import Barriers, Passage
 
 EXACTNESS = 0.25
-"""A movement ends within this share of its tolerance, so that later small corrections do not need a new one."""
+"""A movement ends within this share of its tolerance, so that small corrections later need no new movement."""
 
 LOST = 30.0
-"""Steering cannot reach a way point that is this many degrees off the line of travel: stop and aim again."""
+"""Maximum angle of a way point off the line of travel that steering can reach, in degrees; from then on: stop and aim.
+"""
 
 IN_LINE = 4.0
-"""A rolling robot need not stop to aim if its way point is within this many degrees: it stays within PASSED."""
+"""A rolling robot need not stop to aim if its way point is within this angle, in degrees: it stays within PASSED."""
 
 PASSED = 10.0
-"""A way point that was driven to counts as passed within this distance, mm, even the last one.
+"""A way point that was driven to counts as passed within this distance, in mm, even the last one.
 
-A leg to a nearer place would chase the noise of the beacons for a second or two: with legs from 5 mm on, a quarter of
-the remaining times given with beacons off by 5 mm were wrong by more than 10 % and 100 ms; from 10 mm on, 4 %.
+A leg to a nearer point would follow the noise of the beacons for a second or two. With legs from 5 mm on, a quarter of
+the reported remaining times were wrong by more than 10 % and 100 ms (beacons off by 5 mm); from 10 mm on, 4 %.
 """
 
 CORRECTION = 50.0
-"""A leg shorter than this is a correction, mm: it is driven nose or tail first, whichever needs less turning."""
+"""A leg shorter than this, in mm, is a correction, driven forward or backward, whichever needs less turning."""
 
 STEERED = 20.0
-"""A way point nearer than this is no longer steered at, mm: its bearing changes faster than a robot turns."""
+"""Minimum distance of a way point for steering, in mm; the bearing of a nearer one changes faster than a robot turns.
+"""
 
 
-# What the wheels are commanded, and what they do
+# Wheels
 
 
 class WheelCommand(NamedTuple):
-    """A command to the wheels until the next step: mm/s, negative tail first; deg/s, counter-clockwise positive."""
+    """A command to the wheels until the next step: mm/s, negative backward; deg/s, counter-clockwise positive."""
 
     speed: float
     turn: float
@@ -80,27 +82,27 @@ class WheelCommand(NamedTuple):
 AT_REST = WheelCommand(0.0, 0.0)
 
 FOLLOWED = 0.1
-"""Wheels that do less than this share of their command are blocked."""
+"""Wheels that move less than this share of their command are blocked."""
 
 
 SHORT = 0.6
-"""Wheels that drive less than this share of their command are held by something."""
+"""Wheels that move less than this share of their command are hindered."""
 
 
 class Odometry(NamedTuple):
-    """What the wheels report of a step: mm driven, negative tail first; degrees turned, counter-clockwise positive."""
+    """What the wheels report of a step: mm driven, negative backward; degrees turned, counter-clockwise positive."""
 
     distance: float
     turn: float
 
     def follows(self, command: WheelCommand, dt: float) -> bool:
-        """Return whether the wheels did some of what they were commanded for `dt` seconds."""
+        """Return whether the wheels moved at least a little as commanded for `dt` s."""
         driven = abs(self.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
         turned = abs(self.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
         return driven or turned or command == AT_REST
 
     def falls_short(self, command: WheelCommand, dt: float) -> bool:
-        """Return whether the wheels drove much less than they were commanded for `dt` seconds."""
+        """Return whether the wheels drove much less than commanded for `dt` s."""
         return abs(self.distance) < SHORT * abs(command.speed) * dt
 
 
@@ -108,22 +110,22 @@ class Chassis(Protocol):
     """The wheels, real or simulated."""
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
-        """Obey `command` for `dt` seconds and report what the wheels measured."""
+        """Execute `command` for `dt` s and return what the wheels measured."""
 
 
 class IdealChassis:
-    """Wheels that do exactly what they are commanded; the default without hardware."""
+    """Wheels that do exactly what is commanded; the default without hardware."""
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Return the commanded movement as the measured one."""
         return Odometry(command.speed * dt, command.turn * dt)
 
 
-# How fast a movement may be, straight or turning
+# Movements, straight or turning
 
 
 class Profile(NamedTuple):
-    """A trapezoidal movement: its `top` rate, how fast the rate may rise and fall, and how exactly it has to end.
+    """A trapezoidal movement: its `top` rate, the rise and fall of the rate, and the tolerance at its end.
 
     Units are those of the axis: mm, mm/s and mm/s2, or degrees, deg/s and deg/s2.
     """
@@ -134,10 +136,10 @@ class Profile(NamedTuple):
     tolerance: float
 
     def next_rate(self, rate: float, left: float, dt: float) -> float:
-        """Return the rate for the next `dt` seconds that covers `left` soonest and without overshoot."""
+        """Return the rate for the next `dt` s that covers `left` soonest and without overshoot."""
         wanted = math.copysign(min(self.top, self._stoppable(abs(left), dt)), left)
         speeding_up = rate * wanted >= 0 and abs(wanted) > abs(rate)
-        # A rate of the wrong sign is braked first, with the deceleration of braking.
+        # A rate of the wrong sign falls with the deceleration of braking.
         return _towards(rate, wanted, (self.rise if speeding_up else self.fall) * dt)
 
     def _stoppable(self, left: float, dt: float) -> float:
@@ -146,7 +148,7 @@ class Profile(NamedTuple):
         return self.fall * (math.sqrt(dt * dt + 2 * left / self.fall) - dt)
 
     def slower(self, rate: float, dt: float) -> float:
-        """Return the rate after `dt` seconds of braking."""
+        """Return the rate after `dt` s of braking."""
         return _towards(rate, 0.0, self.fall * dt)
 
     def over(self, rate: float, left: float, dt: float) -> bool:
@@ -156,31 +158,31 @@ class Profile(NamedTuple):
     def seconds(self, left: float, rate: float = 0.0) -> float:
         """Return the time to cover `left` and stop, starting at `rate`; infinite if the top rate is 0."""
         ahead, rate = abs(left), math.copysign(rate, rate * left)
-        # v^2 = 2 a s: whether braking from this rate still ends in time.
+        # v^2 = 2 a s: whether braking from this rate ends in time.
         in_time = rate > 0 and rate * rate <= 2 * self.fall * ahead
-        kept = min(rate, self.top) if in_time else 0.0  # too fast, or the wrong way: braked first
+        kept = min(rate, self.top) if in_time else 0.0  # too fast, or in the wrong direction: brake first
         slowing = (rate * abs(rate) - kept * kept) / (2 * self.fall)
         return abs(rate - kept) / self.fall + self._seconds_ahead(abs(ahead - slowing), kept)
 
     def _seconds_ahead(self, left: float, rate: float) -> float:
-        """Return the time to cover `left` from a `rate` that is within the top and can stop in time."""
+        """Return the time to cover `left` from a `rate` that is below the top and can stop in time."""
         if not left:
             return 0.0
         if not self.top:
             return math.inf
-        # The rate at which rise and fall together just cover what is left, unless the top comes first.
+        # The rate at which rise and fall together cover what is left, at most the top.
         peak = min(math.sqrt(self.fall * (2 * self.rise * left + rate * rate) / (self.rise + self.fall)), self.top)
         ramps = (peak * peak - rate * rate) / (2 * self.rise) + peak * peak / (2 * self.fall)
         return (peak - rate) / self.rise + peak / self.fall + (left - ramps) / peak
 
 
 def _towards(rate: float, wanted: float, change: float) -> float:
-    """Move `rate` towards `wanted` by at most `change`."""
+    """Return `rate` moved towards `wanted` by at most `change`."""
     return rate + min(max(wanted - rate, -change), change)
 
 
 class MotionLimits(NamedTuple):
-    """The abilities of the robot and the required tolerances; all values are positive.
+    """The robot's abilities and required tolerances; all values are positive.
 
     `maximum_speed` is in mm/s, `acceleration` and `braking` in mm/s2, `turn_rate` in deg/s, `turn_acceleration` in
     deg/s2, `position_tolerance` in mm, `angle_tolerance` in degrees (document Table 1: 5 mm and 1 degree).
@@ -195,20 +197,20 @@ class MotionLimits(NamedTuple):
     angle_tolerance: float
 
     def straight(self, share: float = 1.0) -> Profile:
-        """Return the profile of driving at a `share` 0..1 of the maximum speed."""
+        """Return the profile of driving at a `share` of the maximum speed, 0 to 1."""
         return Profile(self.maximum_speed * share, self.acceleration, self.braking, self.position_tolerance)
 
     @property
     def deviation(self) -> float:
-        """How far off its straight legs the robot may drive, mm, apart from errors in its own place."""
+        """Maximum distance of the robot from its straight legs, in mm, besides errors of its position."""
         return max(self.position_tolerance, PASSED)
 
     def standing(self, pose: Pose, rolling: WheelCommand) -> Pose:
-        """Return where a rolling robot comes to a stand if it brakes now."""
+        """Return where a rolling robot comes to rest if it brakes now."""
         return pose.moved(rolling.speed * abs(rolling.speed) / (2 * self.braking), 0.0)
 
     def turning(self, share: float = 1.0) -> Profile:
-        """Return the profile of turning at a `share` 0..1 of the turn rate."""
+        """Return the profile of turning at a `share` of the turn rate, 0 to 1."""
         return Profile(self.turn_rate * share, self.turn_acceleration, self.turn_acceleration, self.angle_tolerance)
 
 
@@ -227,7 +229,7 @@ class Phase(Enum):
 class View(NamedTuple):
     """A way point as seen from the robot in its direction of travel.
 
-    `sense` is 1 nose first, -1 tail first; `distance` is in mm; `error` is the turn in degrees until the way point is
+    `sense` is 1 forward, -1 backward; `distance` is in mm; `error` is the turn in degrees until the way point is
     straight ahead.
     """
 
@@ -237,17 +239,17 @@ class View(NamedTuple):
 
     @property
     def ahead(self) -> float:
-        """How far away the way point is along the line of travel, mm; negative if it is behind."""
+        """Distance of the way point along the line of travel, in mm; negative if it is behind."""
         return self.distance * math.cos(math.radians(self.error))
 
     @property
     def aside(self) -> float:
-        """How far the way point is off the line of travel, mm."""
+        """Distance of the way point from the line of travel, in mm."""
         return self.distance * abs(math.sin(math.radians(self.error)))
 
     @property
     def steer(self) -> float:
-        """The turn that puts the way point on the line of travel, ahead or behind: degrees in [-90, 90)."""
+        """The turn that puts the way point on the line of travel, ahead or behind, in degrees in [-90, 90)."""
         return (self.error + 90.0) % 180.0 - 90.0 if self.distance > STEERED else 0.0
 
 
@@ -255,9 +257,9 @@ class Motion:
     """One goto: aim at a way point, drive there, aim at the next one, and finally turn to the final angle.
 
     `way_points` are in mm without the start, and the last one is the goal; `final_angle` is in degrees. `speed_percent`
-    is 0..100 of the limits' speed and turn rate, and 0 does not move. `backward` drives tail first. `rolling` is the
-    last command to the wheels, so that a new goto can take over a moving robot. The pose may be corrected at any time:
-    what steering cannot remove is aimed at and driven again.
+    is 0 to 100 of the limits' speed and turn rate; 0 does not move. `backward` drives backward. `rolling` is the last
+    command to the wheels, so that a new goto can take over a moving robot. The pose may be corrected at any time: the
+    robot aims and drives again if steering is not enough.
     """
 
     def __init__(
@@ -270,34 +272,37 @@ class Motion:
         rolling: WheelCommand = AT_REST,
     ) -> None:
         share = speed_percent / 100.0
-        self._straight, self._turning = limits.straight(share), limits.turning(share)
+        self._straight = limits.straight(share)
+        self._turning = limits.turning(share)
         self._deviation = limits.deviation
         self._points = tuple(way_points)
-        self._final_angle, self._backward = final_angle, backward
+        self._final_angle = final_angle
+        self._backward = backward
         self._phase = Phase.AIM
         self.command = rolling
 
     @property
     def arrived(self) -> bool:
-        """Whether the robot has come to rest at the goal, within the tolerances."""
+        """Whether the robot is at rest at the goal, within the tolerances."""
         return self._phase is Phase.ARRIVED
 
     def step(self, pose: Pose, dt: float) -> WheelCommand:
-        """Decide from the estimated pose what the wheels do for the next `dt` seconds."""
-        # First the phase, then the command: otherwise the wheels would obey the old phase for one more control period.
+        """Return the command to the wheels for the next `dt` s, by the estimated pose."""
+        # First the phase, then the command, or the wheels would follow the old phase for one more control period.
         self._phase = _BEHAVIOUR[self._phase].following(self, pose, dt)
         self.command = _BEHAVIOUR[self._phase].command(self, pose, dt)
         return self.command
 
     def remaining(self, pose: Pose) -> float:
-        """Estimate the seconds until arrival if nothing disturbs the robot: 0 if arrived, infinite at speed 0."""
+        """Return the estimated time until arrival without disturbances, in s: 0 if arrived, infinite at speed 0."""
         return _BEHAVIOUR[self._phase].seconds(self, pose)
 
-    # What is where
+    # Geometry
 
     def _look(self, pose: Pose, point: Point) -> View:
-        distance, error = pose.distance(point), turn(pose.angle, pose.bearing(point))
-        # Turning round for a few millimetres would take longer than the way itself.
+        distance = pose.distance(point)
+        error = turn(pose.angle, pose.bearing(point))
+        # Turning around for a few millimetres would take longer than driving backward.
         tail_first = abs(error) > 90.0 if distance < CORRECTION else self._backward
         return View(-1, distance, turn(180.0, error)) if tail_first else View(1, distance, error)
 
@@ -305,8 +310,8 @@ class Motion:
         return self._look(pose, self._points[0])
 
     def _reach(self, point: Point) -> float:
-        """Return the distance to a way point below which no leg to it is begun, mm."""
-        # The goal has to be met exactly; other way points only have to be passed.
+        """Return the minimum distance of a way point for a leg to it, in mm."""
+        # The goal has to be reached exactly, other way points only passed.
         return self._straight.tolerance if point == self._points[-1] else self._deviation
 
     def _in_line(self, view: View) -> bool:
@@ -316,11 +321,11 @@ class Motion:
     def _final_turn(self, pose: Pose) -> float:
         return turn(pose.angle, self._final_angle)
 
-    # Which phase comes next
+    # Next phase
 
     def _after_aim(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
-        # A rolling robot that looks the right way need not stop to aim: otherwise each new goto would cost a stop.
+        # A rolling robot with the right heading need not stop to aim, or each new goto would cost a stop.
         if self.command.speed:
             return Phase.DRIVE if self._in_line(view) else Phase.AIM
         if view.distance <= self._reach(self._points[0]):
@@ -329,17 +334,17 @@ class Motion:
 
     def _after_drive(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
-        # Only the deviation to the side: what is left ahead will still be driven.
+        # Only the deviation to the side, as the rest ahead will be driven.
         missed = view.aside > self._deviation
         if self._straight.over(self.command.speed, view.ahead, dt):
             return Phase.AIM if missed else self._reached()
         return Phase.AIM if missed and abs(view.steer) > LOST else Phase.DRIVE
 
     def _after_face(self, pose: Pose, dt: float) -> Phase:
-        # A correction came while it turned: the place counts, and has to be driven to again.
+        # The pose was corrected during the turn, so the robot has to drive to the goal again.
         if self._view(pose).distance > self._deviation:
             return Phase.AIM
-        # A speed left over from a correction is braked first: arrived means that both wheels stand.
+        # The remaining speed of a correction is braked first, as both wheels must stand.
         faced = self._turning.over(self.command.turn, self._final_turn(pose), dt)
         return Phase.ARRIVED if faced and not self.command.speed else Phase.FACE
 
@@ -350,22 +355,22 @@ class Motion:
         self._points = self._points[1:]
         return Phase.AIM
 
-    # What the wheels do
+    # Wheel commands
 
     def _pivot(self, left: float, dt: float) -> WheelCommand:
         """Stop first, then turn on the spot."""
-        # Turning while it rolls would take the robot along an arc, off the leg that keeps clear of barriers.
+        # Turning while rolling is an arc, off the leg that avoids the barriers.
         if speed := self._straight.slower(self.command.speed, dt):
             return WheelCommand(speed, self._turning.slower(self.command.turn, dt))
         return WheelCommand(0.0, self._turning.next_rate(self.command.turn, left, dt))
 
     def _drive(self, pose: Pose, dt: float) -> WheelCommand:
-        # Profiles know only one direction, ahead: tail first, the sign of the speed is changed going in and coming out.
+        # Profiles have only one direction, so the sign of the speed is inverted for driving backward.
         view = self._view(pose)
         speed = self._straight.next_rate(view.sense * self.command.speed, view.ahead, dt)
         return WheelCommand(view.sense * speed, self._turning.next_rate(self.command.turn, view.steer, dt))
 
-    # How long it takes
+    # Remaining time
 
     def _seconds_to_aim(self, pose: Pose) -> float:
         if self._in_line(self._view(pose)):
@@ -381,7 +386,7 @@ class Motion:
         return driving + self._seconds_along(self._points[1:], there)
 
     def _seconds_along(self, points: Sequence[Point], pose: Pose, rate: float = 0.0) -> float:
-        """Add up the legs from a `pose` where the robot stands, turning at `rate`, and the final turn."""
+        """Return the time for legs from a `pose` where the robot stands, turning at `rate`, and for the final turn."""
         total = 0.0
         for point in points:
             view = self._look(pose, point)
@@ -393,10 +398,10 @@ class Motion:
     def _seconds_to_turn(self, left: float, rate: float) -> float:
         """Return the time of a turn that begins at `rate`.
 
-        A robot that turns away, and cannot stop before it looks in the opposite direction, keeps turning: that is then
-        the shorter way.
+        A robot that turns away, and cannot stop before it faces the opposite direction, keeps turning, as this is the
+        shorter way then.
         """
-        # The square of the rate that is left when it looks in the opposite direction.
+        # The square of the rate when it faces the opposite direction.
         squared = rate * rate - 2 * self._turning.fall * (180.0 - abs(left))
         if rate * left >= 0.0 or squared <= 0.0:
             return self._turning.seconds(left, rate)
@@ -405,7 +410,7 @@ class Motion:
 
 
 class Behaviour(NamedTuple):
-    """A phase: which phase follows, what the wheels do, and the seconds until arrival."""
+    """A phase: the next phase, the command to the wheels, and the time until arrival in s."""
 
     following: Callable[[Motion, Pose, float], Phase]
     command: Callable[[Motion, Pose, float], WheelCommand]
@@ -430,34 +435,35 @@ _BEHAVIOUR = {
 
 
 class Braking:
-    """The defined braking after a stop (document 2.1): from the last command to rest, going straight on."""
+    """The defined braking after a stop (document 2.1): from the last command to rest, straight on."""
 
     def __init__(self, limits: MotionLimits, rolling: WheelCommand) -> None:
-        self._straight, self._turning = limits.straight(), limits.turning()
+        self._straight = limits.straight()
+        self._turning = limits.turning()
         self.command = rolling
 
     def step(self, _pose: Pose, dt: float) -> WheelCommand:
-        """Decide what the wheels do for the next `dt` seconds; the pose does not matter."""
+        """Return the command to the wheels for the next `dt` s; the pose does not matter."""
         speed, rate = self._straight.slower(self.command.speed, dt), self._turning.slower(self.command.turn, dt)
         self.command = WheelCommand(speed, rate)
         return self.command
 
 
 TOLLS = {Passage.NORMAL: 100_000.0, Passage.FORCED: math.inf}
-"""The toll of crossing a barrier, mm: more than the longest detour for a normal one, infinite for a forced one."""
+"""Cost of crossing a barrier, in mm: more than the longest detour for a normal one, infinite for a forced one."""
 
 CORNERS = 8
-"""Corners of the polygon around a disc; with 8 its flat sides face its neighbours, so that narrow gaps stay open."""
+"""Number of corners of the polygon around a disc; with 8, flat sides face neighbours, so that narrow gaps stay open."""
 
 SLACK = 1.0
-"""Distance of the polygon from its disc, mm, so that a leg along its side misses the disc."""
+"""Distance of the polygon from its disc, in mm, so that a leg along its side misses the disc."""
 
 ROUNDING = 1e-6
-"""Depth in mm from which a point in a disc counts as inside."""
+"""Minimum depth of a point inside a disc, in mm."""
 
 
 class Clearances(NamedTuple):
-    """How far the robot's centre stays away, mm: from barriers' centres, by kind, and from the field's edge.
+    """Minimum distances of the robot's centre, in mm: from barriers' centres, by kind, and from the field's edge.
 
     `facts` are those of the field. `edge` is for way points; a goal may be as near as `border`, where the robot just
     fits.
@@ -470,30 +476,33 @@ class Clearances(NamedTuple):
 
     @classmethod
     def of(cls, facts: Facts, radius: float, margin: float) -> Clearances:
-        """Compute them from the robot's radius and a margin for its errors, mm."""
+        """Return the clearances for the robot's radius and a margin for its errors, in mm."""
         reach = radius + margin
         return cls(facts, {each.kind.name: reach + each.kind.radius for each in facts.barriers}, reach, radius)
 
     def around(self, barrier: Barrier) -> float:
-        """Return the radius of the disc to avoid around a barrier, mm."""
+        """Return the radius of the disc to avoid around a barrier, in mm."""
         return self.kinds[barrier.kind.name]
 
 
 class Disc(NamedTuple):
-    """A place to stay out of, mm, and the toll of a leg through it, mm."""
+    """A place to avoid, in mm, and the cost of a leg through it, in mm."""
 
     centre: Point
     radius: float
     toll: float
 
     def contains(self, point: Point) -> bool:
-        """Return whether `point` is inside; on the edge is outside."""
+        """Return whether a point is inside; on the edge is outside."""
         return math.dist(self.centre, point) < self.radius - ROUNDING
 
     def meets(self, start: Point, end: Point) -> bool:
         """Return whether any point of the straight leg from `start` to `end` is inside."""
-        (start_x, start_y), (end_x, end_y), (x, y), reach = start, end, self.centre, self.radius
-        # Most legs pass far away on one side; a match asks this some hundred thousand times.
+        (start_x, start_y) = start
+        (end_x, end_y) = end
+        (x, y) = self.centre
+        reach = self.radius
+        # Most legs pass far away; a match calls this some hundred thousand times.
         if (start_x < x - reach and end_x < x - reach) or (start_x > x + reach and end_x > x + reach):
             return False
         if (start_y < y - reach and end_y < y - reach) or (start_y > y + reach and end_y > y + reach):
@@ -504,13 +513,15 @@ class Disc(NamedTuple):
         return math.hypot(start_x + share * dx - x, start_y + share * dy - y) < self.radius - ROUNDING
 
     def left_from(self, start: Point) -> Disc:
-        """Shrink the disc to the distance of a `start` inside it: the robot may leave it, but not get any nearer."""
+        """Return the disc, shrunk to the distance of a `start` inside it, which the robot may leave but not enter
+        deeper.
+        """
         return self._replace(radius=min(self.radius, math.dist(self.centre, start)))
 
     def corners(self) -> Iterator[Point]:
         """Yield the corners of the regular polygon around the disc."""
         half = math.pi / CORNERS
-        # The sides, not the corners, touch the disc.
+        # The sides touch the disc, not the corners.
         reach = (self.radius + SLACK) / math.cos(half)
         for number in range(CORNERS):
             angle = (2 * number + 1) * half
@@ -520,13 +531,13 @@ class Disc(NamedTuple):
 def find_route(
     start: Point, goal: Point, barriers: Barriers, clearances: Clearances, others: Iterable[Disc] = ()
 ) -> tuple[Point, ...] | None:
-    """Find the way points of a shortest route: without `start`, ending with `goal`; None if there is no route.
+    """Return the way points of a shortest route, without `start`, ending with `goal`; None if there is no route.
 
-    Normal barriers are avoided if there is a way round, otherwise as few as possible are crossed; forced ones are never
-    crossed (document 2.1, footnote 2). A goal inside a normal disc makes that disc free, one inside a forced disc is
-    out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge. The goal may be nearer
-    to it, but one where the robot does not fit is out of reach; the start may be anywhere. `others` are more places to
-    stay out of, such as those of other robots.
+    Normal barriers are avoided if there is a way around, otherwise as few as possible are crossed; forced ones are
+    never crossed (document 2.1, footnote 2). A normal disc that contains the goal is free; a goal inside a forced disc
+    is unreachable. A start inside a disc may leave it. Way points keep clear of the field's edge. The goal may be
+    nearer to it, but is unreachable where the robot does not fit; the start may be anywhere. `others` are further
+    places to avoid, such as those of other robots.
     """
     field = clearances.facts.field
     discs = [
@@ -537,7 +548,7 @@ def find_route(
     forced = any(disc.toll == math.inf for disc in discs if disc.contains(goal))
     if forced or not field.contains(goal, clearances.border):
         return None
-    # A normal disc that contains the goal has to be entered in any case, so it does not count.
+    # A normal disc that contains the goal has to be entered anyway.
     avoided = [disc.left_from(start) for disc in discs if not disc.contains(goal)]
     if not any(disc.meets(start, goal) for disc in avoided):
         return (goal,)
@@ -548,12 +559,12 @@ def find_route(
         for corner in disc.corners()
         if field.contains(corner, clearances.edge) and not any(each.contains(corner) for each in closed)
     ]
-    # The closed ones first: most legs that are not free meet one of them, and need no other looked at.
+    # Closed discs first, as most legs that are not free meet one.
     return _cheapest(start, goal, corners, sorted(avoided, key=lambda disc: -disc.toll))
 
 
 def _toll(start: Point, end: Point, discs: Iterable[Disc]) -> float:
-    """Return what the straight leg from `start` to `end` costs, mm: infinite as soon as it meets a closed disc."""
+    """Return the cost of the straight leg from `start` to `end`, in mm; infinite if it meets a closed disc."""
     toll = 0.0
     for disc in discs:
         if disc.meets(start, end):
@@ -564,10 +575,10 @@ def _toll(start: Point, end: Point, discs: Iterable[Disc]) -> float:
 
 
 def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:
-    """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come."""
-    # Most legs are never looked at again: a leg's tolls are computed when it is the next one on a cheapest route.
+    """Return the cheapest route in the visibility graph: Dijkstra, with the straight distance to the goal added."""
+    # Most legs are never used, so a leg's tolls are computed only when it is next on a cheapest route.
     frontier: list[tuple[float, float, tuple[Point, ...], bool]] = [(0.0, 0.0, (start,), True)]
-    # From each point that is not settled yet.
+    # For each point that is not settled yet.
     to_goal = {point: math.dist(point, goal) for point in (start, goal, *corners)}
     while frontier:
         estimate, cost, way, has_paid = heappop(frontier)
@@ -575,12 +586,12 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
         if here not in to_goal:
             continue
         if not has_paid and (toll := _toll(way[-2], here, discs)):
-            # Back into the queue with its toll: a detour may be cheaper now.
+            # Queued again with its toll, as a detour may be cheaper.
             if toll < math.inf:
                 heappush(frontier, (estimate + toll, cost + toll, way, True))
             continue
         if here == goal:
-            # A robot that stands at its goal has no leg to drive, but still needs a place to turn at.
+            # A robot at its goal has no leg to drive, but needs a place to turn.
             return way[1:] or (goal,)
         del to_goal[here]
         for point, left in to_goal.items():

@@ -1,6 +1,6 @@
-"""The navigation node: tells where our robot, the enemies and the confederate are, when it is asked.
+"""The navigation node: it answers requests for the positions of our robot, the enemies and the confederate.
 
-Rule of this file: a robot that the beacons do not see is unknown, never where they last saw it: it moves on unseen.
+A robot that the beacons do not see is unknown; its last position is not repeated, as it may have moved.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 
 AMBIGUOUS = 255
-"""x = y = 255 mm with an unknown angle would mean "position unknown" (document Table 2); it is sent 1 mm off.
-"""
+"""x = y = 255 mm with an unknown angle would mean "position unknown" (document Table 2), so 256 mm is sent."""
 
 
 class Fix(NamedTuple):
@@ -35,11 +34,11 @@ class Beacons(Protocol):
     """The navigation's sensors, real or simulated."""
 
     def locate(self, whom: Source, now: float) -> Fix | None:
-        """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
+        """Return the measured place of our robot (INTERNAL) or another one; None if it is not seen."""
 
 
 POSITIONS = [each for each in messages.POSITIONS if each.response is not messages.KalmanPositionResponse]
-"""All positions but the filtered one, which is the drive's."""
+"""All positions but the filtered one, which the drive sends."""
 
 
 def _tell(position: messages.Position, node: Navigation, *_: Message) -> Message:
@@ -49,7 +48,7 @@ def _tell(position: messages.Position, node: Navigation, *_: Message) -> Message
 class Navigation(FollowingNode):
     """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors, None if it has none.
 
-    After an Emergency Shutdown it goes on answering, as nothing in it moves.
+    After an Emergency Shutdown it still answers, as nothing in it moves.
     """
 
     position_noise = setting("Noise.Position deviation")
@@ -65,30 +64,32 @@ class Navigation(FollowingNode):
     ) -> None:
         super().__init__(dictionary, store=store, facts=facts)
         self.beacons = beacons
-        self._measured, self._fixes = -math.inf, dict[Source, Fix | None]()
+        self._measured = -math.inf
+        self._fixes = dict[Source, Fix | None]()
 
     def deviations(self) -> tuple[float, float]:
-        """Return the standard deviations of simulated beacons: mm and degrees."""
+        """Return the standard deviations of simulated beacons, in mm and degrees."""
         return self.position_noise, self.angle_noise
 
     def position(self, asked: messages.Position) -> messages.PositionResponse:
-        """Return where a robot is, or that it is unknown, within the limits that an object has for a place."""
+        """Return the position of a robot, or that it is unknown; it is within the limits of its objects."""
         record, _, response, whom = asked
-        # Before the start configuration, any robot may be there.
+        # Before the start configuration, all robots may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
-        # One measurement at a time, as each has its own noise: an SDO, a PDO and an answer at one moment must agree.
+        # One measurement per moment, as each has its own noise, and SDO, PDO and answer must be equal.
         if self._measured != self.now:
-            self._measured, self._fixes = self.now, {}
+            self._measured = self.now
+            self._fixes = {}
         if expected and whom not in self._fixes:
             self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
         fix = self._fixes[whom] if expected else None
         across, along = self.coordinates(record)
-        # A place outside the field is a wrong measurement, which Table 2 cannot express.
+        # A place outside the field is a wrong measurement, and Table 2 has no code for it.
         if fix is None or not (across.low <= fix.x <= across.high and along.low <= fix.y <= along.high):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)
         if fix.angle is None:
-            return response(x + (x == y == AMBIGUOUS), y, None, whom)
+            return response(x + 1 if x == y == AMBIGUOUS else x, y, None, whom)
         return response(x, y, round(fix.angle) % 360, whom)
 
     OBJECTS: ClassVar[Objects] = {

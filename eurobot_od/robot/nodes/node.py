@@ -1,6 +1,6 @@
-"""The common part of the robot's nodes, which speak the messages of Table 5 of the document.
+"""The common part of the robot's nodes, which exchange the messages of the document's Table 5.
 
-Besides: nodes with calls, the core's settings and equipment, and what follows the core's commands.
+Also: the core's instruments, a team's own nodes in the start, and nodes that follow the core's commands.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from eurobot_od.robot.model.values import Obstacle, RobotError
 
 
 class Detection(NamedTuple):
-    """Something ahead: what it is, its distance in mm from edge to edge, and its bearing in degrees, left positive."""
+    """An obstacle ahead: its kind, its distance in mm from edge to edge, and its bearing in degrees, left positive."""
 
     obstacle: Obstacle
     distance: float
@@ -37,67 +37,66 @@ class DistanceSensor(Protocol):
     """A sensor that looks ahead of the robot, real or simulated."""
 
     def look(self, now: float) -> Detection | None:
-        """Measure what is ahead; None if there is nothing."""
+        """Return what is ahead; None if there is nothing."""
 
 
 class Actuators(Protocol):
     """Arms, grippers, launchers for the robot's tasks, real or simulated."""
 
     def begin(self, task: str) -> float:
-        """Begin a task where the robot stands; return how many seconds it takes. Raises UnknownName."""
+        """Begin a task where the robot stands; return its duration in s. Raises UnknownName."""
 
     def finish(self, task: str) -> int:
-        """Finish a task that was begun; return the result in points, or in pieces of fruit."""
+        """Finish a task; return the result in points, or in pieces of fruit."""
 
 
 class Approach:
-    """Tells whether the robot drives into something, which is near and comes nearer, or just stands in front of it.
+    """Detects that the robot drives into an obstacle, which is near and comes nearer.
 
-    A robot that turns on the spot in front of something, or backs away from it, need not stop.
+    A robot that turns in front of an obstacle, or moves away from it, need not stop.
     """
 
     def __init__(self) -> None:
         self._distances: deque[float | None] = deque(maxlen=READINGS)
 
     def meets(self, detection: Detection | None, stop_distance: float) -> bool:
-        """Take in a reading; tell whether the robot drives into something nearer than `stop_distance` mm."""
+        """Add a reading; return whether the robot drives into an obstacle nearer than `stop_distance` mm."""
         self._distances.append(None if detection is None else detection.distance)
         if detection is None or detection.distance > stop_distance:
             return False
-        # The oldest reading that saw something: over a longer time the change stands out from the noise.
+        # Compared with the oldest reading, as the change exceeds the noise over a longer time.
         first = next(each for each in self._distances if each is not None)
         return first - detection.distance >= CLOSING
 
 
 READINGS = 3
-"""Number of readings that are compared: one that misses something does not hide it."""
+"""Number of readings that are compared; one that misses the obstacle does not hide it."""
 
 CLOSING = 12.0
-"""The robot drives into what comes nearer by this much, mm, in these readings; less may be the sensor's noise."""
+"""Minimum approach in these readings, in mm; less may be noise of the sensor."""
 
 
 Handlers: TypeAlias = Mapping[type[Message], Callable[[Any, Any], "Message | None"]]
-"""The handler of each message: a function of the node and the message that returns the answer, or None."""
+"""The handler of each message: called with the node and the message, it returns the answer, or None."""
 
 Objects: TypeAlias = Mapping[str, BoundObject]
-"""What a node's objects are bound to, by their ParameterNames."""
+"""Bindings of a node's objects, by their ParameterNames."""
 
 
 class Loss(Enum):
-    """What the core does when a team's own node is lost in a match; `await core.loss()` tells the strategy."""
+    """What the core does when a team's own node is lost in a match; `await core.loss()` informs the strategy."""
 
     STOP = "stop"
-    """The goto ends as LOST; the next one begins with the node's check, and is not sent without its answer."""
+    """The goto ends as LOST; the next one begins with a check of the node, and is not sent without an answer."""
     GO_ON = "go on"
-    """The robot goes on without it. Meanwhile it is asked for; once it answers, it is configured and there again."""
+    """The robot goes on without it, and polls it; once it answers, it is configured again."""
 
 
 class Component(NamedTuple):
     """A team's own node as a part of the start (document 5.1: a component that deviates blocks the system).
 
-    It has to answer `check` with `answer`; if there is no such message, it has to answer by SDO. In either case its
-    fingerprints of the messages are compared with the core's. It answers the start configuration with `confirm`, or is
-    not asked to, None.
+    It has to answer `check` with `answer`; without such a message, by SDO. In either case its fingerprints of the
+    messages are compared with the core's. It answers the start configuration with `confirm`; None: it gets none.
     """
 
     check: Message | None = None
@@ -110,14 +109,14 @@ NODES: Mapping[str, Component] = {
     "drive": Component(messages.CheckDriveRequest(), messages.CheckDriveResponse),
     "navigation": Component(messages.CheckNaviRequest(), messages.CheckNaviResponse, loss=Loss.GO_ON),
 }
-"""The two nodes that every core has beside it, in the order in which they are checked (2014 robot: drive first)."""
+"""The two nodes of every core, in the order in which they are checked (2014 robot: drive first)."""
 
 
 class RobotNode(Node):
     """A node of the robot; `facts` are those of the robot and its match, by default from the file beside the EDS.
 
-    `FACTS` has the settings that are such facts: they replace the EDS's defaults, but not a stored value, or one in a
-    DCF. Raises DictionaryError for one that the setting cannot hold.
+    `FACTS` are the settings that come from facts: they replace the EDS's defaults, but not stored values or those of a
+    DCF. Raises DictionaryError for a fact that the setting cannot hold.
     """
 
     CATALOGUE = messages.CATALOGUE
@@ -129,7 +128,7 @@ class RobotNode(Node):
         super().__init__(dictionary, store=store)
 
     def controller(self, report: Reporter | None, clock: Callable[[], float]) -> Gatekeeper:
-        """Return a gatekeeper of the sizes in the node's Transmit settings, or else of those of 2014."""
+        """Return a gatekeeper with the sizes in the node's Transmit settings, otherwise with those of 2014."""
         try:
             sizes: dict[str, Any] = {
                 "table_size": self.setting("Transmit.Listener table size"),
@@ -141,7 +140,7 @@ class RobotNode(Node):
         return Gatekeeper(self.device.protocol, report=report, clock=clock, **sizes)
 
     def coordinates(self, record: str) -> tuple[Range, Range]:
-        """Return the limits of x and y that the EDS gives a record such as `Kalman position`, mm."""
+        """Return the limits of x and y in the EDS for a record such as `Kalman position`, in mm."""
         if record not in self._coordinates:
             dictionary = self.device.dictionary
             found = (dictionary.variable(dictionary.address(f"{record}.{side} position")) for side in "XY")
@@ -150,12 +149,13 @@ class RobotNode(Node):
         return self._coordinates[record]
 
     def _application(self, dictionary: Dictionary) -> Application:
-        """Return what the application gives the objects, including the facts in the robot's file."""
+        """Return the application's values for objects, including the facts in the robot's file."""
         given: dict[Address, Value] = {}
         for name, fact in self.FACTS.items():
-            address, value = dictionary.address(name), fact(self.facts)
+            address = dictionary.address(name)
+            value = fact(self.facts)
             variable = dictionary.variable(address)
-            # Only a DCF has a ParameterValue: somebody has configured this very device, which takes precedence.
+            # A ParameterValue comes from a DCF for this device, which takes precedence.
             if variable is None or variable.value is not None:
                 continue
             is_integer = data_type(variable).is_integer
@@ -167,42 +167,46 @@ class RobotNode(Node):
         return super()._application(dictionary)._replace(given=given)
 
     def check_configuration(self, configuration: messages.StartConfigurationSet) -> None:
-        """Raise Refused if a start configuration contradicts itself, and report it by EMCY until a good one comes."""
+        """Check that a start configuration does not contradict itself; raises Refused.
+
+        A contradictory one is also reported by EMCY, until a good one comes.
+        """
         wrong = configuration.contradiction()
         if wrong is not None:
-            # Refused as a whole: nobody knows which of two contradictory fields is wrong.
+            # Refused as a whole, as either of the contradictory fields may be wrong.
             self.raise_error(RobotError.CONFIGURATION_REFUSED, messages.StartConfigurationSet)
             raise Refused(Cause.VALUES, str(wrong))
         self.clear_error(messages.StartConfigurationSet)
 
     def doubt(self, message: Message) -> int | None:
-        """Return the error code for a message that cannot be believed, such as a position of another robot."""
-        code, source = super().doubt(message), messages.SOURCES.get(type(message))
+        """Return the error code for a message that must be ignored, such as a position from another source."""
+        code = super().doubt(message)
+        source = messages.SOURCES.get(type(message))
         if code is None and source is not None and getattr(message, "source", None) is not source:
             return RobotError.WRONG_SOURCE
         return code
 
 
 KEEP_PLACE = "Place.Keep place"
-"""The object by which the core has the drive keep its place in the next start configuration."""
+"""The object by which the core tells the drive to keep its place at the next start configuration."""
 
 
 class KeepPlace(IntEnum):
-    """What the object `KEEP_PLACE` says of the next start configuration, and of that one only."""
+    """Values of the object `KEEP_PLACE`, for the next start configuration only."""
 
     BY_MATCH = 0
-    """The drive begins at its start place, unless a match is under way in which it has had a goto."""
+    """The drive begins at its start place, unless it has had a goto in the current match."""
     KEEP = 1
     START_OVER = 2
-    """The drive begins at its start place: the robot has been put there, even if a match is under way."""
+    """The drive begins at its start place, as the robot was put there, even in a match."""
 
 
 START_STATE = "Start state.State"
-"""The object by which the drive says whether it has a start configuration, for a core that has begun again."""
+"""The object by which the drive tells a restarted core whether it has a start configuration."""
 
 
 class StartState(IntEnum):
-    """The values of the object `START_STATE`."""
+    """Values of the object `START_STATE`."""
 
     UNCONFIGURED = 0
     CONFIGURED = 1
@@ -211,25 +215,25 @@ class StartState(IntEnum):
 
 
 PLACE_AGE = "Start state.Place age"
-"""The object by which the drive says when a navigation position last agreed with its place, ms ago."""
+"""The object with the time since a navigation position last agreed with the drive's place, in ms."""
 
 
 def age(then: float | None, now: float) -> int:
-    """Return the value of the object `PLACE_AGE`; `then` is None if it never was."""
+    """Return the value of the object `PLACE_AGE`; `then` is None if there was none."""
     return UNKNOWN if then is None else min(round((now - then) * 1000), UNKNOWN - 1)
 
 
 TIME_LEFT, NO_MATCH = "Match clock.Time left", 0xFFFF_FFFF
-"""The object with the time to the end of the match, ms; its value while no match was started."""
+"""The object with the time to the end of the match, in ms, and its value without a match."""
 
 
 def milliseconds_until(end: float | None, now: float) -> int:
-    """Return the value of the object `TIME_LEFT`; `end` is that of the match, None without one."""
+    """Return the value of the object `TIME_LEFT`; `end` is the end of the match, None without one."""
     return NO_MATCH if end is None else max(round((end - now) * 1000), 0)
 
 
 DEVIATION, UNKNOWN = "Arrival deviation.Deviation", 0xFFFF
-"""The object by which the drive says how well it knows its place, mm; its value while the place is unknown."""
+"""The object with the deviation of the drive's place, in mm, and its value while the place is unknown."""
 
 
 class FollowingNode(RobotNode):
@@ -245,17 +249,19 @@ class FollowingNode(RobotNode):
     def reset(self) -> None:
         """Forget the start configuration, as after power-on."""
         super().reset()
-        self.configuration, self.safe = None, False
+        self.configuration = None
+        self.safe = False
 
     def configure(self, configuration: messages.StartConfigurationSet) -> Message:
-        """Take over a start configuration (document 2.3); raises Refused for a contradictory one."""
+        """Accept a start configuration (document 2.3); raises Refused for a contradictory one."""
         self.check_configuration(configuration)
-        self.configuration, self.safe = configuration, False
+        self.configuration = configuration
+        self.safe = False
         self.clear_error(messages.EmergencyShutdown)
         return messages.StartConfigurationConfirm()
 
     def shut_down(self, _: messages.EmergencyShutdown) -> None:
-        """Hold the safe state (document 4.2.2 Emergency mushroom)."""
+        """Enter the safe state (document 4.2.2 Emergency mushroom)."""
         self.safe = True
         self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
 
@@ -266,7 +272,7 @@ class FollowingNode(RobotNode):
 
 
 def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: Facts | None) -> Node:
-    """Make a node of any class; one of the robot's gets the facts."""
+    """Return a node of any class; one of the robot's gets the facts."""
     if issubclass(kind, RobotNode):
         return kind(dictionary, store=store, facts=facts)
     return kind(dictionary, store=store)

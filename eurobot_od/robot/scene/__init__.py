@@ -1,5 +1,5 @@
-"""The playing field as it is drawn: in a file, and on the page.
+"""Drawings of the playing field, in a file and on the page.
 
-What happened (`recording`) is worked out first, then what there is to draw, each thing with its layer and its time
-(`scene`). A file (`sheet`) and the page (`panel`, `field.js`) only put those drawings in their place.
+First, `recording` finds out what happened; then `scene` makes the drawings, each with its layer and its time. A file
+(`sheet`) and the page (`panel`, `field.js`) place these drawings.
 """

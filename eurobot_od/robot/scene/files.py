@@ -1,6 +1,6 @@
-"""A match as a file: the picture as SVG or PNG, the page that plays it as HTML; and poses for programs that draw.
+"""A match as a file: a picture as SVG or PNG, or a page that plays it as HTML; also poses for MCAP files.
 
-The suffix of the file tells its form.
+The suffix of the file selects the format.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
-if TYPE_CHECKING:  # a log is drawn without a world, and the nodes in it
+if TYPE_CHECKING:  # drawing a log does not need the world
     from eurobot_od.robot.world import World
 
 
 class SeenMatch(NamedTuple):
-    """What was on the bus, with times in s, what its frames mean by `decoder`, the facts, and what else is known."""
+    """The frames of a match with times in s and meanings, the `decoder`, the facts, and what else is known."""
 
     frames: Sequence[tuple[float, Meaning]]
     decoder: Decoder
@@ -42,20 +42,20 @@ class SeenMatch(NamedTuple):
 
     @property
     def recording(self) -> Recording:
-        """What the messages tell."""
+        """The match according to its messages."""
         messages = ((time, each.message) for time, each in self.frames if each.message is not None)
         return record(messages, self.truth)
 
 
 def _renderer() -> ModuleType:
-    """Return what makes pixels of SVG; raises LocalError without the extra that brings it."""
+    """Return the module that renders SVG; raises LocalError without its extra."""
     with extras.needed("png"):
         import resvg_py
     return resvg_py
 
 
 def side_by_side(matches: Mapping[str, SeenMatch], title: str) -> bytes:
-    """Return the page that plays matches of one robot side by side, by one clock, each with its name above it."""
+    """Return a page that plays matches of one robot side by side, by one clock, each with its name."""
     from eurobot_od.bus.live import BITRATE
     from eurobot_od.robot.scene.panel import field_panel, true_path, truth_events
     from eurobot_od.web.page import Columns, page
@@ -71,58 +71,60 @@ def side_by_side(matches: Mapping[str, SeenMatch], title: str) -> bytes:
     return page(title, sources, panels).encode()
 
 
+def _png(drawing: str) -> bytes:
+    """Return a drawing as PNG, with one pixel per unit of the drawing."""
+    return bytes(_renderer().svg_to_bytes(svg_string=drawing, width=PAGE[0]))
+
+
 PNG = ".png"
-"""The suffix of the one format that needs an extra."""
+"""Suffix of the only format that needs an extra."""
 
 PICTURE_FORMATS: Mapping[str, Callable[[SeenMatch, str], bytes]] = {
     ".svg": lambda match, title: sheet(match.recording, match.facts, title).encode(),
     ".html": lambda match, title: side_by_side({title: match}, title),
-    # One pixel for each unit of the drawing.
-    PNG: lambda match, title: bytes(
-        _renderer().svg_to_bytes(svg_string=sheet(match.recording, match.facts, title), width=PAGE[0])
-    ),
+    PNG: lambda match, title: _png(sheet(match.recording, match.facts, title)),
 }
 
 
 def form(file: Path) -> Callable[[SeenMatch, str], bytes]:
-    """Return what makes the file of a match for its suffix.
+    """Return the function that makes the file of a match with this suffix.
 
-    Raises UnknownName for a suffix of no format, LocalError for a PNG without the extra.
+    Raises UnknownName for an unknown suffix, LocalError for a PNG without the extra.
     """
     suffix = file.suffix.lower()
     if suffix not in PICTURE_FORMATS:
         raise UnknownName("picture format", file.suffix or file.name, PICTURE_FORMATS)
     if suffix == PNG:
-        _renderer()  # complains before a match is played, not after it
+        _renderer()  # raises before a match is played
     return PICTURE_FORMATS[suffix]
 
 
 def save(match: SeenMatch, file: Path, title: str) -> None:
-    """Draw a match into a file; raises UnknownName for its suffix, LocalError for a PNG without the extra."""
+    """Draw a match to a file; raises UnknownName for its suffix, LocalError for a PNG without the extra."""
     write_whole(file, form(file)(match, title))
 
 
-# A match that was played here: what was on the bus, and what only the simulated world knows
+# A match that was played here: its frames, and the truth of the simulated world
 
 
 STEP = 0.1
-"""Seconds between two places of the true path: a tenth of what a robot is wide at its top speed."""
+"""Time between two points of the true path, in s; at its top speed a robot moves a tenth of its width meanwhile."""
 
 
 def seen_match(frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> SeenMatch:
-    """Return what to draw of a match, from its frames with their times by the world's clock."""
+    """Return a match to draw, from its frames with their times by the world's clock."""
     robot = loading.find(options.robot)
     decode = Decoder(robot.dialects.load_all(options.dialect), robot.catalogue())
     return SeenMatch([(time, decode(frame)) for time, frame in frames], decode, world.facts, truth_of(world))
 
 
 def draw(file: Path, frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> None:
-    """Draw a match into a file; raises OSError, UnknownName for its suffix, LocalError for a PNG without the extra."""
+    """Draw a match to a file; raises OSError, UnknownName for its suffix, LocalError for a PNG without the extra."""
     save(seen_match(frames, options, world), file, f"Match, seed {options.seed}")
 
 
 def truth_of(world: World) -> Truth:
-    """Return what nobody could see on the bus: where our robot was, what it touched, how it made its points."""
+    """Return what the bus does not show: our robot's true path, its touches, its points, and its strategy's texts."""
     ours = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
     touches = [TouchMark(each.time, Point(each.x, each.y), str(each), each.is_fault_of(OURS)) for each in ours]
     return Truth([*_thinned(world.path)], touches, world.game.scores, world.captions)
@@ -140,7 +142,7 @@ def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[PathPoint]:
 
 
 FRAME = "field"
-"""The playing field, with its origin at the lower left."""
+"""Name of the playing field's coordinate system, with the origin at the lower left."""
 
 MILLIMETRES = 1000
 
@@ -167,7 +169,7 @@ def pose(message: Message, time: dict[str, int]) -> dict[str, Any] | None:
     x, y, angle = (getattr(message, name) for name in ("x", "y", "angle"))
     if x is None or y is None or OutOfRange in map(type, (x, y, angle)):
         return None
-    # A quaternion holds half the angle: (0, 0, sin a/2, cos a/2) turns by a around the upright axis.
+    # The quaternion (0, 0, sin a/2, cos a/2) rotates by a around the vertical axis.
     half = radians(angle or 0) / 2
     position = {"x": x / MILLIMETRES, "y": y / MILLIMETRES, "z": 0.0}
     orientation = {"x": 0.0, "y": 0.0, "z": sin(half), "w": cos(half)}
@@ -178,5 +180,5 @@ POSE = Drawing("foxglove.PoseInFrame", PROPERTIES, pose)
 
 
 def drawings(protocol: Protocol) -> dict[str, Drawing]:
-    """Return the drawing for each message with a pose, by the names of the loaded files."""
+    """Return the drawing of each message with a pose, by the names in the loaded files."""
     return {each.name: POSE for each in protocol.bindings if each.type in (GotoXY, *SOURCES)}

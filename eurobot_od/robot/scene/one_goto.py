@@ -1,4 +1,4 @@
-"""One goto of a match, for people who see such a picture for the first time: few lines, and each of them explained."""
+"""Draws one goto of a match for beginners, with few lines and a legend."""
 
 from __future__ import annotations
 
@@ -14,32 +14,31 @@ from eurobot_od.robot.scene.scene import Explained, Look, ground, looks, on_pape
 from eurobot_od.support import svg
 
 SIZE = (3300, 2740)
-"""Width and height: those of the field, with room for its numbers, the sentence above and the legend below."""
+"""Width and height: the field with its numbers, the sentence above it and the legend below."""
 
 CORNER = (200, 190)
-"""Where the upper left corner of the field is."""
+"""Upper left corner of the field."""
 
 WORDS, ROW, COLUMN = 60, 110, 1560
-"""Size of texts, and distances of the legend's rows and columns."""
+"""Size of texts, distance of the legend's rows, distance of its columns."""
 
 LINE, OTHERS = 26, 5
-"""Width of the way of this goto, and of what was driven before and after."""
+"""Width of this goto's path, and of the rest of the path."""
 
 
 def longest(gotos: Sequence[RecordedGoto], path: Sequence[PathPoint]) -> RecordedGoto | None:
-    """Return the reached goto with the longest way, as the crow flies; None if none was reached."""
-    reached = [each for each in gotos if each.outcome is Outcome.ARRIVED and at([*path], each.sent) is not None]
-    return max(reached, key=lambda each: _distance(each, path), default=None)
-
-
-def _distance(goto: RecordedGoto, path: Sequence[PathPoint]) -> float:
-    begin = at([*path], goto.sent)
-    return 0.0 if begin is None else dist((begin.x, begin.y), (goto.message.x, goto.message.y))
+    """Return the reached goto with the longest straight distance; None if none was reached."""
+    begins = {each: at([*path], each.sent) for each in gotos if each.outcome is Outcome.ARRIVED}
+    distances = {
+        goto: dist((begin.x, begin.y), (goto.message.x, goto.message.y)) for goto, begin in begins.items() if begin
+    }
+    return max(distances, key=distances.__getitem__, default=None)
 
 
 def picture(recording: Recording, facts: Facts, goto: RecordedGoto) -> str:
-    """Draw a goto that was reached as SVG: the field with what it was about, a sentence, and a legend."""
-    end, asked = goto.ended or recording.end, goto.message
+    """Return an SVG of a reached goto: the field, a sentence, and a legend."""
+    end = goto.ended or recording.end
+    asked = goto.message
     words = f"Goto {goto.number}: to x {asked.x} mm, y {asked.y} mm, {asked.angle} deg, with {asked.speed} % speed"
     after = f"; arrived after {end - goto.sent:.1f} s"
     legend = [
@@ -59,7 +58,8 @@ def picture(recording: Recording, facts: Facts, goto: RecordedGoto) -> str:
 
 
 def _drawn(recording: Recording, facts: Facts, goto: RecordedGoto, end: float) -> Iterator[str]:
-    field, asked = facts.field, goto.message
+    field = facts.field
+    asked = goto.message
     robots = {each.message: each for each in looks(facts, recording.configuration)}
     for barrier, passage in facts.flagged(asked.barriers):
         ring = style.ring_mark(barrier.kind.radius + style.RING, passage)
@@ -75,7 +75,9 @@ def _drawn(recording: Recording, facts: Facts, goto: RecordedGoto, end: float) -
         stroke_linejoin="round",
     )
     for kind, path in recording.paths.items():
-        look, begin, place = robots[kind.__name__], at(path, goto.sent), at(path, end)
+        look = robots[kind.__name__]
+        begin = at(path, goto.sent)
+        place = at(path, end)
         if look.trail and place is not None:
             yield from _robot(facts, look, place)
         if look.name == OURS and begin is not None:
@@ -86,7 +88,7 @@ def _drawn(recording: Recording, facts: Facts, goto: RecordedGoto, end: float) -
 
 
 def _robot(facts: Facts, look: Look, place: PathPoint) -> Iterator[str]:
-    """Draw a robot where it was, with its name."""
+    """Yield the drawing of a robot with its name."""
     x, y = on_paper(facts.field, place.x, place.y)
     yield look.at((x, y), place.angle)
     name = "our robot" if look.name == OURS else look.name

@@ -1,6 +1,6 @@
-"""The playing field on the page: the scene as it grows, and the match as events.
+"""The playing field on the page: the growing scene, and the match as events.
 
-What the messages say about the match is worked out by `recording`, what is drawn of it by `scene`; `field.js` paints.
+`recording` finds out what the messages say about the match, `scene` makes the drawings, and `field.js` paints them.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from eurobot_od.web.page import Beside, Control, Panel
 HERE = Path(__file__).parent
 
 AROUND = (200, 50, 80, 100)
-"""Room around the field for the numbers of its axes: left, above, right, below, mm."""
+"""Room around the field for the numbers of its axes, in mm: left, above, right, below."""
 
 SPEED = 50
-"""Per cent of the drive's maximum that a goto of the page has, unless somebody says another."""
+"""Default speed of a goto from the page, in percent of the drive's maximum."""
 
 POSE_UNITS = {"x": "mm", "y": "mm", "angle": "deg"}
 
 PATIENCE = 1.0
-"""Seconds that a node has to answer before a goto of the page."""
+"""Maximum time for a node's answer before a goto from the page, in s."""
 
 KEPT = 1000
-"""Sightings of each robot that are kept: the page has its own, here they tell where a goto began."""
+"""Number of sightings of each robot that are kept here, to find where a goto began."""
 
 
 class FieldPanel(Panel):
-    """The playing field of one source, by the facts of the robot's file."""
+    """The playing field of one source, with the facts of the robot's file."""
 
     name: ClassVar[str] = "field"
     title: ClassVar[str] = "Field"
@@ -56,8 +56,9 @@ class FieldPanel(Panel):
     orders: ClassVar[Mapping[str, str]] = {"Goto XY": "Goto XY", "Start Configuration Set": "Start configuration"}
 
     def __init__(self) -> None:
-        self._recorder, self._scene = Recorder(), MatchScene(self.facts())
-        # The drive also keeps a margin, by how well it knows where it is.
+        self._recorder = Recorder()
+        self._scene = MatchScene(self.facts())
+        # Without a margin; the drive adds one for the uncertainty of its place.
         self._clearances = Clearances.of(self.facts(), self.facts().body.radius, 0.0)
         self._routes: dict[int, list[Point]] = {}
         self._heard: defaultdict[type[Message], Signal] = defaultdict(Signal)
@@ -65,17 +66,17 @@ class FieldPanel(Panel):
 
     @classmethod
     def facts(cls) -> Facts:
-        """Return the facts of the robot: those of the shipped one, unless `field_panel` says otherwise."""
+        """Return the facts of the robot: those of the shipped one, or of `field_panel`."""
         return robot_file.read()
 
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:
-        """Return whether a network has what there is to see on the field."""
+        """Return whether a network has the messages for the field."""
         return {messages.KalmanPositionResponse, messages.GotoXY} <= {each.type for each in protocol.bindings}
 
     @classmethod
     def of(cls, protocol: Protocol) -> type[Panel]:
-        """Return the panel of the robot whose files those of a network are."""
+        """Return the panel of a network's robot."""
         return field_panel(robot_file.read(robot_file.file_for(protocol.bindings[0].file)))
 
     @classmethod
@@ -101,7 +102,7 @@ class FieldPanel(Panel):
         }
 
     def objection(self, message: Message, control: Control) -> str:
-        """Say why no goto is sent from the page: there is no core of ours to check and configure the nodes."""
+        """Return why the page cannot send a goto, as it has no core that has checked and configured the nodes."""
         if not isinstance(message, messages.GotoXY):
             return ""
         if self._shut_down:
@@ -116,7 +117,7 @@ class FieldPanel(Panel):
         return "" if self._place_known else "no goto: the drive's place is unknown; send Start Configuration Set first"
 
     def _answers(self, request: Message, answer: type[Message], control: Control) -> bool:
-        # A new one for each question: an answer to an earlier one must not count.
+        # A new one for each request, so that earlier answers do not count.
         heard = self._heard[answer] = Signal()
         control.send_message(request)
         return heard.wait(PATIENCE)
@@ -130,21 +131,21 @@ class FieldPanel(Panel):
             self._heard[type(message)].set()
         news = self._recorder.take(time, message)
         for path in self._recorder.recording.paths.values():
-            # Many at once, as deleting at the front moves all the rest.
+            # Many at once, as deleting at the front is slow.
             if len(path) > 2 * KEPT:
                 del path[:KEPT]
         if isinstance(message, messages.StartConfigurationSet):
-            text, robots = (
-                f"Start Configuration Set: {describe(message, kinds(messages.StartConfigurationSet))}",
-                _as_data(looks(self.facts(), message)),
-            )
+            text = f"Start Configuration Set: {describe(message, kinds(messages.StartConfigurationSet))}"
+            robots = _as_data(looks(self.facts(), message))
             yield PageEvent(f"start {time}", "start", time, text, data={"robots": robots})
         for each in news:
             yield self._goto(each) if isinstance(each, RecordedGoto) else self._stop(each)
 
     def _goto(self, goto: RecordedGoto) -> PageEvent:
-        text, name = f"{goto.words}: {goto.ending}", f"goto {goto.number}"
-        end, wrong = goto.ended, goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED)
+        text = f"{goto.words}: {goto.ending}"
+        name = f"goto {goto.number}"
+        end = goto.ended
+        wrong = goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED)
         items = self._scene.goto(goto, self._route(goto))
         return self._event(PageEvent(name, "goto", goto.sent, text, end, str(goto.number), wrong), items)
 
@@ -160,19 +161,20 @@ class FieldPanel(Panel):
 
     def _route(self, goto: RecordedGoto) -> list[Point]:
         """Return the way points of a goto as the drive may plan them, from where the robot was when it was sent."""
-        if goto.number not in self._routes:  # it is asked for at each message while the goto is under way
-            message, start = goto.message, at(self._recorder.recording.path, goto.sent)
+        if goto.number not in self._routes:  # cached, as it is needed at each message during the goto
+            message = goto.message
+            start = at(self._recorder.recording.path, goto.sent)
             here, there = start and Point(start.x, start.y), Point(message.x, message.y)
             planned: Sequence[Point] | None = None
             if here and message.route is Route.PLANNED:
                 planned = find_route(here, there, message.barriers, self._clearances)
-            # Without a way a straight line is drawn: it shows what was asked for.
+            # Without a route, a straight line is drawn.
             self._routes[goto.number] = [*([here] if here else []), *(planned or (there,))]
         return self._routes[goto.number]
 
 
 def field_panel(facts: Facts) -> type[FieldPanel]:
-    """Return the panel of a robot with other facts."""
+    """Return the panel class of a robot with other facts."""
     return type(FieldPanel.__name__, (FieldPanel,), {"facts": classmethod(lambda _: facts)})
 
 
@@ -192,17 +194,18 @@ PAGE_LEGEND = (
         svg.circle(style.CENTRE, 36, fill="none", stroke=style.PALE, stroke_width=9, stroke_dasharray="30 14"),
     ),
 )
-"""What only a moment shows."""
+"""Marks that are shown for a moment only."""
 
 
-# What only the world of a simulated match knows
+# Truth of a simulated match
 
 
 def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
-    """Yield touches and points as events; times are the page's."""
+    """Yield touches and points as events, with times of the page."""
     scene = MatchScene(facts)
     for number, touch in enumerate(truth.touches):
-        name, data = f"touch {number}", _drawn([scene.touch(touch)])
+        name = f"touch {number}"
+        data = _drawn([scene.touch(touch)])
         yield PageEvent(name, "touch", touch.time, touch.words, None, "✶", touch.at_fault, data)
     for number, score in enumerate(truth.scores):
         text = f"{score.robot}: {score.task} +{score.points}"
@@ -213,7 +216,7 @@ def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
 
 
 def true_path(truth: Truth) -> list[dict[str, Any]]:
-    """Return where our robot truly was as a row of the page; nothing if nobody knows."""
+    """Return our robot's true path as a row of the page; empty if it is unknown."""
     path = [each for each in truth.path if each.time >= 0]
     if not path:
         return []

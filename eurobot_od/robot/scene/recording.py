@@ -1,6 +1,6 @@
-"""A match as its messages tell it: paths, gotos and how they ended, stops and why.
+"""A match according to its messages: paths, gotos with their outcomes, stops with their reasons.
 
-What is out of range is not acted on here either: the picture shows what the nodes made of the messages.
+Messages out of range are ignored, as by the nodes.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class PathPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class RecordedGoto:
-    """A goto with its number from 1, when it was sent first, and when and how it ended; times in s.
+    """A goto with its number from 1, when it was first sent, and when and how it ended; times in s.
 
-    While it is under way, as far as the messages say, `ended` and `outcome` are None.
+    While it is under way, `ended` and `outcome` are None.
     """
 
     number: int
@@ -45,19 +45,19 @@ class RecordedGoto:
 
     @property
     def words(self) -> str:
-        """What was asked for."""
+        """The goto as text."""
         asked = self.message
         return f"goto {self.number} to {asked.x}, {asked.y} mm, {asked.angle} deg, {asked.speed} %"
 
     @property
     def ending(self) -> str:
-        """How it ended, in words."""
+        """The outcome as text."""
         return "under way" if self.outcome is None else self.outcome.value
 
 
 @dataclass(frozen=True)
 class RecordedStop:
-    """A stop: its letter (A, B, ...), time in s, what it was and why, and where the robot was then, if it is known."""
+    """A stop: its letter (A, B, ...), time in s, kind and reason, and the robot's place, if it is known."""
 
     letter: str
     time: float
@@ -66,12 +66,12 @@ class RecordedStop:
 
     @property
     def words(self) -> str:
-        """What it was, and why."""
+        """The stop as text."""
         return f"{self.letter}: {self.what}"
 
 
 class TouchMark(NamedTuple):
-    """Two bodies met: when, in s, where, who met whom in words, and whether our robot drove into the other."""
+    """A contact of two bodies: time in s, place, text, and whether our robot drove into the other."""
 
     time: float
     place: Point
@@ -80,9 +80,7 @@ class TouchMark(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What nobody can see on the bus, with times by its clock: our true poses, touches, who made which points, and what
-    the strategies said.
-    """
+    """What the bus does not show, with times by the bus's clock: true poses, touches, points, and strategies' texts."""
 
     path: Sequence[PathPoint] = ()
     touches: Sequence[TouchMark] = ()
@@ -90,7 +88,7 @@ class Truth(NamedTuple):
     captions: Sequence[Caption] = ()
 
     def later(self, by: float) -> Truth:
-        """Return the same `by` s later: by another clock."""
+        """Return the same with all times `by` s later."""
         parts: Iterable[Sequence[Any]] = self
         return Truth(*([each._replace(time=each.time + by) for each in part] for part in parts))
 
@@ -100,9 +98,9 @@ NOTHING = Truth()
 
 @dataclass
 class Recording:
-    """A match: everything with its time in s since the first message.
+    """A match; times in s since the first message.
 
-    `paths` are the sightings by message type. `truth` is what only a simulated world knows; of a log it is nothing.
+    `paths` are the sightings by message type. `truth` is that of a simulated world; empty for a log without it.
     """
 
     configuration: messages.StartConfigurationSet | None = None
@@ -119,17 +117,18 @@ class Recording:
 
     @property
     def team(self) -> TeamColour | None:
-        """Our colour, None if it was not said or makes no sense."""
+        """Our colour, None if it is unknown or invalid."""
         colour = None if self.configuration is None else self.configuration.team_colour
         return colour if isinstance(colour, TeamColour) else None
 
 
 def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> Recording:
-    """Work out a match from its messages and their times in s, and what else is known, by the same clock."""
+    """Return a match from its messages with times in s, and its truth by the same clock."""
     recorder = Recorder()
     for time, message in events:
         recorder.take(time, message)
-    start, recording = recorder.start or 0.0, recorder.recording
+    start = recorder.start or 0.0
+    recording = recorder.recording
     known = recording.truth = truth.later(-start)
     times = [each.time for each in known.touches] + [each.time for each in known.scores]
     recording.end = max([recording.end, *times])
@@ -137,7 +136,7 @@ def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> R
 
 
 class Recorder:
-    """Takes in one message after the other: `recording` is the match so far, `start` the first message's time in s."""
+    """Adds one message after the other to `recording`; `start` is the first message's time in s."""
 
     def __init__(self) -> None:
         self.recording = Recording()
@@ -147,11 +146,11 @@ class Recorder:
         self._news: list[RecordedGoto | RecordedStop] = []
 
     def take(self, time: float, message: Message) -> list[RecordedGoto | RecordedStop]:
-        """Take in a message; returns gotos and stops that are new, or have ended."""
+        """Add a message; return the gotos and stops that are new or have ended."""
         self.start = time if self.start is None else self.start
-        # Times in a log may go back by a moment; the match does not.
+        # Times in a log may go back a little.
         now = self.recording.end = max(time - self.start, self.recording.end)
-        # The drive stops even for an obstacle that nobody knows (Table 1), so the picture shows that stop.
+        # The drive stops even for an unknown obstacle (Table 1), so this is shown.
         if is_flagged(message) and type(message) not in messages.CATALOGUE.always:
             return []
         self._news = []
@@ -169,7 +168,7 @@ class Recorder:
             path.append(PathPoint(now, seen.x, seen.y, seen.angle))
 
     def goto(self, now: float, goto: messages.GotoXY) -> None:
-        """Take in a goto; one that is the same as the one under way is a repetition: its confirm was lost."""
+        """Add a goto; the same one during the goto is a repetition after a lost confirm."""
         if self._running is not None and self._running.message == goto:
             return
         self._end(now, Outcome.REPLACED)
@@ -185,12 +184,13 @@ class Recorder:
             self._end(now, FAULT_OUTCOME[state.time])
 
     def stop(self, now: float, stop: messages.StopMessage) -> None:
-        """Take in a stop; the same once more, with nothing under way in between, is a repetition."""
+        """Add a stop; the same one without a goto in between is a repetition."""
         if stop == self._standing:
             return
         self._standing = stop
         self._end(now, Outcome.STOPPED)
-        letter, place = _letter(len(self.recording.stops)), at(self.recording.path, now)
+        letter = _letter(len(self.recording.stops))
+        place = at(self.recording.path, now)
         what = (
             "Emergency Shutdown: mushroom" if isinstance(stop, messages.EmergencyShutdown) else "Stop Drive: commanded"
         )
@@ -221,22 +221,22 @@ def _letter(number: int) -> str:
 
 
 def at(path: list[PathPoint], time: float) -> PathPoint | None:
-    """Return where the robot was at a time: between two sightings on the straight line; None without any."""
+    """Return where the robot was at a time, interpolated between two sightings; None without any."""
     after = bisect_right(path, time, key=lambda sighting: sighting.time)
     if not path or after in (0, len(path)):
-        return (path[-1] if after else path[0]) if path else None
+        return path[-1 if after else 0] if path else None
     one, two = path[after - 1], path[after]
-    # Never 0: bisect has put the time after the first and before the second.
+    # Not 0, as the time is between the two.
     share = (time - one.time) / (two.time - one.time)
     return PathPoint(time, one.x + share * (two.x - one.x), one.y + share * (two.y - one.y), one.angle)
 
 
 BEGINNING = 1 << 16
-"""Bytes of a log that tell it from another one."""
+"""Number of bytes of a log that are hashed to recognise it."""
 
 
 def truth_file(log: Path) -> Path:
-    """Return where a log's truth lies."""
+    """Return the file of a log's truth."""
     return log.with_name(f"{log.name}.truth.json")
 
 
@@ -246,9 +246,9 @@ def _digest(log: Path) -> str:
 
 
 def write_truth(log: Path, truth: Truth, start: float) -> None:
-    """Write what is true of a match beside its log, whose first frame came at `start`; raises OSError.
+    """Write the truth of a match beside its log, whose first frame came at `start`; raises OSError.
 
-    Of a log that is a pipe or a device nothing is kept.
+    Nothing is written for a pipe or device.
     """
     if not log.is_file():
         return
@@ -259,9 +259,9 @@ def write_truth(log: Path, truth: Truth, start: float) -> None:
 
 
 def read_truth(log: Path, start: float = 0.0) -> Truth:
-    """Return what is known of a log whose first frame came at `start`, NOTHING if nothing lies beside it.
+    """Return the truth of a log whose first frame came at `start`, NOTHING if there is no file.
 
-    Raises LocalError for a file that is not one, or that is another log's.
+    Raises LocalError for a damaged file, and for another log's.
     """
     file = truth_file(log)
     if not file.is_file():

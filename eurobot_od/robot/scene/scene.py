@@ -1,7 +1,7 @@
-"""The scene: what there is to draw, each thing with its layer and the time in which it is there.
+"""The scene: the drawings on the field, each with its layer and the time during which it is visible.
 
-It is the same for a file, which shows what is there in the end, and for the page, which shows a moment: `field.js`
-paints the drawings as they are, and moves the robots' where their messages say.
+A file shows the end of a match, and the page a moment: `field.js` paints the drawings, and moves the robots' as their
+messages say.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ from eurobot_od.support.texts import amount
 GRID_STEP = 500
 
 MARGIN = 40
-"""From the border to the numbers of an axis, and half of it from a zone's edge to its name, mm."""
+"""Distance from the border to the numbers of an axis, in mm; half of it is from a zone's edge to its name."""
 
 NAMED = 100
-"""A barrier has its whole name on it from this radius on, mm, else its number."""
+"""Minimum radius of a barrier for its whole name, in mm; a smaller one has its number."""
 
 
 def on_paper(field: Field, x: float, y: float) -> PaperPoint:
-    """Return where a place of the field is drawn: y grows upwards on the field and downwards on paper."""
-    # The document's origin is the lower left corner of the field, SVG's the upper left one of the sheet.
+    """Return where a place on the field is drawn: y grows upwards on the field and downwards on paper."""
+    # The document's origin is the field's lower left corner, SVG's the upper left one.
     return x, field.height - y
 
 
 def ground(facts: Facts, team: TeamColour | None = None) -> str:
-    """Draw the field, its origin the upper left corner; the start place of `team` is the one that is marked."""
-    field, trees = facts.field, facts.field.trees
+    """Return the drawing of the field, with the origin at the upper left corner, and the start of `team` marked."""
+    field = facts.field
+    trees = facts.field.trees
     return svg.group(
         svg.rectangle((0, 0), field.width, field.height, fill=style.SURFACE),
         *_grid(field),
@@ -50,7 +51,7 @@ def ground(facts: Facts, team: TeamColour | None = None) -> str:
 
 
 def _grid(field: Field) -> Iterator[str]:
-    """Draw lines and their numbers."""
+    """Yield the grid lines with their numbers."""
     for x in range(0, int(field.width) + 1, GRID_STEP):
         yield svg.line((x, 0), (x, field.height), stroke=style.GRID, stroke_width=3)
         yield _small((x, field.height + MARGIN), str(x), style.PALE, "middle", "hanging")
@@ -64,36 +65,37 @@ def _small(place: PaperPoint, words: str, fill: str, anchor: str, baseline: str)
 
 
 def _start(field: Field, colour: TeamColour, start: Start, is_ours: bool) -> str:
-    """Draw the zone that a robot starts from."""
+    """Return the drawing of a start zone."""
     left, lower, right, upper = start.zone
-    paint, corner = style.team_colour(colour), on_paper(field, left, upper)
+    paint = style.team_colour(colour)
+    corner = on_paper(field, left, upper)
     opacity, width, dashes = (0.3, 10, None) if is_ours else (0.12, 4, "20 12")
     look = {"fill": paint, "fill_opacity": opacity, "stroke": paint, "stroke_width": width, "stroke_dasharray": dashes}
-    # Towards the nearer border, where larger letters do not run out of the field.
+    # Aligned with the nearer border, so that larger letters stay on the field.
     x, anchor = (left + MARGIN / 2, "start") if left < field.width / 2 else (right - MARGIN / 2, "end")
     name = _small((x, corner[1] + MARGIN / 2), f"start {colour.name.lower()}", style.INK, anchor, "hanging")
     return svg.group(svg.rectangle(corner, right - left, upper - lower, **look), name)
 
 
 def _barrier(barrier: Barrier) -> str:
-    """Draw a barrier with its name."""
+    """Return the drawing of a barrier with its name."""
     radius = barrier.kind.radius
-    # A small barrier has no room for its name.
+    # A small barrier has room for its number only.
     words = barrier.name if radius > NAMED else barrier.name.rpartition(" ")[2]
-    # The edge is for where the letters are larger than the barrier, on a phone.
+    # On a phone the letters are larger than the barrier, so they have an edge.
     look = {"font_weight": "bold", "stroke": svg.INK, "stroke_width": 7, "paint_order": "stroke"}
     name = svg.text((0, 13), words, fill=svg.PAPER, font_size=36, text_anchor="middle", **look)
     return svg.group(style.barrier_shape(barrier.kind, radius), name)
 
 
 LAYERS = ("rings", "trails", "robots", "routes", "targets", "marks", "names")
-"""From the ground up: what explains the paths is not hidden below them."""
+"""From the ground up, so that marks are not hidden by paths."""
 
 RINGS, TRAILS, ROBOTS, ROUTES, TARGETS, MARKS, ROBOT_NAMES = LAYERS
 
 
 class Item(NamedTuple):
-    """A drawing on the field, its origin the upper left corner, from `begin` to `end` in s; None if it stays."""
+    """A drawing on the field, with its origin at the upper left corner, from `begin` to `end` in s; None: it stays."""
 
     layer: str
     drawing: str
@@ -105,33 +107,34 @@ class Item(NamedTuple):
         return self._replace(begin=self.begin + by, end=None if self.end is None else self.end + by)
 
 
-# What happens
+# Events
 
 DISC, SIGN = 68, 78
-"""How far below its place the disc of a goto is, and how far above it the sign of a stop, mm."""
+"""Distance of a goto's disc below its place, and of a stop's sign above it, in mm."""
 
 CLEAR = 120
-"""Nearer to the border than this there is no room for a disc or a sign, mm."""
+"""Minimum distance from the border for a disc or a sign, in mm."""
 
 UNDER = 460
-"""Nearer to the upper edge of a start zone than this, a sign above its place could cover the zone's name, mm.
+"""Distance from the upper edge of a start zone within which a sign could cover the zone's name, in mm.
 
 Both are drawn larger where the field is small: three times on a phone.
 """
 
 SPACING = 2 * style.MARK + 8
-"""Distance of signs, mm, which do not cover each other."""
+"""Minimum distance of signs, in mm."""
 
 
 class MatchScene:
-    """Draws what happens on a field; a mark keeps its place, also if it is drawn anew."""
+    """Draws the events on a field; a mark keeps its place when it is drawn again."""
 
     def __init__(self, facts: Facts) -> None:
-        self._facts, self._field = facts, facts.field
+        self._facts = facts
+        self._field = facts.field
         self._signs: dict[tuple[str, object], PaperPoint] = {}
 
     def goto(self, goto: RecordedGoto, route: Iterable[Point] = ()) -> Iterator[Item]:
-        """Draw a goto: the barriers and the way while it is under way, its disc from then on."""
+        """Yield the drawings of a goto: barriers and route while it is under way, its disc from then on."""
         asked, sent, ended = goto.message, goto.sent, goto.ended
         for barrier, passage in self._facts.flagged(asked.barriers):
             ring = style.ring_mark(barrier.kind.radius + style.RING, passage, svg.title(barrier.name))
@@ -140,7 +143,7 @@ class MatchScene:
             yield Item(ROUTES, way_mark(points), sent, ended)
         place = on_paper(self._field, asked.x, asked.y)
         yield Item(TARGETS, svg.moved(place, style.target_mark(asked.angle)), sent, ended)
-        # At the lower edge there is room above the place only.
+        # At the lower edge there is room only above the place.
         away = -DISC if place[1] > self._field.height - CLEAR else DISC
         disc = self._aside("goto", goto.number, place, away)
         words = f"{goto.words}, barriers {self._facts.words(asked.barriers)}, at {sent:.1f} s"
@@ -151,7 +154,7 @@ class MatchScene:
             yield _mark(place, svg.moved(disc, over), begin=ended)
 
     def stop(self, stop: RecordedStop) -> Iterator[Item]:
-        """Draw a stop as a dot, and above it its sign; nothing if nobody knows where it was."""
+        """Yield the drawing of a stop: a dot with its sign above; nothing if its place is unknown."""
         if stop.place is not None:
             place = on_paper(self._field, stop.place.x, stop.place.y)
             named = any(0 <= start.zone[-1] - stop.place.y < UNDER for start in self._field.starts.values())
@@ -165,12 +168,12 @@ class MatchScene:
             )
 
     def touch(self, touch: TouchMark) -> Item:
-        """Draw a touch."""
+        """Return the drawing of a touch."""
         burst = style.touch_mark(touch.at_fault, svg.title(touch.words))
         return _mark(on_paper(self._field, *touch.place), burst, begin=touch.time)
 
     def _aside(self, kind: str, name: object, place: PaperPoint, away: float) -> PaperPoint:
-        """Return where a sign stands, seen from its place: `away` below it, and aside if another one is there."""
+        """Return a sign's offset from its place: `away` below it, and to the side if another sign is there."""
         if (kind, name) not in self._signs:
             row = [(place[0] + each, place[1] + away) for each in self._row(place[0])]
             free = (each for each in row if all(dist(each, other) > SPACING - 1 for other in self._signs.values()))
@@ -179,20 +182,21 @@ class MatchScene:
         return x - place[0], y - place[1]
 
     def _row(self, middle: float) -> list[float]:
-        """Return how far from the middle of a row its signs are, by turns to both sides; all are on the field."""
+        """Return the possible offsets of signs in a row, alternating to both sides; all are on the field."""
         first, last = SPACING - middle, self._field.width - SPACING - middle
-        begin, steps = min(max(0, first), last), int(self._field.width / SPACING)
+        begin = min(max(0, first), last)
+        steps = int(self._field.width / SPACING)
         row = [each for n in range(-steps, steps + 1) if first <= (each := begin + n * SPACING) <= last] or [begin]
         return sorted(row, key=lambda each: (abs(each - begin), each < begin))
 
 
 def _mark(place: PaperPoint, *content: str, begin: float, end: float | None = None) -> Item:
-    """Return a mark that is drawn around its place; where its words are drawn larger, so is all of it."""
+    """Return a mark around its place, which is drawn larger where its text is."""
     return Item(MARKS, svg.moved(place, svg.group(*content, class_="sign")), begin, end)
 
 
 def way_mark(points: Iterable[PaperPoint]) -> str:
-    """Draw the way to a goto."""
+    """Return the drawing of the route to a goto."""
     return svg.polyline(points, fill="none", stroke=style.GOTO, stroke_width=9, stroke_dasharray="26 18")
 
 
@@ -200,9 +204,9 @@ def way_mark(points: Iterable[PaperPoint]) -> str:
 
 
 class Look(NamedTuple):
-    """How a robot is drawn around its middle: where it looks along x, and where its heading is unknown.
+    """The drawing of a robot around its centre, facing along x: `turned`, and `round` for an unknown heading.
 
-    `message` says where it is. `trail` tells whether its way is drawn.
+    `message` has its position. `trail`: whether its path is drawn.
     """
 
     name: str
@@ -215,7 +219,7 @@ class Look(NamedTuple):
     trail: bool = True
 
     def at(self, place: PaperPoint, angle: float | None) -> str:
-        """Draw the robot where it is on paper, with its heading in degrees, counter-clockwise."""
+        """Return the robot at a place on paper, with its heading in degrees, counter-clockwise."""
         if angle is None:
             return svg.moved(place, self.round)
         turned = svg.group(self.turned, transform=f"rotate({svg.number(-angle)})")
@@ -223,25 +227,28 @@ class Look(NamedTuple):
 
 
 RAW = 40
-"""Radius of the ring for what navigation alone says, mm."""
+"""Radius of the ring for the raw position from the navigation, in mm."""
 
 
 def looks(facts: Facts, start: messages.StartConfigurationSet | None) -> Iterator[Look]:
-    """Return how the robots look in a match with this start configuration."""
+    """Yield the drawings of the robots in a match with this start configuration."""
     team = start.team_colour if start is not None and isinstance(start.team_colour, TeamColour) else None
-    body, colour, here = facts.body, style.team_colour(team), Pose(0, 0, 0)
+    body = facts.body
+    colour = style.team_colour(team)
+    here = Pose(0, 0, 0)
     outline = [(x, -y) for x, y in body.corners(here)]
     wheels = (((x1, -y1), (x2, -y2)) for (x1, y1), (x2, y2) in body.tracks(here))
     tyres = [svg.line(*ends, stroke=style.INK, stroke_width=style.TYRE) for ends in wheels]
     ours = style.robot_mark(body.radius, colour, None, outline, _front(body.radius, colour), *tyres)
-    # Where the heading is unknown, as after a boot, a body drawn at an angle would be a guess.
+    # For an unknown heading, such as after a boot.
     plain = style.robot_mark(body.radius, colour)
     yield Look(OURS, messages.KalmanPositionResponse.__name__, colour, body.radius, ours, plain)
     ring = svg.circle(style.CENTRE, RAW, fill="none", stroke=colour, stroke_width=4, stroke_dasharray="10 8")
     raw = svg.group(ring, _front(RAW, colour, 4))
     yield Look("raw position", messages.NaviPositionResponse.__name__, colour, RAW, raw, ring, trail=False)
     for whom, (name, dashes) in style.OTHERS.items():
-        paint, radius = style.colour_of(name), _radius(facts, start, whom)
+        paint = style.colour_of(name)
+        radius = _radius(facts, start, whom)
         disc = style.robot_mark(radius, paint, dashes)
         heading = style.robot_mark(radius, paint, dashes, (), _front(radius, paint))
         yield Look(name, whom.__name__, paint, radius, heading, disc, dashes)
@@ -252,23 +259,23 @@ def _front(radius: float, colour: str, width: float = 12) -> str:
 
 
 def _radius(facts: Facts, start: messages.StartConfigurationSet | None, whom: type[messages.PositionResponse]) -> float:
-    """Return the radius of another robot in mm: an enemy's from the start configuration, else what the facts say."""
+    """Return the radius of another robot in mm, by the start configuration, otherwise by the facts."""
     field = messages.DIAMETERS.get(messages.SOURCES[whom], "")
     return 5.0 * (getattr(start, field, None) or 0) or facts.others[messages.SOURCES[whom]].radius
 
 
-# What explains it
+# Legend
 
 
 class Explained(NamedTuple):
-    """A line of the legend: what a drawing means, which is not larger than 90 x 90 around its middle."""
+    """A line of the legend: a drawing of at most 90 x 90 around its centre, and its meaning."""
 
     words: str
     drawing: str
 
 
 def legend(facts: Facts) -> Iterator[Explained]:
-    """Explain the marks, and what stands on the field."""
+    """Yield the marks, and the things on the field, with their meanings."""
     yield Explained("place and angle of a goto", style.target_mark(0))
     yield Explained("goto, reached", style.goto_mark(1, Outcome.ARRIVED))
     yield Explained("goto, not reached", style.goto_mark(2, Outcome.STOPPED))
@@ -286,7 +293,7 @@ ROW = 58
 
 
 def column(recording: Recording, facts: Facts) -> str:
-    """Draw the legend of a match."""
+    """Return the drawing of a match's legend."""
     rows = enumerate((*_of_match(recording), *legend(facts)))
     return svg.group(*(svg.moved((0, ROW * row), _row_of(each)) for row, each in rows))
 
@@ -317,21 +324,21 @@ PAGE = (4200, 2460)
 """Width and height."""
 
 FIELD, COLUMN = (190, 300), (3330, 300)
-"""Where the upper left corners of field and legend are."""
+"""Upper left corners of field and legend."""
 
 ROOM = (3000, 2000)
-"""Width and height of the room for the field: another field is drawn smaller or larger."""
+"""Width and height of the room for the field, to which another field is scaled."""
 
 PATH_TICK, MOST_TICKS = 10, 60
-"""Seconds from one mark on the path to the next, and the most of them: one far-off time in a log must not make it draw
-for ever."""
+"""Time between two marks on the path, in s, and maximum number of marks, as a log may have a wrong time."""
 
 
 def sheet(recording: Recording, facts: Facts, title: str) -> str:
-    """Draw a match as SVG, on the field that the facts say."""
+    """Return an SVG of a match."""
     width, height = PAGE
-    drawing, scale = field_drawing(recording, facts), min(ROOM[0] / facts.field.width, ROOM[1] / facts.field.height)
-    if scale != 1:  # the field of another year
+    drawing = field_drawing(recording, facts)
+    scale = min(ROOM[0] / facts.field.width, ROOM[1] / facts.field.height)
+    if scale != 1:  # another field
         drawing = svg.group(drawing, transform=f"scale({scale:.4f})")
     return svg.element(
         "svg",
@@ -366,20 +373,21 @@ def _summary(recording: Recording) -> Iterator[str]:
 
 
 def field_drawing(recording: Recording, facts: Facts) -> str:
-    """Draw the field and what happened on it; one unit is one millimetre, the origin its upper left corner."""
+    """Return the drawing of the field with all events; one unit is one mm, the origin its upper left corner."""
     drawn: dict[str, list[str]] = {layer: [] for layer in LAYERS}
     for item in _in_the_end(recording, facts):
         drawn[item.layer].append(item.drawing)
-    # Several gotos have the same barriers and the same place.
+    # Without repetitions, as gotos may share barriers and places.
     return svg.group(ground(facts, recording.team), *(svg.group(*dict.fromkeys(each)) for each in drawn.values()))
 
 
 def _in_the_end(recording: Recording, facts: Facts) -> Iterator[Item]:
-    """Yield what is there at the end of a match, and in every time that barriers and places were asked for."""
-    scene, field = MatchScene(facts), facts.field
+    """Yield the drawings at the end of a match, with all barriers and targets of gotos."""
+    scene = MatchScene(facts)
+    field = facts.field
     robots = {each.message: each for each in looks(facts, recording.configuration)}
     seen = [(robots[kind.__name__], path) for kind, path in recording.paths.items()]
-    # The others first: our own path is what the picture is for, and lies on top.
+    # The others first, so that our own path is on top.
     for look, path in sorted(seen, key=lambda each: each[0].name == OURS):
         trail = _own_path(field, path, recording.end) if look.name == OURS else _path(field, path, look)
         yield from (Item(TRAILS, each, 0) for each in trail)
@@ -402,14 +410,14 @@ def _points(field: Field, path: Iterable[PathPoint]) -> list[svg.PaperPoint]:
 
 
 def _path(field: Field, path: Iterable[PathPoint], look: Look) -> Iterator[str]:
-    """Draw where another robot was seen."""
+    """Yield the path of another robot."""
     line = {"stroke": look.colour, "stroke_width": 5, "stroke_dasharray": look.dashes, "stroke_opacity": 0.55}
     yield svg.group(svg.title(look.name), svg.polyline(_points(field, path), fill="none", **line))
 
 
 def _own_path(field: Field, path: list[PathPoint], end: float) -> Iterator[str]:
-    """Draw the path in pieces, each in the colour of its time, on a light ground that sets it off."""
-    # One line below all pieces: each piece with an edge of its own would show where they meet.
+    """Yield our path in pieces, each in the colour of its time, on a light background."""
+    # One background line for all pieces, so that their ends are invisible.
     if len(path) > 1:
         ground = {"stroke": style.PAPER, "stroke_width": 24, "stroke_linejoin": "round"}
         yield svg.polyline(_points(field, path), fill="none", **ground)
@@ -419,16 +427,16 @@ def _own_path(field: Field, path: list[PathPoint], end: float) -> Iterator[str]:
 
 
 def _ticks(field: Field, recording: Recording) -> Iterator[str]:
-    """Mark the path every PATH_TICK seconds, but not under the marks of gotos and stops."""
+    """Yield marks on the path every PATH_TICK s, but not near the marks of gotos and stops."""
     taken = [on_paper(field, each.message.x, each.message.y) for each in recording.gotos]
-    # Half way to the sign, so that both the dot and the sign keep their distance.
+    # Half way to the sign, to keep clear of the dot and the sign.
     taken += [on_paper(field, each.place.x, each.place.y + SIGN / 2) for each in recording.stops if each.place]
     step = PATH_TICK * max(ceil(recording.end / PATH_TICK / MOST_TICKS), 1)
     for time in range(step, int(recording.end) + 1, step):
         where = at(recording.path, time)
         centre = where and on_paper(field, where.x, where.y)
         if centre and all(dist(centre, other) > CLEAR for other in taken):
-            # A robot that stands has one mark, not one for each ten seconds.
+            # A standing robot has one mark only.
             taken.append(centre)
             yield svg.circle(centre, 15, fill=style.PAPER, stroke=style.colour_at(time / recording.end), stroke_width=7)
             yield style.halo((centre[0] + 28, centre[1] + 11), f"{time} s", anchor="start")

@@ -1,8 +1,8 @@
-"""Colours, sizes and marks of the field; each mark is drawn around its middle, and moved by whoever puts it somewhere.
+"""Colours, sizes and marks of the field; each mark is drawn around its centre.
 
-One unit is one millimetre of the field. Everything can be told apart without colour, by shape, dashes or a label. A
-colour is a variable of CSS, of which the page has light and dark values, and a file the light ones; the robots' are
-told apart by all eyes (tests/web/test_colours.py computes it).
+One unit is one millimetre of the field. Everything can be distinguished without colour, by shape, dashes or a label. A
+colour is a CSS variable with light and dark values on the page, and light ones in a file; the robots' colours can be
+distinguished by colour-blind people (tests/robot/web/test_colours.py computes it).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from eurobot_od.support.svg import PaperPoint
 
 
 class Colour(NamedTuple):
-    """A colour on a light ground, and on a dark one."""
+    """A colour on a light background, and on a dark one."""
 
     light: str
     dark: str
@@ -31,11 +31,11 @@ class Colour(NamedTuple):
 NAMES = ("ink", "pale", "paper", "surface", "grid", "goto", "stop")
 INK, PALE, PAPER, SURFACE, GRID, GOTO, STOP = (f"var(--field-{each})" for each in NAMES)
 PUSHED, FIXED, TREE, TRUTH, TOUCH = "#e8762c", "#8d6e63", "#558b2f", "#12b5a0", "#d500f9"
-"""Those that are the same on both grounds."""
+"""Colours that are the same on both backgrounds."""
 
 
 def colour_of(robot: str) -> str:
-    """Return the colour of a robot by its name, of ours by its team."""
+    """Return the colour of a robot by its name, for ours by its team."""
     return f"var(--robot-{robot.lower().replace(' ', '-')})"
 
 
@@ -56,7 +56,7 @@ COLOURS: Mapping[str, Colour] = {
 
 
 def style_sheet() -> str:
-    """Return the colours as the page has them."""
+    """Return the colours as CSS for the page."""
     light, dark = (
         " ".join(f"{name[4:-1]}: {each[ground]};" for name, each in COLOURS.items())
         for ground in (Colour._fields.index("light"), Colour._fields.index("dark"))
@@ -65,7 +65,7 @@ def style_sheet() -> str:
 
 
 def printed(drawing: str) -> str:
-    """Return a drawing with its colours as they are on paper: not every program that shows SVG knows variables."""
+    """Return a drawing with light colours instead of variables, which not every SVG viewer knows."""
     return re.sub("|".join(map(re.escape, COLOURS)), lambda found: COLOURS[found[0]].light, drawing)
 
 
@@ -74,7 +74,7 @@ OTHERS: Mapping[type[messages.PositionResponse], tuple[str, str | None]] = {
     messages.Enemy2PositionResponse: ("enemy 2", "26 12"),
     messages.ConfederatePositionResponse: ("confederate", "6 12"),
 }
-"""Name and dashes of the other robots."""
+"""Names and dashes of the other robots."""
 
 
 def team_colour(team: TeamColour | None) -> str:
@@ -86,16 +86,16 @@ PASSAGES = {
     Passage.NORMAL: ("barrier, avoided if possible", "18 14", 8),
     Passage.FORCED: ("barrier, never crossed", None, 14),
 }
-"""What the ring around a barrier that a goto asked for means, its dashes and width."""
+"""Meaning, dashes and width of the ring around a barrier in a goto."""
 
 RAMP = ((0x7F, 0xCD, 0xEE), (0x2F, 0x8F, 0xD0), (0x34, 0x57, 0xA6), (0x2A, 0x1F, 0x6B))
-"""Colours of the time from start to end; they get darker, so that the order is seen in grey as well."""
+"""Colours of the time from start to end, which get darker, so that the order is visible in grey."""
 
 
 def colour_at(share: float) -> str:
-    """Return the colour of a moment, `share` 0..1 of the match."""
+    """Return the colour of a moment; `share` is 0 to 1 of the match."""
     place = min(max(share, 0.0), 1.0) * (len(RAMP) - 1)
-    # At the very end of the match the last colour is the far end of the last piece.
+    # The end of the match is the end of the last piece.
     step = min(int(place), len(RAMP) - 2)
     mixed = (round(a + (b - a) * (place - step)) for a, b in zip(RAMP[step], RAMP[step + 1]))
     return "#" + "".join(f"{part:02x}" for part in mixed)
@@ -109,12 +109,12 @@ TEXT, SMALL = 38, 31
 def label(
     place: PaperPoint, words: str, fill: str = INK, size: float = TEXT, anchor: str = "middle", **attributes: object
 ) -> str:
-    """Write a text, by default centred at its foot."""
+    """Return a text, by default centred at its foot."""
     return svg.text(place, words, fill=fill, font_size=size, text_anchor=anchor, **attributes)
 
 
 def halo(place: PaperPoint, words: str, fill: str = INK, anchor: str = "middle") -> str:
-    """Write a small text that stays readable upon lines."""
+    """Return a small text that is readable on lines."""
     return label(
         place, words, fill, SMALL, anchor, stroke=PAPER, stroke_width=10, stroke_linejoin="round", paint_order="stroke"
     )
@@ -123,28 +123,28 @@ def halo(place: PaperPoint, words: str, fill: str = INK, anchor: str = "middle")
 # Marks
 
 MARK = 29
-"""Radius of the numbered discs and signs."""
+"""Radius of numbered discs and signs."""
 
 RING = 60
-"""Distance of the ring around a barrier."""
+"""Distance of the ring from a barrier."""
 
 TYRE = 24
-"""How wide a wheel is drawn."""
+"""Width of a wheel."""
 
 CORNERS = {BarrierShape.TRIANGLE: (3, -90.0), BarrierShape.SQUARE: (4, 45.0)}
-"""Corners of a shape, and the direction of the first one, degrees clockwise."""
+"""Number of corners of a shape, and the direction of the first one, in degrees clockwise."""
 
 CENTRE = (0.0, 0.0)
 
 
 def around(radius: float, corners: int, turn: float = 0.0) -> list[PaperPoint]:
-    """Return the corners of a regular figure; `turn` in degrees, clockwise as one looks at it."""
+    """Return the corners of a regular polygon; `turn` in degrees, clockwise."""
     steps = (math.radians(turn + 360.0 * each / corners) for each in range(corners))
     return [(radius * math.cos(step), radius * math.sin(step)) for step in steps]
 
 
 def barrier_shape(kind: BarrierKind, radius: float) -> str:
-    """Draw a barrier by its shape; what can be pushed along has another colour than what stays."""
+    """Return a barrier by its shape, in different colours for movable and fixed ones."""
     colour = PUSHED if kind.pushed else FIXED
     if kind.shape is BarrierShape.DISC:
         return svg.circle(CENTRE, radius, fill=colour)
@@ -152,14 +152,14 @@ def barrier_shape(kind: BarrierKind, radius: float) -> str:
 
 
 def ring_mark(radius: float, passage: Passage, *content: str) -> str:
-    """Draw the ring around a barrier that a goto asked to avoid."""
+    """Return the ring around a barrier that a goto avoids."""
     _, dashes, width = PASSAGES[passage]
     look = {"fill": "none", "stroke": STOP, "stroke_width": width, "stroke_dasharray": dashes}
     return svg.element("circle", *content, r=radius, **look)
 
 
 def target_mark(angle: float) -> str:
-    """Draw the place that a goto leads to, with a tip where the robot is to turn to."""
+    """Return the target of a goto, with a tip in the direction of the final heading."""
     return svg.group(
         svg.polygon([(68, 0), (30, -20), (30, 20)], fill=GOTO, transform=f"rotate({svg.number(-angle)})"),
         svg.circle(CENTRE, 26, fill=PAPER, stroke=GOTO, stroke_width=7),
@@ -168,13 +168,13 @@ def target_mark(angle: float) -> str:
 
 
 def goto_mark(number: int, outcome: Outcome | None, *content: str) -> str:
-    """Draw a goto as a disc with its number, filled if it was reached."""
+    """Return the numbered disc of a goto, filled if it was reached."""
     disc, figure = (GOTO, PAPER) if outcome is Outcome.ARRIVED else (PAPER, GOTO)
     return _sign(svg.circle(CENTRE, MARK, fill=disc, stroke=GOTO, stroke_width=5), str(number), figure, *content)
 
 
 def stop_mark(letter: str, *content: str) -> str:
-    """Draw a stop as a road sign with its letter."""
+    """Return the sign of a stop with its letter."""
     sign = svg.polygon(around(MARK + 6, 8, 22.5), fill=STOP, stroke=PAPER, stroke_width=5)
     return _sign(sign, letter, PAPER, *content)
 
@@ -184,7 +184,7 @@ def _sign(shape: str, words: str, fill: str, *content: str) -> str:
 
 
 def touch_mark(at_fault: bool, *content: str) -> str:
-    """Draw a touch as a burst, filled if our robot drove into the other."""
+    """Return the burst of a touch, filled if our robot drove into the other."""
     spikes = [corner for turn in range(0, 360, 45) for corner in (*around(30, 1, turn), *around(13, 1, turn + 22.5))]
     fill, edge = (TOUCH, PAPER) if at_fault else (PAPER, TOUCH)
     return svg.group(*content, svg.polygon(spikes, fill=fill, stroke=edge, stroke_width=4, stroke_linejoin="round"))
@@ -193,7 +193,7 @@ def touch_mark(at_fault: bool, *content: str) -> str:
 def robot_mark(
     radius: float, colour: str, dashes: str | None = None, outline: Iterable[PaperPoint] = (), *content: str
 ) -> str:
-    """Draw a robot by its outline, or as a disc."""
+    """Return a robot by its outline, or as a disc."""
     corners = list(outline)
     look = {"fill": colour, "fill_opacity": 0.25, "stroke": colour, "stroke_width": 8, "stroke_dasharray": dashes}
     return svg.group(svg.polygon(corners, **look) if corners else svg.circle(CENTRE, radius, **look), *content)

@@ -27,23 +27,23 @@ from eurobot_od.robot.world.world import EventKind, MatchEvent, World
 from eurobot_od.support.connections import Address, is_token
 
 VERSION = 2
-"""The version of requests and answers; a client refuses any other."""
+"""Version of requests and answers; a client refuses any other."""
 
 LINE_LIMIT = 4096
-"""Most bytes in a line."""
+"""Maximum length of a line in bytes."""
 
 REQUEST = "request"
 TOKEN = "token"
 ANSWER = "answer"
 ERROR = "error"
-"""The keys that every request, or every answer, may have."""
+"""Keys of every request, or of every answer."""
 
 
 WHOM = {source.name.lower(): source for source in Source}
 
 
 class RequestField(NamedTuple):
-    """What a field of a request may be, in words and as a test; one without a default is required."""
+    """The allowed values of a request's field, as text and as a test; a field without a default is required."""
 
     allowed: str
     accepts: Callable[[Any], bool]
@@ -63,23 +63,26 @@ _TASK = RequestField("the name of a task", lambda value: isinstance(value, str))
 class Channel:
     """The world's end of the side channel; `requests` counts the lines, `refused` the wrong ones.
 
-    `options` are those of the world's match. With a `token`, a request without it is refused.
+    `options` are those of the world's match. With a `token`, requests without it are refused.
     """
 
     def __init__(self, world: World, options: MatchOptions, token: str = "") -> None:
         self.requests = self.refused = 0
         self.vehicle = world.vehicle()
-        self._world, self._options, self._token = world, options, token
+        self._world = world
+        self._options = options
+        self._token = token
 
     def answer(self, line: bytes) -> bytes:
-        """Return the answer to a line; the line has no line end, its answer has one."""
+        """Return the answer to a line; the line has no line end, the answer has one."""
         self.requests += 1
         try:
             given = _parsed(line)
-            name, token = given.pop(REQUEST, None), str(given.pop(TOKEN, ""))
+            name = given.pop(REQUEST, None)
+            token = str(given.pop(TOKEN, ""))
             if self._token and not is_token(token, self._token):
                 raise LocalError("the token is missing or wrong: give the address as the world printed it")
-            # In a tuple, as JSON may bring a list, which is not hashable.
+            # A tuple, as the name may be a list, which is not hashable.
             if name not in tuple(REQUESTS):
                 raise UnknownName("request", name, REQUESTS)
             said = {ANSWER: REQUESTS[name].answer(self, **_checked(name, given))}
@@ -89,30 +92,30 @@ class Channel:
         return json.dumps(said).encode() + b"\n"
 
     def hello(self) -> dict[str, Any]:
-        """Say which match it is."""
+        """Return the match's options."""
         options = self._options
         start = {"team": options.team.name.lower(), "enemies": options.enemies, "confederates": options.confederates}
         return {"version": VERSION, **start, "seed": options.seed, "errors": asdict(options.errors)}
 
     def truth(self) -> dict[str, Any]:
-        """Say what is true of our robot."""
+        """Return the truth about our robot."""
         world = self._world
         touches = sum(OURS in (touch.robot, touch.thing) for touch in world.touches)
         return {"time": world.clock(), **world.robot._asdict(), "points": world.game.points(OURS), "touches": touches}
 
     def pose(self, whom: str, age: float) -> dict[str, Any] | None:
-        """Say where a robot was."""
+        """Return where a robot was."""
         pose = self.vehicle.pose(WHOM[whom], age)
         return None if pose is None else pose._asdict()
 
     def ahead(self, distance: float, angle: float) -> dict[str, Any] | None:
-        """Say what is ahead of our robot."""
+        """Return what is ahead of our robot."""
         seen = self.vehicle.ahead(distance, angle)
         return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
 
 
 class Request(NamedTuple):
-    """A request: its fields, and the function of the channel and the fields that answers it."""
+    """A request: its fields, and the function that answers it, called with the channel and the fields."""
 
     fields: dict[str, RequestField]
     answer: Callable[..., Any]
@@ -132,15 +135,15 @@ REQUESTS = {
     "begin": Request({"task": _TASK}, lambda channel, task: channel.vehicle.begin(task)),
     "finish": Request({"task": _TASK}, lambda channel, task: channel.vehicle.finish(task)),
 }
-"""The requests: the methods of a `Vehicle`, who one is, and what is true."""
+"""The requests: the methods of a `Vehicle`, the match's options, and the truth."""
 
 
 def _parsed(line: bytes) -> dict[str, Any]:
-    """Read a line, with all its numbers as floats; raises LocalError."""
+    """Parse a line, with all its numbers as floats; raises LocalError."""
     if len(line) > LINE_LIMIT:
         raise LocalError(f"a line of more than {LINE_LIMIT} bytes")
     try:
-        # All as floats, so that one test (`_number`) works for 1 and 1.0 alike.
+        # As floats, so that `_number` accepts 1 and 1.0.
         given = json.loads(line, parse_int=float)
     except (ValueError, RecursionError) as error:
         raise LocalError(f"not JSON: {error}") from error
@@ -150,7 +153,7 @@ def _parsed(line: bytes) -> dict[str, Any]:
 
 
 def _checked(name: str, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the fields of a request, with defaults for those that are left out; raises UnknownName, FieldError."""
+    """Return the fields of a request, with defaults for missing ones; raises UnknownName, FieldError."""
     rules = REQUESTS[name].fields
     for field in given:
         if field not in rules:
@@ -163,20 +166,22 @@ def _checked(name: str, given: dict[str, Any]) -> dict[str, Any]:
 
 
 LOOKS = 0.1
-"""Seconds between two looks for news."""
+"""Time between two checks for new events, in s."""
 
 HTTP = re.compile(rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|TRACE|CONNECT) ")
-"""The beginning of a browser's request, which ends the connection; our own lines begin with a brace."""
+"""Beginning of a browser's request, which ends the connection; our own lines begin with a brace."""
 
 REMEMBERED = 10_000
-"""Steps of each robot that are kept: a world that runs for days must not grow without end."""
+"""Number of steps of each robot that are kept, as a world may run for days."""
 
 
 class _Client(asyncio.Protocol):
-    """A connection, one of all `clients`: splits bytes into lines, and answers them."""
+    """A connection, one of `clients`: splits the bytes into lines, and answers them."""
 
     def __init__(self, answer: Callable[[bytes], bytes], clients: set[asyncio.Transport]) -> None:
-        self._answer, self._clients, self._rest = answer, clients, b""
+        self._answer = answer
+        self._clients = clients
+        self._rest = b""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
@@ -187,14 +192,14 @@ class _Client(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         *lines, rest = (self._rest + data).split(b"\n")
-        if any(map(HTTP.match, (*lines, rest))):  # a web page can make its browser send our lines
+        if any(map(HTTP.match, (*lines, rest))):  # a web page could make a browser send our lines
             self._transport.abort()
             return
-        self._rest = rest[: LINE_LIMIT + 1]  # enough of a line that is too long to be refused when it ends
+        self._rest = rest[: LINE_LIMIT + 1]  # keep only enough of a long line to refuse it
         self._transport.write(b"".join(map(self._answer, lines)))  # writelines() of 3.12 cannot pause
 
     def pause_writing(self) -> None:
-        # A client that does not read its answers must not fill our memory with them.
+        # If a client does not read its answers, stop reading its requests.
         self._transport.pause_reading()
 
     def resume_writing(self) -> None:
@@ -202,17 +207,19 @@ class _Client(asyncio.Protocol):
 
 
 class Server:
-    """A served world; `show` is called with its address, then with each touch and each score as it comes."""
+    """A served world; `show` is called with its address, then with each touch and score."""
 
     def __init__(self, world: World, channel: Channel, show: Callable[[MatchEvent], None]) -> None:
-        self._world, self._channel, self._show = world, channel, show
+        self._world = world
+        self._channel = channel
+        self._show = show
         self._clients: set[asyncio.Transport] = set()
         self._touches = self._scores = 0
 
     async def serve(
         self, where: WorldAddress, duration: float, listening: Callable[[WorldAddress], object] = lambda _: None
     ) -> None:
-        """Serve for `duration` seconds; `listening` is called with the address once it does. Raises WorldError."""
+        """Serve for `duration` s; call `listening` with the address at the start. Raises WorldError."""
         loop = asyncio.get_running_loop()
         try:
             server = await loop.create_server(lambda: _Client(self._channel.answer, self._clients), *where.address)
@@ -235,9 +242,9 @@ class Server:
             self._look()
 
     def _look(self) -> None:
-        """Report what is new, and forget what is old."""
+        """Report new events, and drop old poses."""
         world = self._world
-        world.pose(OURS, 0.0)  # the others are on their rounds, and run into each other even if nobody asks
+        world.pose(OURS, 0.0)  # this moves the robots on their rounds, even without requests
         for touch in world.touches[self._touches :]:
             self._show(MatchEvent(touch.time, EventKind.TOUCH, str(touch), touch._asdict()))
         for score in world.game.scores[self._scores :]:
@@ -248,30 +255,30 @@ class Server:
             del body.trace[:-REMEMBERED]
 
 
-# A robot in the world of another process: asks over the side channel what `Channel` answers there.
+# A robot in the world of another process: the client of `Channel`.
 #
-# A node's thread waits for the world only for a moment, and whatever happens to the world, the node goes on. If a
-# world cannot be reached, nothing moves in it and nothing is seen.
+# A node's thread waits for the world only briefly, and the node goes on without a world. If the world cannot be
+# reached, nothing moves and nothing is seen.
 
 
 Value = TypeVar("Value")
 
 TIMEOUT = 0.1
-"""Seconds that a connection, or an answer, may take."""
+"""Maximum time for a connection, or an answer, in s."""
 
 RETRY = 0.5
-"""Seconds between two attempts to reach a world that was not there; it is not asked meanwhile."""
+"""Time between two attempts to connect to a missing world, in s."""
 
 
 class WorldTruth(NamedTuple):
-    """What is true of a robot: where it is, and its points."""
+    """The truth about a robot: its pose and its points."""
 
     pose: Pose
     points: int
 
 
 class _Connection:
-    """A line to the world, made again when it is needed. Everything raises OSError, at the latest after TIMEOUT."""
+    """A connection to the world, opened when needed. Everything raises OSError, at the latest after TIMEOUT."""
 
     def __init__(self, address: Address) -> None:
         self._address: tuple[str, int] = address
@@ -285,27 +292,28 @@ class _Connection:
         try:
             if self._socket is None:
                 self._socket = socket.create_connection(self._address, TIMEOUT)
-                # A request is one small packet that somebody waits for: Nagle's algorithm would hold it back.
+                # Nagle's algorithm would delay the small packets of requests.
                 self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                # From now on no name has to be looked up, which may take longer than TIMEOUT.
+                # Without a later look-up of the name, which may take longer than TIMEOUT.
                 self._address = self._socket.getpeername()[:2]
             connection = self._socket
             connection.settimeout(TIMEOUT)
             connection.sendall(line)
             answer = self._answer(connection)
         except OSError:
-            self.close()  # a late answer would be taken for the next one
-            # A world that has answered before is asked again at once: it may just have been restarted.
-            self._rests_until = time.monotonic() + RETRY * (not self._has_answered)
+            self.close()  # or a late answer would be taken for the next one
+            # A world that has answered before may have been restarted, so it is asked again at once.
+            self._rests_until = time.monotonic() + (0.0 if self._has_answered else RETRY)
             self._has_answered = False
             raise
         self._has_answered = True
         return answer
 
     def _answer(self, connection: socket.socket) -> bytes:
-        end, answer = time.monotonic() + TIMEOUT, b""
+        end = time.monotonic() + TIMEOUT
+        answer = b""
         while not answer.endswith(b"\n"):
-            # TIMEOUT is for the whole answer, not for each part; 0 would mean "do not wait", and raise another error.
+            # TIMEOUT is for the whole answer. A timeout of 0 would mean non-blocking.
             connection.settimeout(max(end - time.monotonic(), 0.001))
             part = connection.recv(LINE_LIMIT)
             if not part or len(answer) > LINE_LIMIT:
@@ -327,20 +335,22 @@ class RemoteVehicle:
     """
 
     def __init__(self, where: WorldAddress, report: Callable[[str], None]) -> None:
-        self._address, self._report = where.address, report
+        self._address = where.address
+        self._report = report
         self._given = {TOKEN: where.token} if where.token else {}
-        self._connection, self._lock = _Connection(where.address), Lock()
+        self._connection = _Connection(where.address)
+        self._lock = Lock()
         self._is_away = False
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         with self._lock:
             self._connection.close()
 
-    # What the world says about itself
+    # Match and truth
 
     def hello(self, patience: float = 0.0) -> MatchOptions:
-        """Ask which match it is, for up to `patience` seconds; raises WorldError, LocalError for another version."""
+        """Return the match's options, waiting up to `patience` s; raises WorldError, LocalError for another version."""
         end = time.monotonic() + patience
         while True:
             try:
@@ -351,7 +361,7 @@ class RemoteVehicle:
             time.sleep(RETRY)
 
     def truth(self) -> WorldTruth:
-        """Ask what is true of the robot; raises WorldError."""
+        """Return the truth about the robot; raises WorldError."""
         return self._asked(lambda each: WorldTruth(Pose(each["x"], each["y"], each["angle"]), each["points"]), "truth")
 
     # Wheels, beacons, distance sensor
@@ -380,20 +390,22 @@ class RemoteVehicle:
         """Finish a task; raises as `begin`."""
         return self._asked(int, "finish", task=task)
 
-    # Asking
+    # Requests
 
     def _sensed(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value | None:
-        """Ask; None if nothing is there, or nobody answers."""
+        """Send a request; return None if there is nothing, or no answer."""
         try:
             return self._asked(lambda answer: None if answer is None else read(answer), request, **fields)
         except WorldError:
             return None
-        except LocalError as error:  # it refuses our questions, so it is of another version
-            self._tell(True, f"{error}; nothing moves, and nothing is seen")
+        except LocalError as error:  # it refuses our requests, so it has another version
+            self._note(True, f"{error}; nothing moves, and nothing is seen")
             return None
 
     def _asked(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value:
-        """Ask; report once when answers stop, and once when they are back. Raises WorldError, LocalError (refused)."""
+        """Send a request; report once when answers stop, and once when they return. Raises WorldError, LocalError
+        (refused).
+        """
         with self._lock:
             try:
                 line = json.dumps({REQUEST: request, **self._given, **fields}).encode() + b"\n"
@@ -401,24 +413,25 @@ class RemoteVehicle:
                 if ERROR in answer:
                     raise LocalError(f"the world at {self._address}: {answer[ERROR]}")
                 value = read(answer[ANSWER])
-            # The other end need not be a world: anything that is not an answer counts as no answer.
+            # The other end may not be a world, so anything but an answer counts as none.
             except (OSError, WorldError, KeyError, TypeError, ValueError, AttributeError) as error:
                 text = f"the world at {self._address} does not answer: {getattr(error, 'strerror', None) or error}"
-                self._tell(True, f"{text}; nothing moves, and nothing is seen")
+                self._note(True, f"{text}; nothing moves, and nothing is seen")
                 raise WorldError(text) from error
-            self._tell(False, f"the world at {self._address} answers again")
+            self._note(False, f"the world at {self._address} answers again")
             return value
 
-    def _tell(self, is_away: bool, text: str) -> None:
+    def _note(self, is_away: bool, text: str) -> None:
         if is_away != self._is_away:
             self._is_away = is_away
             self._report(text)
 
 
 def _options(answer: dict[str, Any]) -> MatchOptions:
-    """Read the answer to hello; raises LocalError for another version."""
+    """Parse the answer to hello; raises LocalError for another version."""
     if answer["version"] != VERSION:
         raise LocalError(f"the world has version {answer['version']} of the side channel, this program {VERSION}")
-    team, errors = TeamColour[answer["team"].upper()], Errors(**answer["errors"])
+    team = TeamColour[answer["team"].upper()]
+    errors = Errors(**answer["errors"])
     start = answer["enemies"], answer["confederates"]
     return MatchOptions(team, *start, seed=answer["seed"], errors=errors)

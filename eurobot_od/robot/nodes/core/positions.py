@@ -19,7 +19,7 @@ from eurobot_od.robot.nodes.core.doubts import jumps
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.core.stops import Stops
-from eurobot_od.robot.nodes.estimate import DriveAnswer, Sighting, Track, Twins
+from eurobot_od.robot.nodes.estimate import DriveAnswer, SecondDriveDetector, Sighting, Track
 
 OFFSETS = {
     each: seconds(f"Position polling.{each.record.replace('position', 'offset')}") for each in messages.POSITIONS
@@ -41,7 +41,7 @@ class Positions:
         self.place: Place | None = None
         self.seen_at: float | None = None
         self.is_astray = self.has_jumped = False
-        self._twins = Twins()
+        self._second_drive = SecondDriveDetector()
         self._series = 0
 
     # Asking
@@ -74,7 +74,7 @@ class Positions:
         sighting = self.sightings[type(position)] = Sighting(position, self._core.now)
         self.tracks[position.source].saw(sighting)
         if isinstance(position, messages.KalmanPositionResponse):
-            self._look_for_twins(position)
+            self._look_for_second_drive(position)
             # While the drive is astray its answer may be its start place, which must not replace where it was really
             # seen.
             if position.x is not None and not self.is_astray and not self.has_jumped:
@@ -84,10 +84,10 @@ class Positions:
 
     def heard_state(self, state: messages.GotoStateResponse) -> None:
         """Take in what the drive says of its goto."""
-        self._look_for_twins(state)
+        self._look_for_second_drive(state)
 
-    def _look_for_twins(self, answer: DriveAnswer) -> None:
-        if two := self._twins.heard(answer, self._core.now):
+    def _look_for_second_drive(self, answer: DriveAnswer) -> None:
+        if two := self._second_drive.heard(answer, self._core.now):
             self._core.alarm(f"two drives answer, and differ; switch one of them off: {two}")
 
     def _look_for_jump(self, position: messages.KalmanPositionResponse) -> None:
