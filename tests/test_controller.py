@@ -30,7 +30,7 @@ def leaving(queue: TransmitQueue, now: float = 0.0) -> list[Frame]:
 # The queue
 
 
-def test_any_number_of_frames_waits_for_any_time_and_leaves_by_priority() -> None:
+def test_any_number_of_frames_waits_without_limit_and_leaves_by_priority() -> None:
     queue, frames = TransmitQueue(), [Frame(number % 0x580, bytes([number % 7])) for number in range(5000)]
     for frame in Random(1).sample(frames, len(frames)):
         queue.submit(frame, 0.0)
@@ -71,7 +71,7 @@ def test_a_transfer_lets_everything_else_go_first() -> None:
     assert leaving(queue)[:3] == [PDO, HEARTBEAT, SDO]
 
 
-def test_an_answer_that_nobody_waits_for_any_more_is_withdrawn() -> None:
+def test_an_answer_after_its_timeout_is_withdrawn() -> None:
     queue = TransmitQueue()
     for frame, stay in ((SDO, Stay.TRANSFER), (PDO, Stay.SHORT)):
         queue.submit(frame, 0.0, stay)
@@ -79,7 +79,7 @@ def test_an_answer_that_nobody_waits_for_any_more_is_withdrawn() -> None:
     assert leaving(queue) == [PDO]
 
 
-def test_while_the_bus_is_away_only_what_is_lasting_is_kept() -> None:
+def test_while_the_bus_is_lost_only_lasting_frames_are_kept() -> None:
     queue, boot_up = TransmitQueue(), Frame(0x705, b"\0")
     queue.submit(PDO, 0.0)
     queue.leave()
@@ -105,7 +105,7 @@ def heard_by(controller: Controller, cob_ids: Iterable[int], name: str = "lamp")
     return frames
 
 
-def test_frames_reach_those_who_listen_and_filters_let_nothing_else_through() -> None:
+def test_filters_pass_only_frames_with_listeners() -> None:
     controller = Controller(NO_MESSAGES)
     lamp, horn = heard_by(controller, [0x185, 0x705]), heard_by(controller, [0x705], "horn")
     assert [each["can_id"] for each in controller.start()] == [0x185, 0x705]
@@ -121,7 +121,7 @@ def test_frames_reach_those_who_listen_and_filters_let_nothing_else_through() ->
     )
 
 
-def test_a_node_hears_a_frame_before_those_who_watch_it() -> None:
+def test_a_node_gets_a_frame_before_its_watchers() -> None:
     controller, order = Controller(NO_MESSAGES), list[str]()
     controller.add_frames(lambda: [0x185], lambda *_: order.append("watcher"))
     controller.add_node(lambda: [0x185, 0x185], lambda *_: order.append("node"), "motor")
@@ -138,7 +138,7 @@ class Mute(Exception):
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, Mute])
-def test_a_listener_that_raises_is_reported_and_the_others_hear_the_frame(error: type[Exception]) -> None:
+def test_a_listener_that_raises_is_reported_and_the_others_get_the_frame(error: type[Exception]) -> None:
     def broken(*_: object) -> None:
         raise error
 
@@ -152,7 +152,7 @@ def test_a_listener_that_raises_is_reported_and_the_others_hear_the_frame(error:
     assert [(each.event, each.name, each.timestamp) for each in reports] == [(Event.LISTENER_FAILED, "broken", 0.5)]
 
 
-def test_there_is_no_limit_to_listeners_but_the_start() -> None:
+def test_listeners_are_added_only_before_the_start() -> None:
     controller = Controller(NO_MESSAGES)
     heard = [heard_by(controller, [0x185], f"lamp {number}") for number in range(100)]
     controller.start()
@@ -167,7 +167,7 @@ def test_there_is_no_limit_to_listeners_but_the_start() -> None:
 # Messages: those of a lift, as a neutral catalogue has them
 
 
-def test_messages_reach_queues_and_functions_as_what_they_mean() -> None:
+def test_queues_and_functions_get_decoded_messages() -> None:
     controller, heard = Controller(LIFT), list[object]()
     queue = controller.add_queue(CheckCabinRequest)
     controller.add_function(None, lambda message, _: heard.append(message))
@@ -189,7 +189,7 @@ def test_a_full_queue_makes_room_for_the_newest_message() -> None:
     assert [(each.event, each.name) for each in reports] == [(Event.QUEUE_OVERFLOW, "halts")]
 
 
-def test_a_stop_outlasts_a_lost_bus_and_any_other_message_does_not() -> None:
+def test_only_a_stop_is_kept_while_the_bus_is_lost() -> None:
     controller = Controller(LIFT)
     for message in (CheckCabinRequest(), Halt()):
         controller.send(message, 0.0)

@@ -271,5 +271,5 @@ AGREE = [
 
 
 @pytest.mark.parametrize(("printed", "lines", "same"), AGREE)
-def test_what_is_printed_is_compared(printed: list[str], lines: list[str], same: bool) -> None:
+def test_printed_output_is_compared(printed: list[str], lines: list[str], same: bool) -> None:
     assert agrees(printed, lines) is same

@@ -147,5 +147,5 @@ def test_faults_are_kept_apart() -> None:
         assert not issubclass(one, other)
 
 
-def test_a_number_that_python_does_not_write_is_told_all_the_same() -> None:
+def test_a_number_too_long_for_python_is_printed() -> None:
     assert str(FieldError("Goto XY", "x", 10**5000, "0..3000 mm")).startswith("Goto XY: x = a number of thousands")

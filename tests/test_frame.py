@@ -15,12 +15,12 @@ TEXTS = [
 
 
 @pytest.mark.parametrize(("frame", "text"), TEXTS)
-def test_is_written_as_candump_does(frame: Frame, text: str) -> None:
+def test_a_frame_is_written_like_candump(frame: Frame, text: str) -> None:
     assert str(frame) == text
 
 
 @pytest.mark.parametrize(("frame", "text"), [*TEXTS, (Frame(0x18A, b"\x01\xab"), "18a#01.aB")])
-def test_is_read_as_cansend_reads_it(frame: Frame, text: str) -> None:
+def test_a_frame_is_read_like_cansend(frame: Frame, text: str) -> None:
     assert Frame.parse(text) == frame
 
 
@@ -38,12 +38,12 @@ NO_FRAMES = [
 
 
 @pytest.mark.parametrize("text", NO_FRAMES)
-def test_what_is_no_classic_frame_is_refused(text: str) -> None:
+def test_only_classic_frames_are_read(text: str) -> None:
     with pytest.raises(LocalError, match="is not a frame"):
         Frame.parse(text)
 
 
-def test_sorts_as_frames_win_the_bus() -> None:
+def test_frames_sort_by_bus_priority() -> None:
     assert sorted([Frame(0x100), Frame(0x001, b"\xff"), Frame(0x040)]) == [
         Frame(0x001, b"\xff"),
         Frame(0x040),
@@ -51,5 +51,5 @@ def test_sorts_as_frames_win_the_bus() -> None:
     ]
 
 
-def test_has_no_data_unless_given() -> None:
+def test_a_frame_has_no_data_by_default() -> None:
     assert Frame(0x001) == (0x001, b"")

@@ -89,7 +89,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
 # Which one is meant
 
 
-def test_ours_is_installed_like_anybody_s() -> None:
+def test_the_shipped_robot_is_installed_by_entry_point() -> None:
     assert ROBOTS.installed()["eurobot2014"].target == "eurobot_od.robot.plugin:ROBOT"
     assert find() is find("eurobot2014") is find("eurobot_od.robot.plugin") is ROBOT
 
@@ -108,7 +108,7 @@ def test_a_robot_is_named_by_the_caller_before_the_environment_before_the_networ
     assert find("none") is NOTHING
 
 
-def test_without_a_name_it_is_somebody_else_s_before_ours_and_none_alone(install: Install) -> None:
+def test_without_a_name_another_robot_comes_before_the_shipped_one(install: Install) -> None:
     assert find() is NOTHING
     install(OURS)
     assert (find(), find(alone=True)) == (ROBOT, NOTHING)
@@ -116,9 +116,7 @@ def test_without_a_name_it_is_somebody_else_s_before_ours_and_none_alone(install
     assert find().name == "Theirs"
 
 
-def test_two_that_fit_are_an_error_that_names_both_and_what_to_type(
-    install: Install, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_matching_robots_are_an_error_that_names_both(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
     install(OURS)
     install("wings = wings", wings=MINE)
     install("arms = arms", arms=MINE)
@@ -179,7 +177,7 @@ def test_a_robot_that_cannot_be_loaded_is_one_warning_and_the_rest_goes_on(
     assert "pip uninstall wrecked" in " ".join(doctor.out.split())
 
 
-def test_a_package_that_was_removed_by_hand_is_told_by_its_entry_point(install: Install) -> None:
+def test_a_package_removed_by_hand_is_named_by_its_entry_point(install: Install) -> None:
     install("gone = no_such_package.robot:ROBOT")
     with pytest.warns(RobotWarning, match=r"gone: .*/gone-1.0.dist-info/entry_points.txt: ModuleNotFoundError"):
         assert find() is NOTHING
@@ -190,9 +188,7 @@ def test_ctrl_c_while_a_robot_is_loaded_ends_the_program(install: Install) -> No
     assert cli.main(["faults"]) == cli.ExitStatus.INTERRUPTED
 
 
-def test_what_a_robot_prints_while_it_is_loaded_is_in_no_output(
-    install: Install, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_output_of_a_robot_while_it_loads_is_dropped(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
     install("loud = loud", loud=f"print('hello')\n{MINE}")
     assert run(capsys, "faults", "--json").out.startswith("[")
 
@@ -247,7 +243,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("text", "complaint"), WRONG.items())
-def test_what_is_wrong_with_a_folder_is_one_line_with_its_place(
+def test_an_error_in_a_folder_is_one_line_with_its_place(
     text: str, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "wrong"
@@ -261,7 +257,7 @@ def test_what_is_wrong_with_a_folder_is_one_line_with_its_place(
 
 
 @pytest.mark.parametrize("name", ["nobody", "no.such.module", "../nowhere", "a b"])
-def test_an_unknown_robot_is_told_with_those_that_are_installed(name: str) -> None:
+def test_an_unknown_robot_is_an_error_that_lists_the_installed_ones(name: str) -> None:
     with pytest.raises(UnknownName, match=r"unknown robot .*eurobot2014"):
         find(name)
 
@@ -280,7 +276,7 @@ WRITTEN = {
 
 
 @pytest.mark.parametrize("name", WRITTEN)
-def test_a_file_that_names_no_installed_robot_is_told_what_to_type(name: str, tmp_path: Path) -> None:
+def test_a_file_that_names_no_installed_robot_gives_the_option_to_use(name: str, tmp_path: Path) -> None:
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "robot.py").write_text("raise SystemExit('this must not run')")
     Path("eurobot-od.yaml").write_text(f"robot: {name.format(folder=tmp_path.name)}\n")
@@ -290,7 +286,7 @@ def test_a_file_that_names_no_installed_robot_is_told_what_to_type(name: str, tm
 
 
 @pytest.mark.parametrize("command", [*ROBOT.commands, "wave"])
-def test_no_command_of_a_robot_runs_what_a_file_names(
+def test_a_network_file_that_names_a_folder_runs_none_of_its_code(
     command: str, mine: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (mine / "robot.py").write_text(f"from pathlib import Path\nPath('it ran').touch()\n{MINE}")
@@ -318,7 +314,7 @@ def test_a_table_extends_an_installed_robot_s_only(
 
 @pytest.mark.usefixtures("mine")
 @pytest.mark.parametrize("words", [["--robot", "mine"], ["--robot=mine"]])
-def test_its_commands_are_called_as_others_wherever_it_is_named(
+def test_commands_of_a_robot_have_the_same_names_wherever_it_is_chosen(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(capsys, "wave", "--times", "2", *words).out == "wave wave \n"
@@ -406,7 +402,7 @@ PARTS: dict[str, tuple[str, tuple[str, ...], int, str]] = {
 
 
 @pytest.mark.parametrize(("part", "words", "status", "printed"), PARTS.values(), ids=PARTS)
-def test_what_a_part_of_a_device_package_raises_is_one_line_with_its_place(
+def test_an_error_in_a_device_package_is_one_line_with_its_place(
     part: str, words: tuple[str, ...], status: int, printed: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     forget()

@@ -126,7 +126,7 @@ def test_a_pattern_stands_for_files_where_the_shell_leaves_it_to_programs(
         assert cli.expanded(words) == expanded
 
 
-def test_elsewhere_the_shell_has_done_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_where_the_shell_expands_patterns_they_are_left_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     if os.name == "nt":
         pytest.skip("this is Windows")
     monkeypatch.chdir(tmp_path)
@@ -146,7 +146,7 @@ CLOSED = [
 
 
 @pytest.mark.parametrize(("error", "on_windows", "closed"), CLOSED)
-def test_a_reader_that_has_left_is_known(
+def test_a_closed_pipe_is_recognised(
     error: OSError, on_windows: bool, closed: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cli, "os", Lacking(os, set(), {"name": "nt" if on_windows else "posix"}))

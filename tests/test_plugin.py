@@ -11,7 +11,7 @@ from eurobot_od.plugin import NOTHING, Plugin, Plugins
 from eurobot_od.robot.plugin import ROBOT
 
 
-def test_a_robot_without_anything_is_the_workbench_alone() -> None:
+def test_an_empty_robot_adds_nothing_to_the_workbench() -> None:
     assert Plugin() == NOTHING
     assert NOTHING.dialects.names() == []
     with pytest.raises(LocalError, match="which devices"):
@@ -36,7 +36,7 @@ def test_a_suite_has_the_name_of_its_file_and_a_program_of_that_name_is_no_suite
         robot.suite("lft")
 
 
-def test_the_most_exact_of_several_packages_counts() -> None:
+def test_the_most_specific_device_package_is_used() -> None:
     of_maker, of_product, other = (Plugin(identity=each) for each in ((7,), (7, 5), (7, 6)))
     known = Plugins(packages=[of_maker, of_product, other, Plugin()])
     assert known.for_identity((7, 5, 1, 9)) is of_product

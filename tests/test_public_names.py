@@ -42,7 +42,7 @@ TAUGHT = [*ROOT.glob("docs/*.md"), ROOT / "README.md", *(ROOT / "eurobot_od" / "
 
 
 @pytest.mark.parametrize("file", TAUGHT, ids=lambda each: each.name)
-def test_what_is_taught_imports_promised_names_only(file: Path) -> None:
+def test_examples_import_only_public_names(file: Path) -> None:
     promised = {module: {*import_module(module).__all__} for module in MODULES}
     promised["eurobot_od"] |= {"Season"}  # of an extra
     odd = [(m, n) for m, n in imports(file.read_text(encoding="utf-8")) if n not in promised.get(m, ())]

@@ -38,7 +38,7 @@ def test_all_rows_are_tried_and_those_that_fail_are_named(tmp_path: Path) -> Non
     ]
 
 
-def test_what_is_no_column_is_a_fixture() -> None:
+def test_a_parameter_that_is_no_column_is_a_fixture() -> None:
     assert list(inspect.signature(has_square).parameters) == ["tmp_path"]
 
 
@@ -56,7 +56,7 @@ def test_a_sample_has_the_same_rows_each_time() -> None:
     assert set(tried) <= set(range(1000))
 
 
-def test_each_night_all_rows_of_a_sample_are_tried() -> None:
+def test_the_nightly_run_tries_all_rows() -> None:
     sampled = re.compile(r"^@rows\(.*sample=", re.MULTILINE)
     files = {
         each.relative_to(ROOT).as_posix()

@@ -114,7 +114,7 @@ def test_every_command_works_and_none_enters_a_robot(program: str, way: str, tmp
         assert taking <= {each.words[0] for each in called if {"--eds", "net.yaml"} & set(each.words)}
 
 
-def test_by_number_the_workbench_needs_no_file_but_for_what_is_about_files(tmp_path: Path) -> None:
+def test_only_commands_about_files_need_a_file(tmp_path: Path) -> None:
     for words, status, out, err, _ in ran(tmp_path, cli.WORKBENCH, [], ""):
         refused = words[0] in NEEDS_A_FILE and not {"--help", "xdd", "mcap"} & set(words)
         assert (status == 2) is refused, (words, out, err)

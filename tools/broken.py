@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Breaks each promise on purpose, by a change of a line or two, and asks whether the test that is named for it notices.
+"""Breaks each promise on purpose, by a change of a line or two, and checks that its test fails.
 
     python3 tools/broken.py
     python3 tools/broken.py --only heartbeat
 
 The changes are in `broken.yaml`. They are made one by one in copies of the repository. First all the tests run with
-nothing broken: one that fails then says nothing. The exit status is 0 if each change is noticed by its test, 1 if not,
-and 2 if a change no longer fits the code.
+nothing broken, since a test that fails then proves nothing. The exit status is 0 if each change makes its test fail, 1
+if not, and 2 if a change no longer fits the code.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ROOT_TEXTS = ("README.md", "CONTRIBUTING.md", "SECURITY.md")
 TABLE = Path(__file__).with_name("broken.yaml")
 COPIED = ("eurobot_od", "eds", "tests", "tools", "docs", "pyproject.toml", *ROOT_TEXTS)
 LONGEST = 90
-"""Seconds for one test; a change that makes it take longer was noticed."""
+"""Seconds for one test; a change that makes it take longer counts as noticed."""
 
 PYTEST = ("-m", "pytest", "-x", "-q", "-p", "no:cacheprovider")
 PASSED, FAILED = 0, 1
@@ -56,12 +56,12 @@ class Change(NamedTuple):
 
     @property
     def fits(self) -> bool:
-        """Whether the code still has what is to be changed, once."""
+        """Whether the code still has the text to be changed, exactly once."""
         return (ROOT / self.file).read_text(encoding="utf-8").count(self.old) == 1
 
 
 class Verdict(Enum):
-    """What the test said about a change."""
+    """Whether the test of a change failed."""
 
     NOTICED = "noticed"
     UNNOTICED = "NOT NOTICED"
@@ -74,7 +74,7 @@ def read() -> list[Change]:
 
 
 def pytest(folder: Path, tests: Iterable[str], longest: float | None = None) -> subprocess.CompletedProcess[str]:
-    """Run tests in a copy of the repository; return how pytest ended. Raises TimeoutExpired."""
+    """Run tests in a copy of the repository and return the ended process; raises TimeoutExpired."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(folder / "tools")])}
     command = [sys.executable, *PYTEST, *tests]
     with subprocess.Popen(
@@ -96,7 +96,7 @@ def pytest(folder: Path, tests: Iterable[str], longest: float | None = None) -> 
 
 
 def judge(change: Change, folder: Path, moment: int) -> Verdict:
-    """Break a copy, run the test, and mend the copy again."""
+    """Make a change in a copy, run its test, and undo the change."""
     file = folder / change.file
     whole = file.read_text(encoding="utf-8")
     # Each state of a file gets a time of its own: Python knows compiled files by the second, and by their size.

@@ -1,13 +1,13 @@
-"""Simulated against computed: no message on the simulated bus may be later than the analysis says it can be.
+"""Compares a simulated bus with the analysis: no message may be later than its computed bound.
 
-For each set of messages, the robot's own and random ones, two things are done. *Critical instants*: for one message
-after the other, the longest less urgent frame begins; just after it the other less urgent ones of the message's own
-node fall due, the least urgent first, which fill its mailboxes; then all that is as urgent, and the message last.
-*Random phases*: every message begins at a random time, and is as late as its jitter lets it be at random. Frames have
-the data with the most stuff bits that was found. Told are the response times over their bound, of which there must be
-none, and how near to their bounds the longest come: the nearest of each set shows how tight the analysis is.
+For each set of messages, the robot's own and random ones, two things are done. *Critical instants*: for each message in
+turn, the longest less urgent frame begins; just after it the other less urgent messages of the same node fall due, the
+least urgent first, which fill its mailboxes; then all that are as urgent, and the message last. *Random phases*: each
+message begins at a random time, and is late by a random part of its jitter. The frames have the data with the most
+stuff bits that was found. Reported are the response times over their bound, of which there must be none, and how near
+to their bounds the longest come: the nearest of each set shows how tight the analysis is.
 
-The exit status says whether all is as it has to be: 0 yes, 1 no.
+The exit status is 0 if every set keeps its bounds and is tight enough, else 1.
 """
 
 from __future__ import annotations
@@ -41,25 +41,25 @@ from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage, a
 FINE, WRONG = 0, 1
 
 TIGHT = 0.8
-"""The nearest response time of a set is at least this share of its bound."""
+"""The nearest response time of a set has to be at least this share of its bound."""
 
 SETS, FRAMES = 200, 100_000
 MOST_MESSAGES = 80
 BIT_RATES = (125_000, 250_000, 500_000, 1_000_000)
 PERIODS = (5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000)
-"""Periods of random messages, us, before they are stretched to the load that is wanted."""
+"""Periods of random messages, in us, before they are stretched to the wanted load."""
 
 STEP = 1e-8
-"""Seconds between what falls due one after the other at a critical instant: far less than a bit time."""
+"""Seconds between two messages that fall due one after the other at a critical instant: far less than a bit time."""
 
 ROUNDING = 1e-3
-"""Bit times that simulated times may be off: they are binary fractions of a second."""
+"""Bit times that simulated times may be off, since they are binary fractions of a second."""
 
 PAUSE = 0.01
 """Seconds of an idle bus before a critical instant."""
 
 EDS = b"[1000]\nParameterName=Device type\nDataType=0x0007\nAccessType=ro\nDefaultValue=0\n"
-"""The least that a device has."""
+"""The smallest EDS of a device."""
 
 
 class Due(NamedTuple):
@@ -71,11 +71,13 @@ class Due(NamedTuple):
 
 
 class Sender(Node):
-    """A node that does nothing but put frames into its mailboxes when they are released."""
+    """A node that only puts frames into its mailboxes when they are released."""
 
     def __init__(self, mailboxes: int, frames: Sequence[Frame], released: Callable[[Due], object]) -> None:
         super().__init__(_dictionary())
-        self._mailboxes, self._frames, self._released = mailboxes, frames, released
+        self._mailboxes = mailboxes
+        self._frames = frames
+        self._released = released
         self.dues: list[Due] = []
 
     def controller(self, report: Reporter | None, clock: Callable[[], float]) -> Gatekeeper:
@@ -105,10 +107,12 @@ def _dictionary() -> Dictionary:
 
 
 class Bench:
-    """A set of messages on a simulated bus; `longest` are the response times seen, in bit times."""
+    """A set of messages on a simulated bus; `longest` are the longest response times so far, in bit times."""
 
     def __init__(self, messages: MessageSet, bit_rate: int, random: Random) -> None:
-        self.messages, self.bit_rate, self.random = messages.messages, bit_rate, random
+        self.messages = messages.messages
+        self.bit_rate = bit_rate
+        self.random = random
         self.network = Simulation(bit_rate)
         self.network.disturb = lambda _now, _frame: ()  # nobody listens
         self.network.observers.append(self._sent)
@@ -147,25 +151,26 @@ class Bench:
         return self.random.random() * self.messages[place].jitter / MICROSECONDS
 
     def release(self, place: int, at: float, due: float) -> None:
-        """Have an instance of a message released at a time; it fell due at another."""
+        """Plan an instance of a message for the time `at`; it fell due at `due`."""
         node = self.nodes[self.messages[place].node]
         heapq.heappush(node.dues, Due(at, place, due))
         node.device.plan.at(at)
 
     def drain(self) -> None:
-        """Run until everything is sent."""
+        """Run until all is sent."""
         while self.network.next_event < math.inf:
             self.network.advance(math.inf)
 
     # What is done to the messages
 
     def random_phases(self, frames: int) -> None:
-        """Send a number of frames, every message from a random time on."""
+        """Send a number of frames, each message from a random time on."""
         begin = self.network.now + PAUSE
         own = [(place, each) for place, each in enumerate(self.messages) if not each.answers]
         rate = sum(MICROSECONDS / each.period for each in self.messages)
         phases = {place: self.random.random() * each.period / MICROSECONDS for place, each in own}
-        span, done = frames / rate, 0.0
+        span = frames / rate
+        done = 0.0
         while done < span:  # a second at a time: the plans stay short
             until = min(done + 1.0, span)
             for place, each in own:
@@ -179,7 +184,7 @@ class Bench:
         self.drain()
 
     def critical_instant(self, target: int, span: float) -> None:
-        """Have a message fall due when it has to wait for the longest, and all others as often as they can be."""
+        """Release a message when it has to wait the longest, and all others as often as they may come."""
         begin = self.network.now + PAUSE
         message = self.messages[target]
         less = [n for n, each in enumerate(self.messages) if n > target and each.identifier != message.identifier]
@@ -208,12 +213,13 @@ class Bench:
 # Frames with many stuff bits
 
 RUNS = tuple((0x0F0F0F0F0F0F0F0F0F0F << shift >> 16 & (1 << 64) - 1).to_bytes(8, "big") for shift in range(8))
-"""Runs of four equal bits, at every phase: after a stuff bit, four more of the other kind need the next one."""
+"""Runs of four equal bits, at each phase: after a stuff bit, four more of the other kind make the next one necessary.
+"""
 
 
 @cache
 def worst_frame(identifier: int, length: int) -> Frame:
-    """Return the frame with the most stuff bits among some that should have many."""
+    """Return the frame with the most stuff bits among candidates that should have many."""
     frames = (Frame(identifier, data[:length]) for data in _candidates(identifier, length))
     return max(frames, key=frame_bits)
 
@@ -260,10 +266,10 @@ def _stretched(message: PeriodicMessage, stretch: float, random: Random) -> Peri
 
 
 class Outcome(NamedTuple):
-    """What came of a set: frames sent, response times over their bound, and how near the nearest was to its bound.
+    """The result of a set: frames sent, response times over their bound, and how near the nearest was to its bound.
 
-    `nearest` is None if no message has a bound. Where mailboxes are limited the bounds are `loose`: the worst case
-    needs more to come together than is brought about here. How near the nearest is, is reported and not judged.
+    `nearest` is None if no message has a bound. Where mailboxes are limited the bounds are `loose`: their worst case
+    needs more than this simulation brings together, so that the nearest is reported and not judged.
     """
 
     name: str
@@ -296,21 +302,24 @@ def crosscheck(name: str, messages: MessageSet, bit_rate: int, frames: int) -> O
 
 
 def attempt(number: int, frames: int) -> Outcome:
-    """Check the robot's set at each bit rate, and then random sets, by number."""
+    """Check a set by its number: the robot's own at each bit rate, and then random ones."""
     if number < len(BIT_RATES):
-        name, messages, bit_rate = f"robot at {BIT_RATES[number] // 1000}", of_robot(ROBOT), BIT_RATES[number]
+        name = f"robot at {BIT_RATES[number] // 1000}"
+        messages = of_robot(ROBOT)
+        bit_rate = BIT_RATES[number]
     else:
-        name, (messages, bit_rate) = f"set {number}", random_set(Random(f"set {number}"))
+        name = f"set {number}"
+        (messages, bit_rate) = random_set(Random(f"set {number}"))
     return crosscheck(name, messages, bit_rate, frames)
 
 
 def wrong(outcome: Outcome) -> bool:
-    """Return whether a set is not as it has to be."""
+    """Return whether a set breaks a bound, or its bounds are not tight."""
     return bool(outcome.over) or (not outcome.loose and outcome.nearest is not None and outcome.nearest < TIGHT)
 
 
 def summary(outcomes: Iterable[Outcome]) -> str:
-    """Say in one line what came of all sets."""
+    """Return the result of all sets in one line."""
     all_of_them = list(outcomes)
     near = [each.nearest for each in all_of_them if each.nearest is not None]
     return (
@@ -331,9 +340,10 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print what is wrong, and the figures."""
+    """Check the sets, and print what is wrong and the figures."""
     options = parser().parse_args(arguments)
-    began, numbers = time.perf_counter(), range(len(BIT_RATES) + options.sets)
+    began = time.perf_counter()
+    numbers = range(len(BIT_RATES) + options.sets)
     frames = options.frames // len(numbers)
     with ProcessPoolExecutor(options.jobs) as pool:
         outcomes = list(pool.map(partial(attempt, frames=frames), numbers))

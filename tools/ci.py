@@ -1,4 +1,4 @@
-"""All checks on a clean machine; `.ci/run` starts it. What takes longer is in `nightly.py`."""
+"""Runs all checks on a clean machine; `.ci/run` starts it. Longer ones are in `nightly.py`."""
 
 from __future__ import annotations
 

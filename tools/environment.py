@@ -1,7 +1,7 @@
-"""Sets up the repository's own virtual environment, for the tools that a newcomer starts with a plain Python.
+"""Sets up the repository's own virtual environment, for tools that a newcomer starts with a plain Python.
 
 It runs before anything is installed, so it uses the standard library only. It does nothing while `pyproject.toml` is
-what it was at the last set-up.
+unchanged since the last set-up.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LOCK = Path(__file__).resolve().parent / "constraints.txt"
 """The versions of all packages for CI and the nightly, on each system; CONTRIBUTING.md says how to renew them."""
 
 UNFINISHED = "unfinished"
-"""File in an environment that is being made; one that still has it was broken off, and is made anew."""
+"""File in an environment that is being made; one that still has it was interrupted, and is made anew."""
 
 WITHOUT_VENV = (
     "this Python has no {module}, which makes environments; Debian and Ubuntu: `sudo apt install python3-venv`; "
@@ -32,22 +32,24 @@ WITHOUT_VENV = (
 )
 
 UNREACHABLE = re.compile(r"NewConnectionError|ConnectTimeout|NameResolutionError|ProxyError|SSLError")
-"""What pip says, over and over, when it reaches no package index."""
+"""Texts in pip's output when it reaches no package index."""
 
 ENSURED = "EUROBOT_OD_ENSURED"
-"""Environment variable with the module for which a script was started again; one that is still missing ends it."""
+"""Environment variable with the module for which a script was restarted; if that is still missing, the script ends."""
 
 WORKERS = str((os.cpu_count() or 1) + 1)
 """Processes that run tests: one more than there are cores, as many tests wait for other processes."""
 
 SHORT = ("-m", "not long")
-"""What a suite leaves out: tests of many seconds, which tools/nightly.py runs."""
+"""Options that leave out tests of many seconds, which tools/nightly.py runs."""
 
 SUITE = ("-m", "pytest", "-q", "-n", WORKERS, "--dist", "worksteal", "--durations=10")
-"""Tests on all cores; the slowest are named."""
+"""Command of the tests on all cores; it lists the slowest."""
 
 ONCE_MORE = ("-m", "pytest", "-q", "--last-failed", "--last-failed-no-failures", "none")
-"""What failed, alone: a test in real time may come too late on a busy machine. One that fails again has failed."""
+"""Options that run failed tests again, alone: a test in real time may be too late on a busy machine. One that fails
+again has failed.
+"""
 
 
 def prepare(extras: str = "") -> Path:
@@ -68,18 +70,18 @@ def prepare(extras: str = "") -> Path:
 
 
 def wanted() -> str:
-    """Return what stands for the packages that `pyproject.toml` names now, in CI in these versions."""
+    """Return a hash of the packages that `pyproject.toml` names, in CI with their versions."""
     files = [ROOT / "pyproject.toml", *([LOCK] if locked() else [])]
     return hashlib.sha256(b"".join(each.read_bytes() for each in files)).hexdigest()
 
 
 def locked() -> list[str]:
-    """Return pip's options for the versions that CI has been green with; a user gets the newest."""
+    """Return pip's options for the versions with which CI passed; users get the newest."""
     return ["--constraint", str(LOCK)] if os.environ.get("CI") == "true" else []
 
 
 def is_current(stamp: Path) -> bool:
-    """Return whether an environment was filled, by the file that says with what, from what is `wanted` now."""
+    """Return whether the environment with this stamp was filled for what is `wanted` now."""
     return stamp.is_file() and stamp.read_text() == wanted()
 
 
@@ -100,7 +102,7 @@ def _install(extras: str) -> None:
 
 
 def _create() -> None:
-    """Make the environment, and first remove what is left of one that was broken off."""
+    """Make the environment, after removing the rest of an interrupted one."""
     missing = [module for module in ("venv", "ensurepip") if find_spec(module) is None]
     if missing:  # distributions leave out either
         sys.exit(WITHOUT_VENV.format(module=missing[0]))
@@ -118,7 +120,7 @@ def _create() -> None:
 
 
 def ensure(module: str, extras: str = "") -> None:
-    """Run the script that calls this again, in the environment, if the Python that runs it lacks a module."""
+    """Start the running script again in the environment if the Python that runs it lacks a module."""
     if find_spec(module) is not None:
         return
     if os.environ.get(ENSURED) == module:
@@ -136,7 +138,7 @@ def call(*command: str | Path) -> int:
 
 
 def variables() -> dict[str, str]:
-    """Return the environment's variables for a program that is started.
+    """Return the environment variables for a started program.
 
     Without compiled files each of a thousand processes would compile what it imports, and each worker all tests.
     """

@@ -1,8 +1,8 @@
 """Runs all shipped check suites against all faults and prints which suite finds which fault.
 
-Every fault has to turn the step red that its table names, and without a fault no suite may be red, whatever the seed.
-What the conformance suites find is asked by tests/check/conformance/test_faults.py. The exit status says whether it is
-so: 0 yes, 1 no.
+Each fault has to make the step fail that its table names, and without a fault no suite may fail, for any seed.
+tests/check/conformance/test_faults.py does the same for the conformance suites. The exit status is 0 if all this holds,
+else 1.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ UNTOUCHED, GREEN, RED, NAMED = " ", ".", "r", "X"
 
 
 class Run(NamedTuple):
-    """One suite to be run in a dialect, with a fault (None: without) and a seed."""
+    """One run of a suite in a dialect, with a fault (None: without) and a seed."""
 
     dialect: str
     suite: str
@@ -48,7 +48,7 @@ class Run(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """A run and the names of its red steps."""
+    """A run and the names of its failed steps."""
 
     run: Run
     red: tuple[str, ...]
@@ -76,7 +76,7 @@ def fits(fault: str, node: str) -> bool:
 
 
 def named_red(fault: str, outcome: Outcome) -> bool:
-    """Return whether the first red step is the one that the fault's table names; a group's steps carry its name."""
+    """Return whether the first failed step is the one that the fault's table names; a group's steps carry its name."""
     suite, step = PLUGINS.find_fault(fault)[1].caught_by
     return (
         outcome.run.suite == suite
@@ -98,7 +98,7 @@ def robot_faults() -> list[str]:
 
 
 def fault_runs(dialect: str, names: Iterable[str]) -> list[Run]:
-    """Return the runs of every fault with every suite that has a node it fits."""
+    """Return the runs of each fault with each suite that has a node for it."""
     return [
         Run(dialect, name, fault)
         for fault in names
@@ -108,7 +108,7 @@ def fault_runs(dialect: str, names: Iterable[str]) -> list[Run]:
 
 
 def healthy_runs(dialect: str, seeds: int) -> list[Run]:
-    """Return the runs of every suite without a fault."""
+    """Return the runs of all suites without a fault."""
     return [Run(dialect, suite, None, seed) for seed in range(1, seeds + 1) for suite in shipped(dialect)]
 
 
@@ -116,7 +116,7 @@ def healthy_runs(dialect: str, seeds: int) -> list[Run]:
 
 
 def matrix(outcomes: Sequence[Outcome], suites: Sequence[str]) -> Iterator[str]:
-    """Write the matrix, a line for each fault."""
+    """Yield the lines of the matrix, one for each fault."""
     cells = {(each.run.fault, each.run.suite): cell(each) for each in outcomes}
     names = list(dict.fromkeys(each.run.fault or "" for each in outcomes))
     width = max(map(len, names), default=0)
@@ -134,7 +134,7 @@ def cell(outcome: Outcome) -> str:
 
 
 def missed(outcomes: Iterable[Outcome]) -> Iterator[str]:
-    """Say which faults no suite finds by the step that they name, and what is red instead."""
+    """Yield a line for each fault that no suite finds by the named step, with the step that fails instead."""
     by_fault: dict[str, list[Outcome]] = {}
     for each in outcomes:
         by_fault.setdefault(each.run.fault or "", []).append(each)
@@ -146,7 +146,7 @@ def missed(outcomes: Iterable[Outcome]) -> Iterator[str]:
 
 
 def wrongly_red(outcomes: Iterable[Outcome]) -> Iterator[str]:
-    """Say which suites are red without a fault."""
+    """Yield a line for each suite that fails without a fault."""
     for each in outcomes:
         if each.red:
             yield f"{each.run.suite} ({each.run.dialect}, seed {each.run.seed}): {each.red[0]!r} is red without a fault"
@@ -166,10 +166,11 @@ def run_all(
     seeds: Annotated[int, Option(metavar="N"), "seeds for the runs without a fault"] = 1,
     campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
 ) -> int:
-    """Run all shipped suites against all faults; print the matrix for each dialect and what is not as it has to be."""
+    """Run all shipped suites against all faults; print the matrix of each dialect and what is wrong."""
     for name in fault:
         PLUGINS.find_fault(name)  # complains of a name before the first run
-    names, wrong = [name for name in robot_faults() if name in fault or not fault], list[str]()
+    names = [name for name in robot_faults() if name in fault or not fault]
+    wrong = list[str]()
     chosen = {each: (fault_runs(each, names), healthy_runs(each, seeds)) for each in dialect or dialects.names()}
     number = sum(len(runs) for both in chosen.values() for runs in both)
     kept = campaign.kept(Outcome, lambda: {"campaign": "faults"})
@@ -188,7 +189,7 @@ def run_all(
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run what the words of a command line say, those of this process if None."""
+    """Run the tool with the words of a command line, by default those of this process."""
     parser = Parser("fault_matrix", description=summary(run_all))
     status: int = describe(parser, run_all)(parser.parse_args(words))
     return status

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Feeds the commands mutated files: each has to end with its result or with one line, never with a traceback.
 
-The files are the shipped ones (EDS, the protocol table, the network, the suites), logs of a few frames in every format,
-stored parameters, all with bytes or lines changed, doubled, cut off. Each input goes to every command that reads such a
-file, in this process. An exception, an exit status that is not one of ours, a line that does not say where something is
-wrong, no line at all, more than LIMIT seconds or GROWTH of memory is a failure. An input follows from its number alone,
-but for the dates in a log: `--first NUMBER` and a count of 1 repeat it.
+The files are the shipped ones (EDS, the protocol table, the network, the suites), logs of a few frames in each format,
+and stored parameters, all with bytes or lines changed, doubled or cut off. Each input goes to every command that reads
+such a file, in this process. A failure is an exception, an exit status that is not one of ours, a line on standard
+error that names no place, no line at all, more than LIMIT seconds, or GROWTH of memory. An input follows from its
+number alone, but for the dates in a log: `--first NUMBER` and a count of 1 repeat it.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ LIMIT = 10.0
 """Seconds that all commands together may take for one input."""
 
 GROWTH = 200 * 1024
-"""KiB by which one input may raise the most memory that the process has ever had."""
+"""KiB by which one input may raise the peak memory of the process."""
 
 SAID = re.compile(r"eurobot-od: |(/[^:]+)+(:\d+)*: | *\d+ x | {11}\S")
-"""How a line on standard error begins: a complaint, a place in a file, a count of damaged entries, its reason."""
+"""Beginnings of lines on standard error: a message, a place in a file, a count of damaged entries, its reason."""
 
 STATUSES = {status.value for status in cli.ExitStatus}
 
 
 class Kind(NamedTuple):
-    """A kind of file: its suffix, the files to mutate, and the commands that read it, which get its name for FILE."""
+    """A kind of file: its suffix, the files to mutate, and the commands that read it, with FILE for its name."""
 
     suffix: str
     samples: Callable[[], list[bytes]]
@@ -60,7 +60,7 @@ class Kind(NamedTuple):
 
 
 def shipped(*patterns: str) -> list[bytes]:
-    """Return the shipped files with such names."""
+    """Return the shipped files that match a pattern."""
     return [file.read_bytes() for pattern in patterns for file in sorted(EDS.glob(pattern))]
 
 
@@ -138,13 +138,13 @@ def lines_moved(dice: random.Random, data: bytes) -> bytes:
 
 
 def cut_off(dice: random.Random, data: bytes) -> bytes:
-    """Leave out the end, or the beginning."""
+    """Keep only the beginning, or only the end."""
     place = dice.randrange(len(data))
     return dice.choice((data[:place], data[place:]))
 
 
 def numbers_changed(dice: random.Random, data: bytes) -> bytes:
-    """Put what no field can hold in the place of some digits."""
+    """Replace some digits by numbers that fit no field."""
     changed = bytearray(data)
     places = [place for place, byte in enumerate(changed) if byte in b"0123456789"]
     for _ in range(dice.randrange(1, 4)):
@@ -177,9 +177,11 @@ def make_input(number: int) -> tuple[str, bytes]:
 
 
 def check(number: int) -> list[str]:
-    """Give an input to its commands; return what is wrong, one line each."""
+    """Run the commands on an input; return what is wrong, one line each."""
     name, content = make_input(number)
-    kind, before, started = KINDS[name], most_memory(), time.perf_counter()
+    kind = KINDS[name]
+    before = most_memory()
+    started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, f"input{kind.suffix}")
         wrong = []
@@ -193,13 +195,14 @@ def check(number: int) -> list[str]:
 
 
 def most_memory() -> int:
-    """Return the most memory in KiB that this process has ever had."""
+    """Return the peak memory of this process, in KiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def judge(words: Sequence[str]) -> list[str]:
     """Run a command, and return what is wrong with its end."""
-    said, on_sigterm = io.StringIO(), signal.getsignal(signal.SIGTERM)
+    said = io.StringIO()
+    on_sigterm = signal.getsignal(signal.SIGTERM)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
         try:
             status = cli.main(words)
@@ -226,8 +229,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Check the inputs, and print what is wrong; exit status 1 if anything is."""
-    options, started = parser().parse_args(arguments), time.perf_counter()
+    """Check the inputs and print what is wrong; exit status 1 if anything is."""
+    options = parser().parse_args(arguments)
+    started = time.perf_counter()
     failed = 0
     with Pool(options.jobs, maxtasksperchild=500) as pool:
         for wrong in pool.imap(check, range(options.first, options.first + options.count)):

@@ -1,14 +1,14 @@
-"""Sends random and mutated frames into the three nodes, in simulated time: what they are there for goes on unchanged.
+"""Sends random and mutated frames to the three nodes in simulated time, and checks that they still do their work.
 
-A trial is a row of frames, one after the other, into all nodes of a dialect while these start up, drive and are asked.
+A trial is a row of frames, one after the other, to all nodes of a dialect while these start up, drive and are asked.
 There are two kinds of trials:
 
-- *meaningless*: frames on which no node may act, such as one that is too short, out of its range, or for somebody
-  else. Meanwhile every message and heartbeat of the nodes has to be the one, at the same time, that they send without.
-- *any*: whatever a frame may be: gotos and stops that nobody has sent, SDO requests, NMT commands, damaged frames.
-  Nothing may raise or pile up; and after an NMT reset the nodes have to send what they do when they are new.
+- *meaningless*: frames on which no node may act, such as one that is too short, has a value out of range, or is for
+another node. Meanwhile each message and heartbeat of the nodes has to be the same, at the same time, as without them.
+- *any*: frames of all kinds: gotos and stops, SDO requests, NMT commands, damaged frames. Nothing may raise or pile up;
+and after an NMT reset the nodes have to send what new ones send.
 
-SDO answers and EMCY messages are not compared: to tell that something odd has come is right. A trial follows from the
+SDO answers and EMCY messages are not compared, since a node may report an unexpected frame. A trial follows from the
 seed and its number alone; `--first` and `--trials` repeat one.
 """
 
@@ -51,7 +51,7 @@ PERIOD = 0.0005
 """Seconds between two of them."""
 
 PAUSE = 2.0
-"""Seconds between two resets, in which a robot comes to stand."""
+"""Seconds between two resets, in which a robot comes to a stop."""
 
 RESET = Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, 0]))
 
@@ -65,7 +65,7 @@ PLAN: tuple[tuple[float, Callable[[Core], object]], ...] = (
     (7.0, lambda core: core.emergency_stop(Obstacle.ENEMY)),
     (7.5, lambda core: core.goto(600, 1600, 0, 60)),
 )
-"""What the core is called for, and when, in seconds since the nodes were switched on."""
+"""The calls of the core, and when each is made, in seconds since the nodes were switched on."""
 
 FAILURES = {Event.LISTENER_FAILED, Event.NODE_FAILED}
 
@@ -77,8 +77,8 @@ class Sent(NamedTuple):
     frame: Frame
 
 
-class Party:
-    """The nodes of a dialect at their gatekeepers, on a bus that takes no time; `sent` is what they have sent, when.
+class FuzzedNodes:
+    """The nodes of a dialect at their gatekeepers, on a bus that takes no time; `sent` are their frames with times.
 
     `wrong` are the reports of failures, and the frames that are not valid.
     """
@@ -95,7 +95,7 @@ class Party:
         self.begin()
 
     def begin(self) -> None:
-        """Have the core called as planned from now on."""
+        """Plan the calls of the core from now on."""
         self._calls = deque((self.now + after, call) for after, call in PLAN)
 
     def _station(self, node: Node) -> Station:
@@ -114,14 +114,14 @@ class Party:
         assert isinstance(core, Core)
         return core
 
-    def hear(self, frame: Frame) -> None:
-        """Give all nodes a frame that comes from somebody else."""
+    def receive(self, frame: Frame) -> None:
+        """Pass a frame from outside to all nodes."""
         for station in self._stations:
             station.controller.receive(frame, self.now)
         self._carry()
 
     def run(self, until: float) -> None:
-        """Let the time pass."""
+        """Advance the time."""
         while (soonest := self._soonest()) <= until:
             self.now = max(self.now, soonest)
             while self._calls and self._calls[0][0] <= self.now:
@@ -139,7 +139,7 @@ class Party:
         return min(call, *(station.plan.soonest for station in self._stations))
 
     def _carry(self) -> None:
-        """Bring what the nodes have sent to the others, the most urgent first, until nobody sends any more."""
+        """Pass the frames of each node to the others, the most urgent first, until there are no more."""
         while frames := [(frame, each) for each in self._stations if (frame := each.controller.queue.next(self.now))]:
             frame, sender = min(frames, key=lambda pair: pair[0].cob_id)
             sender.controller.queue.complete(frame)
@@ -167,14 +167,14 @@ def protocol(dialect: str) -> EurobotProtocol:
 
 
 class Dice(random.Random):
-    """Chance for a trial: what it is for, a `dialect`, and for each node a client that makes up SDO requests."""
+    """The random numbers of a trial, with its `dialect`, and for each node a client that makes up SDO requests."""
 
     dialect: str
     clients: dict[str, RandomClient]
 
     @classmethod
     def of(cls, seed: str, dialect: str) -> Dice:
-        """Return the chance that follows from a seed."""
+        """Return the random numbers of a seed."""
         dice = cls(seed)
         dice.dialect = dialect
         dice.clients = {name: RandomClient(dictionary, dice) for name, dictionary in files(dialect).items()}
@@ -186,7 +186,7 @@ Maker = Callable[[Dice], Frame]
 
 @cache
 def identifiers(dialect: str) -> list[int]:
-    """Return what any of the nodes listens to or sends, and NMT's."""
+    """Return the identifiers that any of the nodes receives or sends, and that of NMT."""
     nodes = [role(files(dialect)[name]) for name, role in ROLES.items()]
     own = {0x080, 0x580, 0x600, 0x700}
     sent = {base + node.device.node_id for node in nodes for base in own}
@@ -200,12 +200,12 @@ def _strangers(dialect: str) -> list[int]:
 
 
 def for_somebody_else(dice: Dice) -> Frame:
-    """Make a frame that no node listens to."""
+    """Make a frame that no node receives."""
     return Frame(dice.choice(_strangers(dice.dialect)), _bytes(dice))
 
 
 def too_short(dice: Dice) -> Frame:
-    """Make a message that is cut off. A stop acts whatever it says, and a goto may end after its speed."""
+    """Make a message that is cut off. A stop acts with any data, and a goto may end after its speed."""
     cob_id, size = dice.choice(_with_data(dice.dialect))
     short = dice.randrange(size)
     return Frame(cob_id, dice.randbytes(short - (cob_id == protocol(dice.dialect).cob_id("Goto XY") and short == 6)))
@@ -213,7 +213,7 @@ def too_short(dice: Dice) -> Frame:
 
 @cache
 def _with_data(dialect: str) -> list[tuple[int, int]]:
-    """Give identifier and bytes of the messages that have data and are not stops."""
+    """Return identifier and length of the messages that have data and are not stops."""
     found = ((each.cob_id, each.layout.length) for each in protocol(dialect).bindings if not each.always)
     return [(cob_id, size) for cob_id, size in found if size]
 
@@ -238,7 +238,8 @@ def out_of_range(dice: Dice) -> Frame:
 
 def no_nmt_command(dice: Dice) -> Frame:
     """Make an NMT message of a wrong length, with an unknown command, or for another node."""
-    known, node_id = dice.choice(tuple(NmtCommand)), dice.randrange(4, 128)
+    known = dice.choice(tuple(NmtCommand))
+    node_id = dice.randrange(4, 128)
     unknown = dice.choice(sorted(set(range(256)) - set(NmtCommand)))
     return Frame(NMT_COB_ID, dice.choice((bytes([known, node_id]), bytes([unknown, 0]), bytes([known]), b"")))
 
@@ -249,7 +250,7 @@ def _addresses(dictionary: Dictionary) -> list[Address]:
 
 
 def sdo_reading(dice: Dice) -> Frame:
-    """Make an SDO request that changes nothing: one that reads, goes on with nothing, aborts, or is cut off."""
+    """Make an SDO request that changes nothing: one that reads, continues no transfer, aborts, or is cut off."""
     dictionary = dice.choice(list(files(dice.dialect).values()))
     index, subindex = dice.choice(_addresses(dictionary))
     command = dice.choice((0x40, 0x60, 0x70, 0x80, 0xA0, 0xA1, 0xA2, 0xA3, 0xA4, 0xE0))
@@ -266,19 +267,19 @@ def noise(dice: Dice) -> Frame:
 
 
 def to_a_node(dice: Dice) -> Frame:
-    """Make a frame with an identifier that the nodes know, and any data."""
+    """Make a frame with an identifier that the nodes know, and random data."""
     return Frame(dice.choice(identifiers(dice.dialect)), _bytes(dice))
 
 
 def mutated(dice: Dice) -> Frame:
-    """Make a frame that a node has sent, with some bits changed, or just as it was."""
+    """Make a frame that a node has sent, with some bits changed or unchanged."""
     cob_id, data = dice.choice(healthy(dice.dialect)).frame
     changed = int.from_bytes(data, "little") ^ sum(1 << dice.randrange(64) for _ in range(dice.randrange(3)))
     return Frame(cob_id, changed.to_bytes(9, "little")[: len(data)])
 
 
 def sdo_request(dice: Dice) -> Frame:
-    """Make the first request of an SDO transfer, also one that writes, but no new node-ID: that outlasts a reset."""
+    """Make the first request of an SDO transfer, also one that writes, but no new node-ID, which outlasts a reset."""
     name = dice.choice(tuple(ROLES))
     dictionary = files(dice.dialect)[name]
     request = dice.clients[name].request(IDLE)
@@ -318,7 +319,7 @@ class Trial(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What became of a trial: frames of each kind, frames of the nodes that were compared, and what is wrong."""
+    """The result of a trial: frames of each kind, frames of the nodes that were compared, and what is wrong."""
 
     trial: Trial
     made: Counter[str]
@@ -328,22 +329,22 @@ class Result(NamedTuple):
 
 @cache
 def healthy(dialect: str, seconds: float = FRAMES * PERIOD, is_reset: bool = False) -> list[Sent]:
-    """Return what the nodes send in some seconds, or then after a reset, when nobody else sends."""
-    party = Party(dialect)
-    party.run(seconds)
+    """Return what the nodes send in some seconds, or after a reset, when no other frames come."""
+    nodes = FuzzedNodes(dialect)
+    nodes.run(seconds)
     if is_reset:
-        reset(party, seconds)
-    return party.sent
+        reset(nodes, seconds)
+    return nodes.sent
 
 
-def reset(party: Party, seconds: float) -> None:
-    """Reset nodes twice, as a core that is reset in a goto stops first; keep only what they send from then on."""
-    party.hear(RESET)
-    party.run(party.now + PAUSE)
-    party.sent.clear()
-    party.hear(RESET)
-    party.begin()
-    party.run(party.now + seconds)
+def reset(nodes: FuzzedNodes, seconds: float) -> None:
+    """Reset nodes twice, as a core that is reset in a goto stops first; keep only what they send afterwards."""
+    nodes.receive(RESET)
+    nodes.run(nodes.now + PAUSE)
+    nodes.sent.clear()
+    nodes.receive(RESET)
+    nodes.begin()
+    nodes.run(nodes.now + seconds)
 
 
 def compared(sent: Sequence[Sent]) -> dict[int, list[tuple[float, str]]]:
@@ -356,26 +357,28 @@ def compared(sent: Sequence[Sent]) -> dict[int, list[tuple[float, str]]]:
 
 
 NOT_COMPARED = {base + each.node_id for base in (0x080, 0x580) for each in dialects.load_all()}
-"""EMCY and SDO answers: to tell that something odd has come is right."""
+"""EMCY and SDO answers: a node may report an unexpected frame."""
 
 
 def attempt(trial: Trial) -> Result:
     """Run a trial, in any process."""
-    dice, party = Dice.of(f"{trial.seed} {trial.number}", trial.dialect), Party(trial.dialect)
-    seconds, made = trial.frames * PERIOD, Counter[str]()
+    dice = Dice.of(f"{trial.seed} {trial.number}", trial.dialect)
+    nodes = FuzzedNodes(trial.dialect)
+    seconds = trial.frames * PERIOD
+    made = Counter[str]()
     for number in range(trial.frames):
         maker = dice.choice(MEANINGLESS if trial.meaningless else ANY)
         made[maker.__name__] += 1
-        party.run((number + 1) * PERIOD)
-        party.hear(maker(dice))
+        nodes.run((number + 1) * PERIOD)
+        nodes.receive(maker(dice))
     if not trial.meaningless:
-        reset(party, seconds)
+        reset(nodes, seconds)
     expected = healthy(trial.dialect, seconds, not trial.meaningless)
-    return Result(trial, made, len(party.sent), [*party.wrong, *differences(party.sent, expected)])
+    return Result(trial, made, len(nodes.sent), [*nodes.wrong, *differences(nodes.sent, expected)])
 
 
 def differences(sent: Sequence[Sent], expected: Sequence[Sent]) -> list[str]:
-    """Say for each identifier where the frames are other than expected."""
+    """Return for each identifier where the frames differ from the expected ones."""
     ours, theirs = compared(sent), compared(expected)
     return [
         f"{cob_id:03X}: {first_difference(ours.get(cob_id, []), theirs.get(cob_id, []))}"
@@ -385,7 +388,7 @@ def differences(sent: Sequence[Sent], expected: Sequence[Sent]) -> list[str]:
 
 
 def first_difference(ours: Sequence[object], theirs: Sequence[object]) -> str:
-    """Say what comes first that is not the same."""
+    """Return the first difference of two sequences."""
     for one, other in zip_longest(ours, theirs):
         if one != other:
             return f"{one} where healthy nodes have {other}"
@@ -406,10 +409,13 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the trials, and print what was made and what is wrong; exit status 1 if anything is."""
-    options, started = parser().parse_args(arguments), time.perf_counter()
+    """Run the trials; print how many frames of each kind were made, and what is wrong; exit status 1 if anything is."""
+    options = parser().parse_args(arguments)
+    started = time.perf_counter()
     trials = [Trial(options.seed, options.first + n) for n in range(-(-options.frames // FRAMES))]
-    made, sent, wrong = Counter[str](), 0, 0
+    made = Counter[str]()
+    sent = 0
+    wrong = 0
     with ProcessPoolExecutor(options.jobs) as pool:
         for result in pool.map(attempt, trials):
             made += result.made

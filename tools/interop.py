@@ -5,7 +5,7 @@
     python3 tools/interop.py --local    installs nothing; names what is absent
     python3 tools/interop.py --write    writes docs/interop.md too
 
-It installs, asks every row once, and prints; questions and judgements are in `interop_rows`.
+It installs, asks each row once, and prints; questions and judgements are in `interop_rows`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ For anybody who uses our files or nodes with another program: what it accepts, a
 row says otherwise.
 """
 BY_HAND = "\n## "
-"""Where the part of the page begins that people have written: it stays."""
+"""Where the hand-written part of the page begins, which stays."""
 
 HEAD = ("tool", "version", "asked", "judgement", "answer")
 
@@ -48,7 +48,7 @@ def install_missing() -> None:
 
 
 def ask_all() -> list[Verdict]:
-    """Ask every row, each in an empty folder."""
+    """Ask each row, in an empty folder of its own."""
     verdicts = []
     for row in ROWS:
         with tempfile.TemporaryDirectory() as folder:
@@ -78,7 +78,7 @@ def text(verdicts: Iterable[Verdict]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Install, ask, print; 1 if a row differs."""
+    """Install, ask and print; return 1 if a row differs."""
     parser = argparse.ArgumentParser(description="Ask other people's programs about our files and nodes.")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--install", action="store_true", help="ask nothing")

@@ -29,18 +29,18 @@ FIRST = 1
 """The generation that is on the disk before the first kill."""
 
 LONGEST = 0.02
-"""The longest time in seconds that a child lives, counted from its first report."""
+"""Longest life of a child in seconds, from its first report."""
 
 
 def store_once(device: Device, generation: int) -> None:
-    """Give all settings this value and store them."""
+    """Set all settings to this generation and store them."""
     for address in SETTINGS:
         device.objects.write(address, generation.to_bytes(2, "little"))
     device.objects.write((STORE, 1), SIGNATURES[STORE])
 
 
 def store_for_ever(store: FileStore, dictionary: Dictionary, generation: int, told: int) -> None:
-    """Store generations from this one on, and report each that is done to the pipe `told`."""
+    """Store one generation after the other from this one on, and report each to the pipe `told`."""
     device = Device(dictionary, store)
     os.write(told, b"\n")
     while True:
@@ -50,7 +50,7 @@ def store_for_ever(store: FileStore, dictionary: Dictionary, generation: int, to
 
 
 def killed(store: FileStore, dictionary: Dictionary, generation: int, after: float) -> int:
-    """Have a child store from `generation` on, kill it `after` seconds, and return the last generation it reported.
+    """Let a child store from `generation` on, kill it `after` seconds, and return the last generation it reported.
 
     That is `generation` - 1 if it reported none.
     """
@@ -80,7 +80,8 @@ def run(times: int, seed: int, folder: Path) -> list[str]:
     dictionary = dialects.load("core")
     store = FileStore(folder / "core.dcf", dictionary)
     store_once(Device(dictionary, store), FIRST)
-    generation, faults = FIRST + 1, []
+    generation = FIRST + 1
+    faults = []
     for kill in range(times):
         told = killed(store, dictionary, generation, random_number.uniform(0.0, LONGEST))
         found = restarted(store, dictionary)
@@ -91,7 +92,7 @@ def run(times: int, seed: int, folder: Path) -> list[str]:
 
 
 def main() -> int:
-    """Run from the command line; exit status 1 if a restart found anything but a whole configuration."""
+    """Run the tool; exit status 1 if a restart found anything but one whole generation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--times", type=int, default=1000, help="how often to kill (default 1000)")
     parser.add_argument("--seed", type=int, default=1, help="when to kill (default 1)")

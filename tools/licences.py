@@ -1,7 +1,7 @@
-"""Writes docs/licences.md: what each extra brings and under which licence, from the packages' own metadata.
+"""Writes docs/licences.md: the packages of each extra and their licences, from the packages' own metadata.
 
-Run it in an environment with all extras, which `python3 tools/wheel.py --licences` makes. A package says its licence as
-an SPDX expression, by a classifier, or in its own words; the first of these counts.
+Run it in an environment with all extras, which `python3 tools/wheel.py --licences` makes. A package names its licence
+as an SPDX expression, by a classifier, or in its own words; the first of these counts.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Made by `python3 tools/wheel.py --licences` from what the packages say; the vers
 
 
 def licence(said: PackageMetadata) -> str:
-    """Return the licence that a package's metadata name."""
+    """Return the licence that a package's metadata names."""
     classifiers = [each.removeprefix(CLASSIFIER) for each in said.get_all("Classifier", []) if CLASSIFIER in each]
     own = said.get_all("License", [""])[0].strip().split("\n")[0]
     expression = said.get_all("License-Expression", [""])[0]
@@ -42,7 +42,7 @@ def licence(said: PackageMetadata) -> str:
 
 
 def licence_of(package: str, said: PackageMetadata) -> str:
-    """Return the licence of a package, by the text that it carries where its metadata say none."""
+    """Return the licence of a package; if its metadata names none, by the text in its files."""
     if licence(said) != NONE:
         return licence(said)
     texts = [each.read_text() for each in distribution(package).files or () if each.name.startswith("LICENSE")]
@@ -50,7 +50,7 @@ def licence_of(package: str, said: PackageMetadata) -> str:
 
 
 def required(package: str, extras: Iterable[str]) -> Iterator[tuple[str, set[str]]]:
-    """Yield what a package needs with some extras, and the extras asked of that."""
+    """Yield the packages that a package needs with some extras, each with the extras asked of it."""
     for each in requires(package) or ():
         extra = EXTRA.search(each)
         found = NAME.match(each)
@@ -60,7 +60,7 @@ def required(package: str, extras: Iterable[str]) -> Iterator[tuple[str, set[str
 
 
 def brought(extra: str) -> dict[str, PackageMetadata]:
-    """Return the packages of an extra, with what they need themselves; those of this package without one."""
+    """Return the packages of an extra, with those that they need; without an extra, those of this package."""
     found: dict[str, PackageMetadata] = {}
     asked = [each for each in required(PACKAGE, [extra]) if not extra or each not in list(required(PACKAGE, []))]
     while asked:

@@ -22,7 +22,7 @@ from eurobot_od.lint.rules import lint_device
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLES = ROOT / "tests" / "lint" / "samples"
 LIMIT = 2.0
-"""The longest time in seconds that an input may take."""
+"""Longest time for an input, in seconds."""
 
 KEYS = (
     b"ParameterName ObjectType DataType AccessType LowLimit HighLimit DefaultValue ParameterValue PDOMapping SubNumber "
@@ -46,7 +46,7 @@ def soup(dice: random.Random) -> bytes:
 
 
 def grammar(dice: random.Random) -> bytes:
-    """Return sections and entries, each of them plausible by itself."""
+    """Return sections and entries, each of them plausible alone."""
     lines = []
     for _ in range(dice.randrange(120)):
         is_section = dice.random() < 0.3
@@ -97,7 +97,7 @@ def make_input(number: int) -> bytes:
 
 
 def check(data: bytes) -> float:
-    """Give an input to every part of the checker; return the seconds that took."""
+    """Run each part of the checker on an input; return the seconds that took."""
     start = time.perf_counter()
     device = load(data, "fuzz.eds")
     lint_device(device, "fuzz.eds")
@@ -114,7 +114,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("count", nargs="?", type=int, default=100_000, help="how many inputs (100000)")
     parser.add_argument("--first", type=int, default=0, help="number of the first input (0)")
     options = parser.parse_args(arguments)
-    failed, slowest = [], 0.0
+    failed = []
+    slowest = 0.0
     for number in range(options.first, options.first + options.count):
         try:
             seconds = check(make_input(number))

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Makes docs/lint-rules.md: every rule of the EDS checker, and what dcfchk and odg say about the same seeded defects.
+"""Makes docs/lint-rules.md: all rules of the EDS checker, and what dcfchk and odg report about the same defects.
 
 The rules come from the rule tables, the defects from the tests. `odg` is the command of objdictgen. `make_pages.py`
-asks the programs about defects only that the page does not have; this asks them about all, those that are installed.
+asks the programs only about defects that the page does not have; this asks them about all, those that are installed.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ message; messages that a program also gives for the clean file do not count.
 
 
 class Verdict(NamedTuple):
-    """What a program said about a file: its exit status, and its output without the file's own name."""
+    """A program's exit status for a file, and its output without the file's own name."""
 
     status: int
     words: str
@@ -68,7 +68,7 @@ Program = Callable[[Path], Verdict]
 
 
 def program_of(*command: str) -> Program | None:
-    """Make a program that checks a file; None if it is not installed."""
+    """Return the function that checks a file with a program; None if that is not installed."""
     found = which(command[0]) or which(command[0], path=str(Path(sys.executable).parent))
     if found is None:
         return None
@@ -84,8 +84,8 @@ def program_of(*command: str) -> Program | None:
 PROGRAMS = {"dcfchk": program_of("dcfchk", "-n", NODE_ID), "odg list": program_of("odg", "list")}
 
 
-def say(program: Program | None, defect: Defect) -> str:
-    """Return what a program says about a defect, in a word or two."""
+def verdict_of(program: Program | None, defect: Defect) -> str:
+    """Return what a program reports about a defect, in a word or two."""
     if program is None:
         return "not installed"
     name = BASES[defect.base][0]
@@ -105,33 +105,33 @@ def _ask(program: Program, name: str, data: bytes) -> Verdict:
 
 
 Known = Mapping[tuple[str, str], Sequence[str]]
-"""What the programs are known to say, in their order, by a defect's code and what it is."""
+"""The programs' known verdicts, in their order, by a defect's code and description."""
 
 
 def _known() -> Known:
-    """Return what the page says that the programs say."""
+    """Return the programs' verdicts in the page."""
     rows = re.findall(r"^\| ([EWI]\d{3}) \| (.*?) \| ([^|]*) \| ([^|]*) \|$", OUTPUT.read_text("utf-8"), re.MULTILINE)
     return {(code, what): verdicts for code, what, *verdicts in rows}
 
 
 def all_verdicts(known: Known) -> dict[str, list[str]]:
-    """Have every program judge every defect that it is not known to have judged."""
+    """Return all programs' verdicts on all defects; only the unknown ones are asked for."""
     with ThreadPoolExecutor() as pool:
         return {name: [*pool.map(partial(_verdict, known, place), DEFECTS)] for place, name in enumerate(PROGRAMS)}
 
 
 def _verdict(known: Known, place: int, defect: Defect) -> str:
     said = known.get((defect.code, _cell(defect.what)))
-    return said[place] if said else say([*PROGRAMS.values()][place], defect)
+    return said[place] if said else verdict_of([*PROGRAMS.values()][place], defect)
 
 
 def page(known: Known | None = None) -> str:
-    """Return the page; `known` are verdicts that nobody is asked for, by default those of the page."""
+    """Return the page; `known` are verdicts that are not asked for again, by default those of the page."""
     return rules_text() + "\n" + defects_text(all_verdicts(_known() if known is None else known))
 
 
 def rule_table(rules: Iterable[Rule]) -> Iterator[str]:
-    """Write rules as a table."""
+    """Yield the lines of a table of rules."""
     yield "| code | rule | source |"
     yield "|---|---|---|"
     yield from (f"| {each.code} | {_cell(each.demand)} | {_cell(each.clause)} |" for each in rules)
@@ -142,7 +142,7 @@ def _cell(text: str) -> str:
 
 
 def rules_text() -> str:
-    """Write the rules, part by part."""
+    """Return the rules, part by part."""
     rules = sorted([*FILE_RULES, *network.RULES, *stack_rules.RULES], key=lambda each: each.code[1:])
     counts = ", ".join(f"{sum(e.severity is s for e in rules)} {s.name.lower()}s" for s in Severity)
     lines = [HEAD, f"{len(rules)} rules: {counts}.", ""]
@@ -152,7 +152,7 @@ def rules_text() -> str:
 
 
 def defects_text(verdicts: dict[str, list[str]]) -> str:
-    """Write the defects, with what the programs say."""
+    """Return the defects, with the programs' verdicts."""
     lines = [
         DEFECT_HEAD,
         "| | " + " | ".join(["eurobot-od lint", *verdicts]) + " |",

@@ -1,7 +1,7 @@
-"""A bus in this process in real time, with what a simulated network has: nodes that hang, and a bus that can be off.
+"""A bus in this process in real time that can do what a simulated network can: freeze a node, and switch the bus off.
 
-A node hangs while somebody else holds its guard: it neither receives, ticks nor sends, and what comes meanwhile waits
-for it in its driver, as for a process that is stopped. A bus that is off takes no frame, as one that nobody
+A node is frozen while another thread holds its guard: it neither receives, ticks nor sends, and frames that come
+meanwhile wait in its driver, as for a stopped process. A bus that is off takes no frame, like one on which no node
 acknowledges.
 """
 
@@ -41,7 +41,7 @@ class CutBus(VirtualBus):
 
 
 class LiveNetwork:
-    """Stations on a bus in real time; `now` is the time in s since it was made. It lasts for one `run`."""
+    """Stations on a bus in real time; `now` is the time in s since it was made. It is used for one `run`."""
 
     def __init__(self) -> None:
         self._begin = time.monotonic()
@@ -55,7 +55,7 @@ class LiveNetwork:
         return time.monotonic() - self._begin
 
     def attach(self, node: Node, start: float = 0.0, _: float = 0.0) -> Station:
-        """Connect a node; it boots at once, or at `start` if that is still to come, in s."""
+        """Connect a node; it boots at once, or later at `start`, in s."""
         time.sleep(max(start - self.now, 0.0))
         open_bus = partial(CutBus, self)
         live = Live.node(open_bus(), node, lambda: self.now, open_bus)
@@ -64,7 +64,7 @@ class LiveNetwork:
         return live.station
 
     def freeze(self, station: Station, until: float) -> None:
-        """Have a station hang until a time in s."""
+        """Freeze a station until a time in s."""
         threading.Thread(target=self._hold, args=(station, until), daemon=True).start()
 
     def _hold(self, station: Station, until: float) -> None:
@@ -72,7 +72,7 @@ class LiveNetwork:
             self._over.wait(None if until == inf else until - self.now)
 
     def detach(self, station: Station) -> None:
-        """End a station's life; to the others that is as if it hung for ever."""
+        """Freeze a station for ever, which is the same to the others as its end."""
         self.freeze(station, inf)
 
     def cut(self, until: float) -> None:
@@ -80,7 +80,7 @@ class LiveNetwork:
         self.off_until = until
 
     def run(self, program: Coroutine[Any, Any, Result]) -> Result:
-        """Run a program to its end; then let the nodes leave, the first one first."""
+        """Run a program to its end; then stop the nodes, the first one first."""
         try:
             return asyncio.run(program)  # without a watchdog: whoever calls a core that hangs, hangs with it
         finally:

@@ -1,22 +1,23 @@
-"""Loses, delays and doubles messages, kills, reboots and freezes nodes in simulated matches: does the robot stand?
+"""Loses, delays and doubles messages, and kills, reboots and freezes nodes in simulated matches, and checks that the
+robot stops.
 
 Each cell of the matrix is a short match in which one thing goes wrong: with a navigation that is there, that died
 before, or that sends heartbeats and no answers; and with a plan that tries again at once, or after 2 s. The plan drives
-at full speed from place to place, and stops some gotos on the way; nothing stands there, and the sensor stops nobody.
-What is measured:
+at full speed from place to place, and stops some gotos on the way; nothing stands there, and the sensor stops no goto.
+Each match is measured:
 
-- *uncommanded*: how long, and how far, the robot moves while no living core has a goto under way, or the bus is off.
-  Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
-- *off*: how far from its place the robot truly is when it has arrived, beyond what the drive says of its place.
-- *open calls*: calls of the core that have not ended when all is over. There must be none.
-- *went on*: whether another place was reached after it went wrong. Not every match can go on (GOES_ON). Without the
-  navigation one that has driven on for DROVE_ON counts, too: by its wheels alone it may lose its way later.
+- *uncommanded*: how long, and how far, the robot moves while no running core has a goto under way, or the bus is off.
+Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
+- *off*: how far the robot truly is from its target when it has arrived, beyond the deviation that the drive reports.
+- *open calls*: calls of the core that have not ended at the end. There must be none.
+- *went on*: whether another place was reached after the fault. Not every match can go on (GOES_ON). Without the
+navigation one that has driven on for DROVE_ON counts, too: by its wheels alone it may lose its way later.
 
 With `--live` the pauses without the navigation are tried in real time, on a bus in this process (live_network.py).
 
-A drive that is dead or frozen moves nothing here: what a motor does when nobody controls it is not in the protocol.
+A drive that is dead or frozen moves nothing here: what a motor does without its controller is not in the protocol.
 
-The exit status says whether every cell is as it has to be: 0 yes, 1 no.
+The exit status is 0 if every cell is right, else 1.
 """
 
 from __future__ import annotations
@@ -63,39 +64,39 @@ from eurobot_od.season.campaign import run as in_blocks
 FINE, WRONG = 0, 1
 
 BOUND = 3.0
-"""Seconds within which a robot stands that nobody commands: the core's Standstill wait of 2 s, and braking."""
+"""Seconds within which an uncommanded robot has to stand: the core's Standstill wait of 2 s, and braking."""
 
 DEVIATIONS = 3
-"""How many of the standard deviations that the drive tells the robot may be off."""
+"""How many of the drive's standard deviations the robot may be off."""
 
 TOLERANCE = 25.0
-"""How much farther, mm, an arrived robot may be from its place: what core (20) and drive (5) call arrived."""
+"""How much farther, in mm, an arrived robot may be from its target: what core (20) and drive (5) call arrived."""
 
 DROVE_ON = 1000.0
-"""How far a robot drives, mm, whose match goes on without the navigation."""
+"""How far a robot drives, in mm, whose match goes on without the navigation."""
 
 UNDATED = ("Navi Position Request", "Navi Position Response")
-"""Positions say nothing about their time: if they are all late, the drive cannot know."""
+"""Positions without a time: if all of them are late, the drive cannot know."""
 
 DURATION = 20.0
 """Seconds of a match: enough for several gotos and stops."""
 
 MUSHROOM = "Emergency Shutdown"
 MUSHROOM_AT = 12.0
-"""The message that no match has without an emergency, and when it is then, in seconds of the match."""
+"""When the message that only an emergency sends is expected, in seconds of the match."""
 
 BEGIN = 2.3
-"""Seconds from power-on until a match has begun."""
+"""Seconds from power-on to the beginning of a match."""
 
 BOOTING = 0.4
 """Seconds that a node takes to boot."""
 
 FROZEN = 5.0
 OFF = 1.0
-"""Seconds that a node hangs, and that the bus is off."""
+"""Seconds for which a node hangs, and for which the bus is off."""
 
 TIMES = 10
-"""At how many moments of a match the same thing goes wrong."""
+"""At how many moments of a match the same fault is tried."""
 
 AFTERWARDS = 12.0
 """Seconds after the match in which everything has to end: a node check alone waits for 10 s."""
@@ -112,7 +113,7 @@ KILLED, REBOOTED, CHANGED = "killed", "rebooted", "rebooted in another dialect"
 HANGS = "frozen 5 s"
 NODE_FATES = (KILLED, REBOOTED, HANGS, CHANGED)
 MIXED = "in another dialect"
-"""A node has the files of another dialect from the start."""
+"""A node has the EDS files of another dialect from the start."""
 
 BUS, BUS_FATE = "bus", "off 1 s"
 PAUSES = {f"pause {seconds:g} s": seconds for seconds in (0.2, 0.5, 1.0, 2.0, 3.0, 5.0)}
@@ -121,28 +122,28 @@ With a pause of 1 s the drive gives up its goto, and the core only hears of no g
 Shutdown, after which a start configuration has to come, in which the drive keeps its place."""
 
 RESETS = {"reset": 1, "reset all": 0}
-"""NMT resets, and whom they are for: the core alone, or every node."""
+"""NMT resets, and their node-ID: that of the core, or 0 for all nodes."""
 
 SECOND = "second core"
 """Another core is switched on."""
 
 STRAY = "stray"
-"""Somebody else sends the message once."""
+"""A stranger sends the message once."""
 
 ORDERED = "goto by SDO"
-"""Somebody else writes a goto to the drive."""
+"""A stranger writes a goto to the drive."""
 
 GOES_ON = (*PAUSES, "reset", STRAY, ORDERED)
-"""After this the match has to go on, and after a reboot of the core: the drive remembers what that has forgotten."""
+"""Faults after which the match has to go on, as after a reboot of the core, whose place the drive remembers."""
 
 PLACE = "Kalman Position Response"
-"""A false one is not believed, and without a navigation nobody can say where the robot is (decision 24)."""
+"""A false one is not believed, and without a navigation the robot's place is unknown then (decision 24)."""
 
 STRANGER = 9
-"""The node-ID of who sends what nobody expects."""
+"""The node-ID of the stranger that sends unexpected frames."""
 
 FREEZES = {HANGS: FROZEN, **PAUSES}
-"""How long a node hangs that is itself again afterwards."""
+"""How long a node hangs that works again afterwards."""
 
 PAUSE_FROM, PAUSE_UNTIL = 4.0, 12.0
 """Between which times of the match what has to go on goes wrong, in s; stray messages come in each phase of it."""
@@ -151,20 +152,21 @@ PAUSE_FROM, PAUSE_UNTIL = 4.0, 12.0
 
 ALIVE, DEAD, SILENT = "alive", "dead", "silent"
 NAVIGATIONS = (ALIVE, DEAD, SILENT)
-"""The navigation: it answers; it has died before; it sends heartbeats, and no answers since then."""
+"""The navigation: it answers; it died before; it sends heartbeats, but no answers."""
 
 NAVIGATION_DIES = 1.0
-"""When the navigation dies, or falls silent, in seconds of the match."""
+"""When the navigation dies, or stops answering, in seconds of the match."""
 
 AT_ONCE, LATER = 0.05, 2.0
 """Seconds after which the plan goes on behind a goto that has not arrived."""
 
 
 class Cell(NamedTuple):
-    """What goes wrong: a message, a node or the bus, how, and when in seconds since power-on (a message: from then).
+    """What goes wrong (a message, a node or the bus), how, and when in seconds since power-on (a message: from then
+    on).
 
-    Besides: what the `navigation` is like, and after how many seconds the plan tries again. A `live` one is tried in
-    real time.
+    The state of the `navigation`, and after how many seconds the plan tries again, are part of it. A `live` one is
+    tried in real time.
     """
 
     what: str
@@ -188,7 +190,7 @@ class Cell(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What became of a cell: seconds and mm uncommanded, whether the match went on, and what is wrong, if anything."""
+    """The result of a cell: seconds and mm uncommanded, whether the match went on, and what is wrong, if anything."""
 
     cell: Cell
     seconds: float
@@ -198,17 +200,21 @@ class Result(NamedTuple):
 
 
 class Watched:
-    """The wheels of the robot in its world, which notice how long they are moved uncommanded; `driven` is in mm."""
+    """The wheels of the robot in its world, with the time and way that they move uncommanded; `driven` is in mm."""
 
     def __init__(self, world: World, wheels: Chassis, commanded: Callable[[], bool]) -> None:
-        self.world, self._wheels, self._commanded = world, wheels, commanded
-        self._rolled, self._from = 0.0, world.robot
+        self.world = world
+        self._wheels = wheels
+        self._commanded = commanded
+        self._rolled = 0.0
+        self._from = world.robot
         self.seconds = self.distance = self.driven = 0.0
         self.moving = False
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Move the robot."""
-        before, odometry = self.world.robot, self._wheels.advance(command, dt)
+        before = self.world.robot
+        odometry = self._wheels.advance(command, dt)
         self.moving = command != AT_REST
         self.driven += abs(odometry.distance)
         if not self.moving or self._commanded():
@@ -233,7 +239,7 @@ STOPPED_EACH, STOPPED_AFTER = 3, 0.7
 
 
 async def plan(core: Core, again: float) -> None:
-    """Drive from place to place for ever; stop some gotos on the way, and go on after whatever went wrong."""
+    """Drive from place to place for ever; stop some gotos on the way, and go on after any fault."""
     for number, place in enumerate(cycle(PLACES), 1):
         try:
             if core.shut_down:
@@ -261,10 +267,11 @@ def other(dialect: str) -> str:
 
 
 class Trial:
-    """One cell being tried."""
+    """One cell while it is tried."""
 
     def __init__(self, cell: Cell) -> None:
-        self.cell, self.files = cell, files(cell.dialect)
+        self.cell = cell
+        self.files = files(cell.dialect)
         self.changed = files(other(cell.dialect)).dictionaries
         # Judged is what is lost, and not what beacons take for something else or who stands in the way.
         self.duration = 2 * DURATION if cell.has_to_go_on else DURATION  # there must be time to go on
@@ -328,7 +335,7 @@ class Trial:
     # What goes wrong
 
     def _disturb(self, now: float, frame: Frame) -> Sequence[float]:
-        """Say when a frame reaches the nodes."""
+        """Return the times at which a frame reaches the nodes."""
         if now >= self.silent_from and frame.cob_id in self._answers_of_navigation:
             return ()
         how = self.cell.how
@@ -355,7 +362,8 @@ class Trial:
             self.silent_from = self.network.now
 
     def _go_wrong(self) -> None:
-        how, now = self.cell.how, self.network.now
+        how = self.cell.how
+        now = self.network.now
         self.driven_before = self.wheels.driven
         if how == SECOND:
             self.network.attach(Core(self.files.dictionaries["core"]), now, processing_time(self.cell.seed, SECOND))
@@ -375,8 +383,10 @@ class Trial:
             self._end_node()
 
     def _end_node(self) -> None:
-        """Kill a node, or have it boot again."""
-        name, how, now = self.cell.what, self.cell.how, self.network.now
+        """Kill a node, or reboot it."""
+        name = self.cell.what
+        how = self.cell.how
+        now = self.network.now
         self.network.detach(self.stations[name])
         self._miss_core_until(float("inf") if how == KILLED else now + BOOTING)
         if how == KILLED:
@@ -389,7 +399,7 @@ class Trial:
         self._attach(node, now + BOOTING)
 
     def _stray_frame(self) -> Frame:
-        """Return a frame of the message: a goto to the middle, our own team's start; zeros in every other one."""
+        """Return a frame of the message: a goto to the middle, our own team's start, or zeros in any other message."""
         protocol = self.files.protocol
         for each in (STRAY_GOTO, StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0)):
             if self.cell.what == protocol.name(type(each)):
@@ -399,7 +409,8 @@ class Trial:
 
     def _orders(self) -> Iterator[Frame]:
         """Yield the SDO requests that write a goto to the drive."""
-        channel, drive = SdoClientParameter.to("drive", self.core.device), self.files.dictionaries["drive"]
+        channel = SdoClientParameter.to("drive", self.core.device)
+        drive = self.files.dictionaries["drive"]
         _, raw = self.files.protocol.unpack(*self.files.protocol.encode(STRAY_GOTO))
         index = drive.data_index("Goto XY")
         assert channel is not None
@@ -428,22 +439,23 @@ class Trial:
         options = replace(self.options, duration=max(duration, 1.0))
         await asyncio.sleep(stage.POWER_UP)
         with suppress(EurobotError):  # a match that cannot be played has an end, too
-            timeline = Timeline(self._clock, self._told)
+            timeline = Timeline(self._clock, self._record)
             Observer(self.core, timeline, lambda: self.world.robot)
             referee = Referee(self.core, options, timeline, lambda: self.world.robot)
             await referee.play(lambda core: plan(core, self.cell.again))
 
-    def _told(self, event: MatchEvent) -> None:
+    def _record(self, event: MatchEvent) -> None:
         if event.kind in (EventKind.GIVEN_UP, EventKind.FAILED):
             self.last = event.text
         if event.kind is EventKind.ARRIVED:
             self.reached.append(event.time)
-            distance, deviation = event.data["distance"], event.data["deviation"] or 0
+            distance = event.data["distance"]
+            deviation = event.data["deviation"] or 0
             if distance > TOLERANCE + DEVIATIONS * deviation and self.cell.what not in UNDATED:
                 self.off = f"arrived {distance:.0f} mm off, says {deviation} mm, at {event.time:.2f} s"
 
     async def _run(self) -> bool:
-        """Play the match, have it go wrong, and tell whether everything has ended in time."""
+        """Play the match with its fault, and return whether everything ended in time."""
         self.playing = asyncio.ensure_future(self._play(self.duration))
         asyncio.get_running_loop().call_later(BEGIN + NAVIGATION_DIES, self._lose_navigation)
         if self.cell.how not in (*MESSAGE_FATES, MIXED):
@@ -454,7 +466,8 @@ class Trial:
 
     def result(self) -> Result:
         """Try the cell."""
-        cell, network = self.cell, self.network
+        cell = self.cell
+        network = self.network
         ended = network.run(self._run()) if isinstance(network, LiveNetwork) else loop.run(network, self._run())
         killed = cell.what if cell.how == KILLED else None
         # A second core has the robot stopped, and watched, with each of its heartbeats.
@@ -486,7 +499,7 @@ def attempt(cell: Cell) -> Result:
 
 
 def cells(dialect: str, times: int, seed: int = 1) -> Iterator[Cell]:
-    """Yield all cells of a dialect, in the order of the table; what happens in a match, at `times` moments of it."""
+    """Yield all cells of a dialect, in the order of the table; faults within a match at `times` moments of it."""
     variants = list(product(NAVIGATIONS, (AT_ONCE, LATER)))
     for what, how, begin, end in causes(dialect):
         chance = Random(f"{seed} {what} {how}")
@@ -497,10 +510,11 @@ def cells(dialect: str, times: int, seed: int = 1) -> Iterator[Cell]:
 
 
 VARIANTS = {(is_navigation, MIXED): 1 for is_navigation in (True, False)} | {(True, how): 2 for how in NODE_FATES}
-"""How many of the variants a cause has, by whether it is the navigation's: what is lost itself has not died before."""
+"""How many of the variants a cause has, by whether it is the navigation's: one that is lost itself has not died before.
+"""
 
 Cause = tuple[str, str, float, float]
-"""What goes wrong, how, and between which times of the match, in s; twice the same time for what is so all the time."""
+"""What goes wrong, how, and between which times of the match, in s; twice the same time for a permanent fault."""
 
 
 def causes(dialect: str) -> Iterator[Cause]:
@@ -520,7 +534,9 @@ def causes(dialect: str) -> Iterator[Cause]:
 
 
 def table(results: Iterable[Result]) -> Iterator[str]:
-    """Write the results as two tables: a row for each message, and a row for each loss of a node or the bus."""
+    """Yield the lines of two tables: one with a row for each message, and one with a row for each loss of a node or the
+    bus.
+    """
     found = list(results)
     yield f"| message | {' | '.join(MESSAGE_FATES)} |"
     yield "|---" * (1 + len(MESSAGE_FATES)) + "|"
@@ -542,7 +558,7 @@ def table(results: Iterable[Result]) -> Iterator[str]:
 
 
 def _figures(results: Sequence[Result]) -> str:
-    """Write the worst of some results; a star marks that no match went on."""
+    """Return the worst figures of some results; a star marks that no match went on."""
     if not results:
         return ""
     seconds, distance = max(each.seconds for each in results), max(each.distance for each in results)
@@ -554,7 +570,7 @@ def _with_counts(results: Sequence[Result]) -> str:
 
 
 def in_one_line(results: Sequence[Result]) -> str:
-    """Say in one line what the worst was."""
+    """Return the worst figures in one line."""
     worst, farthest = max(results, key=lambda r: r.seconds), max(results, key=lambda r: r.distance)
     return (
         f"{len(results)} cells, {sum(bool(r.wrong) for r in results)} wrong; uncommanded for {worst.seconds:.2f} s at "
@@ -572,7 +588,7 @@ def run_all(
     live: Annotated[bool, "the pauses without the navigation, in real time"] = False,
     campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
 ) -> int:
-    """Lose messages and nodes in matches, see that the robot stands; print table, what is wrong, and figures."""
+    """Lose messages and nodes in matches and check that the robot stops; print table, errors and figures."""
     chosen = [each for each in cells(dialect, times, seed) if only in str(each)]
     if live:
         chosen = [each._replace(live=True) for each in chosen if each.how in PAUSES and each.navigation == DEAD]
@@ -588,7 +604,7 @@ def run_all(
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run what the words of a command line say, those of this process if None."""
+    """Run the tool with the words of a command line, by default those of this process."""
     parser = Parser("loss_matrix", description=summary(run_all))
     status: int = describe(parser, run_all)(parser.parse_args(words))
     return status

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the EDS files of this repository from eds/protocol.yaml; with `--check`, says which files differ from it."""
+"""Makes the EDS files of this repository from eds/protocol.yaml; with `--check`, names the files that differ."""
 
 import sys
 

@@ -1,6 +1,7 @@
-"""Makes what docs/profiles.md shows of the simulated drive: each mode's way over time, and its state machine.
+"""Makes the pictures and the table of docs/profiles.md: the motion of the simulated drive in each mode, and its state
+machine.
 
-Nothing is drawn or written that the device has not done; it is commanded by SDO, as a master does.
+All of it is measured on the device, which is commanded by SDO as by a master.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ NODE_ID, STEP = 5, 0.001
 
 
 class Sample(NamedTuple):
-    """What the drive does at a time in seconds: turns, revolutions a minute, thousandths of its torque."""
+    """The drive at a time in seconds: turns, revolutions a minute, thousandths of its torque."""
 
     time: float
     wanted: float
@@ -39,7 +40,7 @@ class Sample(NamedTuple):
 
 
 class Watched(DriveAxis):
-    """An axis that keeps the states it enters."""
+    """An axis that records the states it enters."""
 
     def __init__(self, *arguments: Any) -> None:
         self.entered: list[State] = []
@@ -60,13 +61,14 @@ class Bench:
     """The drive of the documentation, from power-on: objects are written, time passes, samples are taken."""
 
     def __init__(self, folder: Path, **options: Any) -> None:
-        self.drive, self.now = WatchedDrive(Dictionary.load(folder / EDS, NODE_ID), **options), 0.0
+        self.drive = WatchedDrive(Dictionary.load(folder / EDS, NODE_ID), **options)
+        self.now = 0.0
         self.samples: list[Sample] = []
         self.drive.start(0.0)
 
     @property
     def axis(self) -> Watched:
-        """Its axis."""
+        """The drive's axis."""
         axis = self.drive.axes[0]
         assert isinstance(axis, Watched)
         return axis
@@ -89,7 +91,7 @@ class Bench:
         self.command(DriveCommand.SHUTDOWN.bits, DriveCommand.SWITCH_ON.bits, DriveCommand.ENABLE.bits)
 
     def run(self, seconds: float) -> None:
-        """Let the time pass, and take a sample each step."""
+        """Advance the time, and take a sample at each step."""
         for _ in range(round(seconds / STEP)):
             self.now += STEP
             self.drive.tick(self.now)
@@ -97,8 +99,10 @@ class Bench:
             self.samples.append(self._sample())
 
     def _sample(self) -> Sample:
-        turn, value = self.axis.units.turn, self.drive.value
-        torque, wanted = float(value((cia402.TORQUE, 0)) or 0), self.axis.demand.position
+        turn = self.axis.units.turn
+        value = self.drive.value
+        torque = float(value((cia402.TORQUE, 0)) or 0)
+        wanted = self.axis.demand.position
         turns, speed = self.axis.motor.position / turn, self.axis.motor.velocity / turn * 60
         return Sample(self.now, wanted / turn, turns, speed, torque)
 
@@ -106,7 +110,7 @@ class Bench:
 # Each mode's way over time
 
 TURN = 4096
-"""Position units of a turn of the drive in docs/servo.eds, which does not say it."""
+"""Position units of a turn of the drive in docs/servo.eds, which has no object for it."""
 
 ON = DriveCommand.ENABLE.bits
 
@@ -129,7 +133,7 @@ def _positions(bench: Bench) -> None:
 
 
 def _velocities(bench: Bench) -> None:
-    """Turn at a velocity, at the other one, and not at all."""
+    """Turn at one velocity, then in reverse, then stop."""
     _ramps(bench)
     bench.enable(Mode.PROFILE_VELOCITY)
     for velocity in (1200, -600, 0):
@@ -150,7 +154,7 @@ def _home(bench: Bench) -> None:
 
 
 def _cyclic_positions(bench: Bench) -> None:
-    """Follow a target that comes every 10 ms."""
+    """Follow a target position that comes every 10 ms."""
     bench.write(SYNC_PERIOD[0], 10_000)
     bench.enable(Mode.CYCLIC_POSITION)
     for step in range(200):
@@ -160,7 +164,7 @@ def _cyclic_positions(bench: Bench) -> None:
 
 
 def _cyclic_velocities(bench: Bench) -> None:
-    """Turn at a velocity that comes every 10 ms, up and down again."""
+    """Turn at a target velocity that comes every 10 ms, up and down again."""
     bench.enable(Mode.CYCLIC_VELOCITY)
     for step in range(250):
         share = min(step / 200, 1.0)
@@ -169,7 +173,7 @@ def _cyclic_velocities(bench: Bench) -> None:
 
 
 def _torques(bench: Bench) -> None:
-    """Push along a slope, with less than friction takes, and against the motion."""
+    """Push along a slope, with less torque than the friction, and against the motion."""
     bench.write(cia402.TORQUE_SLOPE, 200)
     bench.enable(Mode.PROFILE_TORQUE)
     for torque, wait in ((40, 1.0), (10, 0.5), (-30, 0.6), (0, 0.9)):
@@ -202,7 +206,7 @@ def _halt(bench: Bench) -> None:
 
 
 class Curve(NamedTuple):
-    """A curve of a panel: its words, its colour, and what it shows of a sample."""
+    """A curve of a panel: its label, its colour, and its value of a sample."""
 
     words: str
     colour: str
@@ -216,7 +220,7 @@ TORQUE = Curve("torque, ‰", svg.PURPLE, lambda sample: sample.torque)
 
 
 class Panel(NamedTuple):
-    """A motion: its title, what does it, its curves above and below, and the options of the drive."""
+    """A motion: its title, the function that makes it, its curves above and below, and the options of the drive."""
 
     title: str
     motion: Callable[[Bench], None]
@@ -240,10 +244,10 @@ LEFT, RIGHT, TOP, MIDDLE, BOTTOM = 64, 24, 54, 24, 34
 """Of a panel and its margins; one unit is a pixel of a screen."""
 
 WIDTHS = ((1.8,), (4.5, 1.5))
-"""Of the lines: of one curve, and of two that lie upon each other."""
+"""Widths of the lines: of one curve, and of two that lie upon each other."""
 
 WORDS = 60
-"""Room for the words of the curve that is named at the right."""
+"""Room for the label of the curve that is named at the right."""
 
 
 def picture(folder: Path) -> str:
@@ -308,7 +312,7 @@ WAYS: Mapping[State, tuple[DriveCommand, ...]] = {
     State.FAULT_REACTION: (),
     State.FAULT: (),
 }
-"""The commands that bring the drive into each state; the last two come by a fault."""
+"""The commands that bring the drive into each state; the last two need a fault, too."""
 
 A_FAULT = "a fault"
 
@@ -329,7 +333,7 @@ def _in(folder: Path, state: State) -> Bench:
 
 
 def _cell(folder: Path, state: State, column: str) -> str:
-    """Return the transitions that a command, or a fault, causes in a state, and where they lead."""
+    """Return the transitions that a command, or a fault, causes in a state, and the states they lead to."""
     bench = _in(folder, state)
     if column == A_FAULT:
         bench.axis.fault(0x1000)
@@ -347,7 +351,7 @@ def _cell(folder: Path, state: State, column: str) -> str:
 
 
 def table(folder: Path) -> str:
-    """Return the state machine as a Markdown table: which transitions a command causes in each state."""
+    """Return the state machine as a Markdown table: the transitions that each command causes in each state."""
     columns = [*(each.words for each in DriveCommand), A_FAULT]
     rows = [[state.words, *(_cell(folder, state, each) for each in columns)] for state in WAYS]
     lines = [["", *columns], ["---"] * (len(columns) + 1), *rows]
@@ -355,7 +359,7 @@ def table(folder: Path) -> str:
 
 
 def with_table(page: str, made: str) -> str:
-    """Return a page with the table in place of the one that it has."""
+    """Return a page with its table replaced."""
     return TABLE.sub(lambda _: made, page)
 
 

@@ -97,7 +97,7 @@ def incident_rules(rules: Iterable[IncidentRule]) -> Iterator[str]:
 # tests/public_names.txt
 
 MODULES = ("eurobot_od", "eurobot_od.errors", "eurobot_od.robot", "eurobot_od.robot.model.messages")
-"""What programs may rely on: the names in `__all__` of these."""
+"""Modules with the public names: those in their `__all__`."""
 
 NAMES = ROOT / "tests" / "public_names.txt"
 
@@ -119,7 +119,7 @@ def names() -> Iterator[str]:
 
 
 def members(name: str, kind: type) -> Iterator[str]:
-    """Yield the members that a class has from this package, private ones and Python's own left out."""
+    """Yield the members of a class that this package defines, without private ones."""
     for member in sorted(each for each in dir(kind) if not each.startswith("_")):
         home = next(base for base in kind.__mro__ if member in vars(base))
         if home.__module__.startswith("eurobot_od"):
@@ -127,7 +127,7 @@ def members(name: str, kind: type) -> Iterator[str]:
 
 
 def described(name: str, thing: Any) -> str:
-    """Return a name with its signature, or with what it is."""
+    """Return a name with its signature, or with its kind."""
     if isinstance(thing, (classmethod, staticmethod)):
         thing = thing.__func__
     if isinstance(thing, property):
@@ -161,7 +161,7 @@ MADE: Mapping[Path, Callable[[], str]] = {
     lint_mutants.OUTPUT: lint_mutants.page,
     NAMES: public_names,
 }
-"""Each file that is made, and what makes its text."""
+"""Each file that is made, and the function that makes its text."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,6 +1,6 @@
 """Makes the pictures of the documentation: field and monitor of a simulated match, and a device that fails a check.
 
-It is the same match and the same check every time, through the public functions of the package and its command line.
+It is the same match and the same check each time, through the public functions of the package and its command line.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from eurobot_od.traffic.monitor import Controls, Size, Traffic, screen
 DOCS = Path(__file__).parents[1] / "docs"
 OPTIONS = MatchOptions(seed=1)
 WATCHED = 40.0
-"""Simulated time at which the monitor is shown, s."""
+"""Simulated time of the monitor's picture, in s."""
 
 CHECKED = "check --conformance --eds 5=motor.eds --simulate --fault heartbeat-every-other --quiet"
-"""A command in `docs` that finds what is wrong with a device."""
+"""A command in `docs` that finds a faulty device."""
 
 COLOURS = {
     r"^\$.*": "bold",
@@ -41,7 +41,7 @@ COLOURS = {
     r"> \w+#\w+": "cyan",
     r"< \w+#\w+": "green",
 }
-"""What is coloured in its picture."""
+"""Colours of the words in its picture."""
 
 WIDTH, HEIGHT = 150, 36
 STEP_WIDTH = 132
@@ -64,7 +64,7 @@ text {{ font-family: "DejaVu Sans Mono", Menlo, Consolas, monospace; font-size: 
 
 
 def play() -> tuple[list[tuple[float, Frame]], SeenMatch]:
-    """Play the match; return its frames, and what was seen of it."""
+    """Play the match; return its frames and its recording."""
     frames: list[tuple[float, Frame]] = []
     _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
     match = seen_match(frames, OPTIONS, world)
@@ -72,7 +72,7 @@ def play() -> tuple[list[tuple[float, Frame]], SeenMatch]:
 
 
 def one_goto(match: SeenMatch) -> str:
-    """Return the match's longest goto, its texts large enough for a page that is 830 px wide."""
+    """Return the picture of the match's longest goto, with texts large enough for a page of 830 px."""
     goto = longest(match.recording.gotos, match.recording.path)
     assert goto is not None, "no goto was reached"
     drawing = picture(match.recording, match.facts, goto)
@@ -93,7 +93,7 @@ def monitor(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
 
 
 def red_step() -> str:
-    """Return the terminal after a check that is red."""
+    """Return the terminal after a check that fails."""
     program = [sys.executable, "-m", "eurobot_od", "--robot", "none", *CHECKED.split()]
     ran = subprocess.run(program, cwd=DOCS, capture_output=True, text=True, check=False)
     text = Text(f"$ canopen-workbench {CHECKED}\n{ran.stdout}")

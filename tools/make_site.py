@@ -16,11 +16,11 @@ from environment import ROOT, call, prepare
 
 SITE = ROOT / "build" / "site"
 LOADED = {"img": "src", "script": "src", "link": "href", "source": "src", "iframe": "src"}
-"""What a browser loads by itself."""
+"""Attributes with the address of a file that a browser loads by itself, by element."""
 
 
 class Links(HTMLParser):
-    """What a page leads to, what it loads, and its anchors."""
+    """The links of a page, the files it loads, and its anchors."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -39,7 +39,7 @@ class Links(HTMLParser):
 
 
 def wrong_links(site: Path) -> Iterator[str]:
-    """Yield what is wrong with the links of a site: nothing is there, or it is loaded from another host."""
+    """Yield the wrong links of a site: a target that does not exist, or a file loaded from another host."""
     files = (file for file in site.rglob("*.html") if file.name != "404.html")  # which may stand for any address
     pages = {file.resolve(): Links(file.read_text(encoding="utf-8")) for file in files}
     for file, page in pages.items():
@@ -56,7 +56,7 @@ def wrong_links(site: Path) -> Iterator[str]:
 
 
 def main() -> int:
-    """Build the site and look at its links; return 1 if something is wrong."""
+    """Build the site and check its links; return 1 if something is wrong."""
     python = prepare("docs")
     os.chdir(ROOT)
     build = (python, "-m", "zensical", "build", "--clean", "--strict")

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Measure how each motion of a drive on the page ends: the worst time to standstill, and the degrees turned meanwhile.
+"""Measures how each motion of a drive on the page ends: the worst time to standstill, and the degrees turned meanwhile.
 
-A simulated drive turns by the page's order, in a real browser before a real server on a bus of python-can-remote. Then
+A simulated drive turns by the page's order, in a real browser with a real server on a bus of python-can-remote. Then
 something happens: the button is released, the tab is hidden, closed, reloaded, frozen or crashes, the network is cut,
-the server gets Ctrl-C, SIGTERM or SIGKILL, or its adapter is lost. All of that alone, beside a second master, with one
-SDO answer in three lost, and with 32 requests pending in another tab; by velocity, torque and position.
+the server gets Ctrl-C, SIGTERM or SIGKILL, or its adapter is lost. Each is measured alone, beside a second master, with
+one SDO answer in three lost, and with 32 requests pending in another tab; by velocity, torque and position.
 
 Exit status 1 if a drive goes on, or anything could not be measured.
 """
@@ -51,26 +51,26 @@ MOVES_FROM = 0.02
 """Turns after which a drive counts as moving."""
 
 STANDS = 0.01
-"""Turns per second below which it stands."""
+"""Turns per second below which the drive stands."""
 
 ATTEMPTS = 3
-"""How often a motion is tried that does not begin: on a busy machine the page may be behind, and is then refused."""
+"""How often a motion is tried that does not begin: on a busy machine the page may be late, and its order is refused."""
 
 LONGEST = 8.0
-"""Longest wait for a standstill, in s: who turns longer goes on."""
+"""Longest wait for a standstill, in s."""
 
 MODES = ("velocity", "torque", "position")
 CONDITIONS = ("alone", "master each 20 ms", "master each 100 ms", "1 answer in 3 lost", "32 requests pending")
 
 
 class Lossy(Leaving, SimulatedDrive):
-    """Loses one SDO answer in three while it is told to."""
+    """Loses one SDO answer in three while `loses` is set."""
 
     loses = False
     chance = random.Random(1)
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:
-        """Return what gets out."""
+        """Return the frames that are not lost."""
         kept = super().outgoing(frames)
         if not self.loses:
             return kept
@@ -78,10 +78,12 @@ class Lossy(Leaving, SimulatedDrive):
 
 
 class Proxy:
-    """A TCP connection that can be cut: nothing passes any more, and nobody is told."""
+    """A TCP connection that can be cut: nothing passes any more, and neither end is told."""
 
     def __init__(self, target: int) -> None:
-        self.port, self._target, self._is_cut = free_port(), target, False
+        self.port = free_port()
+        self._target = target
+        self._is_cut = False
         self._listening = socket.create_server(("127.0.0.1", self.port))
         self._sockets: list[socket.socket] = []
         threading.Thread(target=self._accept, daemon=True).start()
@@ -107,14 +109,16 @@ class Proxy:
                 other.shutdown(socket.SHUT_WR)
 
     def cut(self, closes: bool = False) -> None:
-        """Let nothing pass any more; as a lost adapter, close what is open as well."""
+        """Stop passing data; with `closes` also close the connections, as a lost adapter does."""
         self._is_cut = True
-        for each in self._sockets if closes else ():
+        if not closes:
+            return
+        for each in self._sockets:
             with suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """End it."""
+        """Close it."""
         self._listening.close()
         for each in self._sockets:
             each.close()
@@ -124,7 +128,8 @@ class Server:
     """`serve --control` in a process of its own, with its adapter and its network behind proxies."""
 
     def __init__(self, bus_port: int) -> None:
-        self.adapter, port = Proxy(bus_port), free_port()
+        self.adapter = Proxy(bus_port)
+        port = free_port()
         ready = threading.Event()
         self.said: list[str] = []
 
@@ -147,7 +152,8 @@ class Server:
         self.program = Program(*command, took=took)
         assert ready.wait(60), self.said
         self.network = Proxy(port)
-        self.address, self.direct = f"http://127.0.0.1:{self.network.port}/", f"ws://127.0.0.1:{port}/live"
+        self.address = f"http://127.0.0.1:{self.network.port}/"
+        self.direct = f"ws://127.0.0.1:{port}/live"
 
     def close(self) -> None:
         """End it."""
@@ -157,7 +163,7 @@ class Server:
 
 
 class Scene(NamedTuple):
-    """What takes part in one measurement."""
+    """The parts of one measurement."""
 
     drive: Lossy
     server: Server
@@ -165,7 +171,7 @@ class Scene(NamedTuple):
 
     @property
     def place(self) -> float:
-        """Where the motor is, in turns."""
+        """The motor's position, in turns."""
         motor = self.drive.axes[0].motor
         return motor.position / motor.turn
 
@@ -188,7 +194,7 @@ def send_only(page: Page, method: str, **parameters: Any) -> None:
 
 
 def release(scene: Scene, mode: str) -> None:
-    """Let the button go; a move is halted."""
+    """Release the button; a move is halted."""
     if mode == "position":
         scene.press("Halt")
     else:
@@ -196,7 +202,7 @@ def release(scene: Scene, mode: str) -> None:
 
 
 def hide(scene: Scene, _: str) -> None:
-    """Have the page think that nobody sees it."""
+    """Hide the page."""
     scene.page.run("""(() => {
         Object.defineProperty(document, 'hidden', {get: () => true, configurable: true});
         document.dispatchEvent(new Event('visibilitychange'));
@@ -224,7 +230,7 @@ SERVER_ENDS = ("cut network", "Ctrl-C", "SIGTERM", "SIGKILL", "adapter lost")
 
 @contextmanager
 def second_master(channel: str, period: float) -> Iterator[None]:
-    """Have another master read the position each `period` seconds."""
+    """Run another master that reads the position each `period` seconds."""
     ended = threading.Event()
     message = can.Message(arbitration_id=0x605, data=bytes.fromhex("4064600000000000"), is_extended_id=False)
 
@@ -247,7 +253,8 @@ def second_master(channel: str, period: float) -> Iterator[None]:
 @contextmanager
 def pending(server: Server) -> Iterator[None]:
     """Keep 32 reads of an absent node under way, as another tab would."""
-    loop, ended = asyncio.new_event_loop(), threading.Event()
+    loop = asyncio.new_event_loop()
+    ended = threading.Event()
     origin = server.direct.replace("ws:", "http:").removesuffix("/live")
 
     async def ask() -> None:
@@ -276,7 +283,7 @@ def pending(server: Server) -> Iterator[None]:
 
 @contextmanager
 def under(condition: str, scene: Scene, channel: str) -> Iterator[None]:
-    """Have a condition hold."""
+    """Keep a condition meanwhile."""
     with ExitStack() as stack:
         if condition.startswith("master"):
             stack.enter_context(second_master(channel, 0.02 if "20" in condition else 0.1))
@@ -297,7 +304,7 @@ class Measured(NamedTuple):
 
 
 def begin(scene: Scene, mode: str) -> None:
-    """Enable the drive, and have it turn; raises AssertionError if it does not."""
+    """Enable the drive and make it turn; raises AssertionError if it does not."""
     page = scene.page
     page.wait(
         "!document.querySelector('.status.is-wrong') && connection.control && document.querySelector('.machine .now')"
@@ -332,14 +339,17 @@ def begin(scene: Scene, mode: str) -> None:
 
 
 def standstill(scene: Scene) -> Measured:
-    """Wait until the drive has stood for a while; what stands is looked at for a second more."""
-    begun, start = time.monotonic(), scene.place
-    last, before = begun, start
+    """Wait until the drive has stood for a second."""
+    begun = time.monotonic()
+    start = scene.place
+    last = begun
+    before = start
     while time.monotonic() - last < 1.5:
         time.sleep(0.01)
         now = scene.place
         if abs(now - before) > STANDS * 0.01:
-            last, before = time.monotonic(), now
+            last = time.monotonic()
+            before = now
         if last - begun > LONGEST:
             return Measured(last - begun, 360 * abs(now - start), "it goes on")
     return Measured(last - begun, 360 * abs(scene.place - start))
@@ -362,7 +372,7 @@ def measured(scene: Scene, end: str, condition: str, mode: str, channel: str) ->
 def measure_all(
     browser: Browser, names: Sequence[str], conditions: Sequence[str], modes: Sequence[str]
 ) -> Iterator[tuple[tuple[str, str, str], Measured]]:
-    """Measure each combination, with a drive of its own for each, and a new server where the last one was ended."""
+    """Measure each combination, each with a drive of its own, and with a new server where the last one was ended."""
     port = free_port()
     channel = share(port)
     dictionary = Dictionary.load(EDS, NODE, "servo")
@@ -390,7 +400,7 @@ def measure_all(
 
 
 def busy() -> None:
-    """Load a core as long as the tool lives: one that is killed ends nobody."""
+    """Load a core as long as the tool runs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     while parent is not None and parent.is_alive():
@@ -412,7 +422,7 @@ def load(cores: int) -> Iterator[None]:
 
 
 def table(results: dict[tuple[str, str, str], Measured]) -> list[str]:
-    """Write the worst of each end and condition as a table in Markdown."""
+    """Return the worst of each end and condition as a table in Markdown."""
     conditions = [each for each in CONDITIONS if any(key[1] == each for key in results)]
     lines = [f"| end | {' | '.join(conditions)} |", f"|---{'|---' * len(conditions)}|"]
     for end in dict.fromkeys(key[0] for key in results):
@@ -431,7 +441,7 @@ def table(results: dict[tuple[str, str, str], Measured]) -> list[str]:
 
 
 def main() -> int:
-    """Measure what was asked for."""
+    """Measure the wanted combinations."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("ends", nargs="*", default=list(ENDS), help=f"of {', '.join(ENDS)} (default: all)")
     parser.add_argument("--condition", action="append", choices=CONDITIONS, help="(default: all)")

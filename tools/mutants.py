@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Puts small changes into modules, one at a time, and reports for each module how many of them its tests noticed.
+"""Makes small changes in modules, one at a time, and reports for each module how many of them its tests noticed.
 
     python3 tools/mutants.py eurobot_od/bus/live/buses.py eurobot_od/sdo/wire.py --at-most 100
 
 cosmic-ray makes the changes, in a copy of the repository; the tests are those that mirror the module. The worst module
-comes last, with each change that went unnoticed as a diff: a test to be written, or a line that may go. A module of a
-hundred lines takes about five minutes. The exit status is 0 if everything was noticed, 1 if not, 2 for a module that is
-not there.
+comes last, with each unnoticed change as a diff: either a test is missing, or the line is not needed. A module of a
+hundred lines takes about five minutes. The exit status is 0 if every change was noticed, 1 if not, 2 for a module that
+does not exist.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ LONGEST, SLOWER = 60, 5
 than both was noticed. On a busy machine the seconds alone would call what was never tried noticed."""
 
 TOGETHER = ("eurobot_od/lint", "eurobot_od/device/profiles")
-"""Rooms whose modules are proved by all tests of the room: a rule by the file that breaks it, a mode by a master."""
+"""Rooms whose modules are tested by all tests of the room: a rule by the file that breaks it, a mode by a master."""
 
 ANNOTATION = "core/ReplaceBinaryOperator_BitOr_"
-"""Changes of `int | None` in annotations: nothing runs them."""
+"""Changes of `int | None` in annotations, which are never run."""
 
 CONFIGURATION = """[cosmic-ray]
 module-path = {module}
@@ -56,7 +56,7 @@ name = "local"
 
 
 class Verdict(NamedTuple):
-    """How many changes of a module were tried, and the diffs of those that no test noticed."""
+    """How many changes of a module were tried, and the diffs of the unnoticed ones."""
 
     module: str
     tried: int
@@ -64,19 +64,19 @@ class Verdict(NamedTuple):
 
     @property
     def share(self) -> float:
-        """The share that was noticed, 0..1."""
+        """The noticed share, 0..1."""
         return 1 - len(self.survivors) / self.tried if self.tried else 1.0
 
 
 def tests_of(module: str) -> str:
-    """Return the tests that mirror a module: its own files, or the folder that would have them or has them together."""
+    """Return the tests that mirror a module: its own files, or the folder of its room."""
     folder = Path(module).parent
     own = "" if folder.as_posix() in TOGETHER else " ".join(mirrors(module))
     return own or Path("tests", folder.relative_to("eurobot_od")).as_posix()
 
 
 def choose(session: Path, at_most: int, seed: int) -> None:
-    """Mark all changes but some chosen ones as not to be tried."""
+    """Mark all changes but a random choice as not to be tried."""
     with use_db(session, WorkDB.Mode.open) as database:
         running = {
             (each.operator_name, each.occurrence): item.job_id  # a job's name is another one in each session
@@ -91,14 +91,14 @@ def choose(session: Path, at_most: int, seed: int) -> None:
 
 
 def read(session: Path, module: str) -> Verdict:
-    """Return what became of the changes that were tried."""
+    """Return the results of the changes that were tried."""
     with use_db(session, WorkDB.Mode.open) as database:
         tried = [result for _, result in database.completed_work_items if result.worker_outcome is WorkerOutcome.NORMAL]
     return Verdict(module, len(tried), [each.diff or "" for each in tried if each.test_outcome is TestOutcome.SURVIVED])
 
 
 def judge(folder: Path, module: str, at_most: int, seed: int) -> Verdict:
-    """Try the changes of a module in a copy of the repository, and put the module back."""
+    """Try the changes of a module in a copy of the repository, and restore the module."""
     configuration, session = folder / "cosmic-ray.toml", folder / f"{module.replace('/', '.')}.sqlite"
     tests = f"{sys.executable} -m pytest -x -q -p no:cacheprovider -m 'not long' {tests_of(module)}"
     # Without bytecode: a change made within the same second would be taken for the file as it was. With the path:

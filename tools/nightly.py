@@ -1,7 +1,8 @@
-"""Runs all that takes longer than CI may: `python3 tools/nightly.py [--list] [ROW...]`, rows by parts of their names.
+"""Runs all checks that take longer than CI may: `python3 tools/nightly.py [--list] [ROW...]`, rows by parts of their
+names.
 
-It goes on after a row that is red, and ends with a table; the exit status is 1 if one was, 2 for a name of no row. What
-is random has another seed each day; the line above a row's output repeats it.
+It goes on after a row that fails, and ends with a table; the exit status is 1 if a row failed, 2 for a name of no row.
+Random rows have another seed each day; the line above a row's output repeats it.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ SAMPLED = (
     "tests/robot/test_faults.py",
     "tests/robot/check/test_shipped.py",
 )
-"""The tests that otherwise try a sample of their rows (tests/rows.py), on all of them."""
+"""The tests that otherwise try a sample of their rows (tests/rows.py), on all rows."""
 
 SOCKETCAN = ("-p", "no:cacheprovider", "-m", "socketcan", "tests/bus/live/test_socketcan.py")
 
 
 def rows() -> tuple[Step, ...]:
-    """Return all rows; what this machine does not have is absent."""
+    """Return all rows; those that this machine cannot run are marked as absent."""
     return (
         Step("long tests", python(*SUITE, *LONG), python(*ONCE_MORE, *LONG)),
         Step("properties", python(*SUITE, *CAMPAIGN), python(*ONCE_MORE, *CAMPAIGN)),
@@ -66,14 +67,14 @@ def _suite(name: str) -> Step:
 
 
 def _socketcan() -> Step:
-    """Return the tests marked socketcan, by the command of VCAN_RUN if there is one: a kernel of its own."""
+    """Return the step of the tests marked socketcan, by the command of VCAN_RUN (a kernel of its own) if set."""
     before = shlex.split(os.environ.get("VCAN_RUN", ""))
     absent = "" if before or VCAN.exists() else "no vcan0, and VCAN_RUN names no command with one"
     return Step("socketcan", (*before, *python("-m", "pytest", *SOCKETCAN)), absent=absent)
 
 
 def chosen(words: Sequence[str]) -> list[Step]:
-    """Return the rows with a word in their name, all for no word; raises ValueError for a word of none."""
+    """Return the rows with a word in their name, all without words; raises ValueError for a word of no row."""
     every = rows()
     if unknown := [word for word in words if not any(word in each.name for each in every)]:
         raise ValueError(f"no row is called {unknown[0]!r}; rows: {', '.join(each.name for each in every)}")

@@ -1,6 +1,6 @@
 """Makes the pictures of the page for docs/: a simulated match, a live robot, and a file, in a headless Chromium.
 
-They show the page as it is, driven as its tests drive it.
+They show the page as it is, controlled as its tests control it.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ from tests.web.scene import serving  # noqa: E402
 
 SIZE = (1400, 860)
 SHOWN = 57.0
-"""Time of the match that is shown, s."""
+"""Time of the match in the picture, in s."""
 
 ROW = "sources[0].row('Kalman Position Response')"
 
 
 def match_page(folder: Path) -> Path:
-    """Play a match and return it as a page."""
+    """Play a match and return its page."""
     frames: list[tuple[float, Frame]] = []
-    file, options = folder / "match.html", MatchOptions(seed=1)
+    file = folder / "match.html"
+    options = MatchOptions(seed=1)
     _, world = play_simulated(options, lambda _: None, lambda now, frame: frames.append((now, frame)))
     draw(file, frames, options, world)
     return file
@@ -49,7 +50,7 @@ def log_picture(page: Page, folder: Path) -> None:
 
 
 def live_picture(page: Page, address: str) -> None:
-    """Show a robot that drives where the page has sent it."""
+    """Show a robot that drives to a place ordered on the page."""
     page.open(address)
     page.wait(f"connection.control && {ROW} && {ROW}.times.length > 1")
     page.wait("document.querySelector('form.goto button').offsetParent")  # the form comes with the control

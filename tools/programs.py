@@ -1,4 +1,4 @@
-"""Programs in processes of their own, the lines that they print, and a bus of python-can-remote that they share."""
+"""Programs in processes of their own with the lines they print, and a bus of python-can-remote that they share."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PATIENCE = 60.0
 
 
 class Program:
-    """A running program; `took` is given each line, of standard output and error alike, in a thread."""
+    """A running program; `took` is called with each line of its output, in a thread."""
 
     def __init__(self, *command: str, took: Callable[[str], object]) -> None:
         environment = os.environ | {"PYTHONUNBUFFERED": "1"}
@@ -60,7 +60,7 @@ class Program:
 
 
 def free_port() -> int:
-    """Return a TCP port of this machine that nobody uses."""
+    """Return an unused TCP port of this machine."""
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         port: int = server.getsockname()[1]

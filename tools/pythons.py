@@ -1,9 +1,9 @@
 """Runs the tests on other Pythons: the oldest with the lowest versions of all packages, and the newer ones.
 
 `python3 tools/pythons.py [ROW...]`. `lowest` is the part of the suite in which an old Python or an old package can make
-a difference; `3.11` and the others are the whole suite on that Python. One that this machine does not have is skipped,
-and that is said; it is looked for as `python3.12`, and in pyenv. The exit status is 1 if tests failed, 2 for an unknown
-row.
+a difference; `3.11` and the others are the whole suite on that Python. A Python that this machine does not have is
+skipped with a message; it is looked for as `python3.12`, and in pyenv. The exit status is 1 if tests failed, 2 for an
+unknown row.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ PART = (
     "tests/season",
     "tests/cli",
 )
-"""Where the packages are that we use, and what depends on threads, files and argparse."""
+"""Tests that use other packages, and those that depend on threads, files and argparse."""
 
 
 class Row(NamedTuple):
-    """A Python, which versions of the packages it gets, and which tests it runs, all if none are named."""
+    """A Python, the versions of its packages, and the tests to run, all if none are named."""
 
     version: str
     resolution: str
@@ -61,7 +61,7 @@ def candidates(version: str) -> Iterator[str]:
 
 
 def find(version: str) -> str | None:
-    """Return the Python of a version, None if there is none that runs: pyenv has programs that only say so."""
+    """Return the Python of a version, None if none runs: pyenv has programs that only print that they are missing."""
     question = "import sys; print('.'.join(map(str, sys.version_info[:2])))"
     for each in filter(None, candidates(version)):
         said = subprocess.run([each, "-c", question], capture_output=True, text=True, check=False)
@@ -84,7 +84,7 @@ def prepare(row: Row, python: str) -> Path:
 
 
 def is_fine(row: Row) -> bool:
-    """Run the tests of a row and say how it went; a Python that is missing is not a failure."""
+    """Run the tests of a row and print the result; a missing Python is not a failure."""
     python = find(row.version)
     if python is None:
         print(f"Python {row.version}: skipped: not on this machine", flush=True)
@@ -96,7 +96,7 @@ def is_fine(row: Row) -> bool:
 
 
 def main(words: list[str]) -> int:
-    """Run these rows, all without any; go on after one that failed."""
+    """Run the named rows, all without names; go on after a failure."""
     if unknown := [each for each in words if each not in ROWS]:
         print(f"unknown: {', '.join(unknown)}; known: {', '.join(ROWS)}", file=sys.stderr)
         return WRONG_USAGE

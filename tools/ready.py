@@ -1,7 +1,7 @@
-"""Before a push: what most often turns CI red, in under a minute. `python3 tools/ready.py`
+"""Checks before a push what most often makes CI fail, in under a minute: `python3 tools/ready.py`
 
 Style, types, EDS files, what else is made from the code and committed, the links of the documentation, and the tests
-that mirror the files changed since the branch left what is published.
+that mirror the files changed since the branch left the published one.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ MADE = (
     "tests/cli/test_installation.py",
     "tests/tools/test_broken.py",
 )
-"""Tests of what has to follow a change anywhere: rooms, lists that are made, the places of broken.yaml."""
+"""Tests of what has to follow a change anywhere: layers, generated lists, the places of broken.yaml."""
 
 PUBLISHED = ("@{upstream}", "origin/main", "main")
 
 
 def git(*words: str) -> list[str]:
-    """Return the lines that git says, none if it fails."""
+    """Return the lines of git's output, none if it fails."""
     done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
     return [] if done.returncode else done.stdout.splitlines()
 
 
 def changed() -> set[str]:
-    """Return the files that differ from where this branch left what is published, and those new to git."""
+    """Return the files that differ from where this branch left the published one, and those new to git."""
     bases = (base for name in PUBLISHED for base in git("merge-base", "HEAD", name))
     return {*git("diff", "--name-only", next(bases, "HEAD")), *git("ls-files", "--others", "--exclude-standard")}
 
@@ -40,7 +40,8 @@ def changed() -> set[str]:
 def mirrors(file: str) -> list[str]:
     """Return the files with the tests of a module: `test_NAME.py`, and `test_NAME_PART.py` of a part of it."""
     *folders, name = Path(file.removeprefix("eurobot_od/")).parts
-    folder, stem = ROOT.joinpath("tests", *folders), Path(name).stem
+    folder = ROOT.joinpath("tests", *folders)
+    stem = Path(name).stem
     found = (*folder.glob(f"test_{stem}.py"), *folder.glob(f"test_{stem}_*.py"))
     return sorted(str(each.relative_to(ROOT)) for each in found) if name.endswith(".py") else []
 

@@ -1,9 +1,9 @@
-"""A release, rehearsed: `python3 tools/release.py --check` looks at all that one needs, and says what is not there.
+"""Rehearses a release: `python3 tools/release.py --check` checks all that one needs, and prints what is missing.
 
 Rows of its table: version, changelog, tag, sdist and wheel (byte-identical in two builds), README as a package index
 shows it, metadata, licences of the shipped files, each extra in an empty environment, SBOM, and `canopen-workbench`.
-`--quick` leaves out what downloads packages; `--tag` asks for the tag, as the workflow does. What is made is in
-build/release. `--version 1.0.1` writes a version, and today's date, where they stand.
+`--quick` leaves out what downloads packages; `--tag` asks for the tag, as the workflow does. Results are in
+build/release. `--version 1.0.1` writes a version, and today's date, wherever they stand.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ UNRELEASED = "## Unreleased"
 
 
 class Links(HTMLParser):
-    """What a page links to and shows."""
+    """The links and pictures of a page."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -49,27 +49,27 @@ class Links(HTMLParser):
         self.found += [value or "" for name, value in attrs if (tag, name) in {("a", "href"), ("img", "src")}]
 
 
-def said_of(file: Path) -> dict[str, Any]:
-    """Return what a TOML file says."""
+def read_toml(file: Path) -> dict[str, Any]:
+    """Return the content of a TOML file."""
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
 def project() -> dict[str, Any]:
-    """Return what pyproject.toml says of the package."""
-    found: dict[str, Any] = said_of(ROOT / "pyproject.toml")["project"]
+    """Return the table `project` of pyproject.toml."""
+    found: dict[str, Any] = read_toml(ROOT / "pyproject.toml")["project"]
     return found
 
 
-def called(*words: str | Path, **variables: str) -> str:
-    """Run a command and return what it printed; raises CalledProcessError."""
+def output_of(*words: str | Path, **variables: str) -> str:
+    """Run a command and return its output; raises CalledProcessError."""
     command = [str(word) for word in words]
     environment = {**os.environ, **variables}
     return subprocess.run(command, check=True, capture_output=True, text=True, cwd=ROOT, env=environment).stdout
 
 
 def uv(*words: str | Path, **variables: str) -> str:
-    """Run uv, as `called` does."""
-    return called(sys.executable, "-m", "uv", *words, **variables)
+    """Run uv, as `output_of` does."""
+    return output_of(sys.executable, "-m", "uv", *words, **variables)
 
 
 # What a release needs: each yields what is wrong
@@ -90,17 +90,18 @@ def changelog() -> Iterator[str]:
 
 
 def tag() -> Iterator[str]:
-    """The commit has the version's tag, and nothing is changed beside it."""
-    wanted, there = f"v{project()['version']}", called("git", "tag", "--points-at", "HEAD").split()
+    """The commit has the version's tag, and nothing is uncommitted."""
+    wanted = f"v{project()['version']}"
+    there = output_of("git", "tag", "--points-at", "HEAD").split()
     if wanted not in there:
         yield f"HEAD has the tags {there}, and not {wanted}"
-    if changed := called("git", "status", "--porcelain").strip():
+    if changed := output_of("git", "status", "--porcelain").strip():
         yield f"not committed: {changed.split()[1]} and others" if "\n" in changed else f"not committed: {changed}"
 
 
 def builds() -> Iterator[str]:
     """Sdist and wheel are the same bytes in two builds."""
-    epoch = called("git", "log", "-1", "--format=%ct").strip()
+    epoch = output_of("git", "log", "-1", "--format=%ct").strip()
     digests = []
     for name in ("dist", "again"):
         shutil.rmtree(FOLDER / name, ignore_errors=True)
@@ -113,7 +114,7 @@ def builds() -> Iterator[str]:
 
 
 def wheel() -> Path:
-    """Return the wheel that was built."""
+    """Return the built wheel."""
     (found,) = (FOLDER / "dist").glob("eurobot_od*.whl")
     return found
 
@@ -131,7 +132,7 @@ def described() -> tuple[dict[str, list[str]], str]:
 
 
 def readme() -> Iterator[str]:
-    """README is rendered as a package index does it, and leads nowhere but to other hosts."""
+    """README is rendered as a package index does it, and links only to other hosts."""
     from readme_renderer import markdown
 
     page = markdown.render(described()[1])
@@ -158,8 +159,8 @@ def metadata() -> Iterator[str]:
 
 
 def licences() -> Iterator[str]:
-    """REUSE.toml gives each shipped file a licence by SPDX, which the package's expression has."""
-    rules = said_of(ROOT / "REUSE.toml")["annotations"]
+    """REUSE.toml has an SPDX licence for each shipped file, which is part of the package's expression."""
+    rules = read_toml(ROOT / "REUSE.toml")["annotations"]
     expression = project()["license"].split(" AND ")
     with ZipFile(wheel()) as inside:
         names = {each.removeprefix("eurobot_od/eds/") for each in inside.namelist() if ".dist-info/" not in each}
@@ -172,7 +173,7 @@ def licences() -> Iterator[str]:
 
 
 def extras() -> Iterator[str]:
-    """Each extra can be installed in an empty environment, and what it brings fits together."""
+    """Each extra can be installed in an empty environment, and its packages fit together."""
     for extra in ("", *EXTRAS):
         try:
             python = installed(f"{wheel()}[{extra}]" if extra else str(wheel()))
@@ -195,16 +196,18 @@ def installed(*targets: str | Path) -> Path:
 
 
 def sbom() -> Iterator[str]:
-    """A bill of materials (CycloneDX) has the package and all that it needs."""
-    python, file = installed(wheel()), FOLDER / "sbom.json"
-    called(sys.executable, "-m", "cyclonedx_py", "environment", "--output-file", file, python)
+    """A bill of materials (CycloneDX) lists the package and all that it needs."""
+    python = installed(wheel())
+    file = FOLDER / "sbom.json"
+    output_of(sys.executable, "-m", "cyclonedx_py", "environment", "--output-file", file, python)
     text = file.read_text(encoding="utf-8")
     yield from (f"{each} is not in it" for each in ("eurobot-od", "canopen", "python-can") if f'"{each}"' not in text)
 
 
 def small_project() -> str:
-    """Return the pyproject.toml of the small distribution, by this one's."""
-    version, text = project()["version"], WORKBENCH.read_text(encoding="utf-8")
+    """Return the pyproject.toml of the small distribution, made from this one's."""
+    version = project()["version"]
+    text = WORKBENCH.read_text(encoding="utf-8")
     extras = "\n".join(f'{each} = ["eurobot-od[{each}]=={version}"]' for each in EXTRAS)
     for place, said in {"VERSION": version, "EXTRAS": extras, "HOMEPAGE": project()["urls"]["Homepage"]}.items():
         text = text.replace(f"@{place}@", said)
@@ -220,7 +223,7 @@ def workbench() -> Iterator[str]:
     uv("build", "--quiet", "--out-dir", FOLDER / "dist", source)
     (small,) = (FOLDER / "dist").glob("canopen_workbench*.whl")
     python = installed(small, wheel())
-    said = called(python.parent / "canopen-workbench", "--version")
+    said = output_of(python.parent / "canopen-workbench", "--version")
     if f"canopen-workbench {project()['version']}" not in said:
         yield f"its program says {said!r}"
 
@@ -248,7 +251,7 @@ class Result(NamedTuple):
 
 
 def checked(rows: Iterable[str]) -> Iterator[Result]:
-    """Look at some rows, and print each as soon as it is known."""
+    """Check some rows, and print each as soon as it is done."""
     for row in rows:
         try:
             wrong = [*ROWS[row]()]
@@ -260,7 +263,7 @@ def checked(rows: Iterable[str]) -> Iterator[Result]:
 
 
 def write_version(version: str) -> None:
-    """Write a version where it stands, and give the changelog's news its number and date."""
+    """Write a version wherever it stands, and give the changelog's first section its number and date."""
     for name, place in VERSION_PLACES.items():
         file = ROOT / name
         text = re.sub(place, lambda found: found[0].replace(found[1], version), file.read_text("utf-8"), flags=re.M)
@@ -271,7 +274,7 @@ def write_version(version: str) -> None:
 
 
 def main() -> int:
-    """Do what the command line says; return 1 if something is wrong."""
+    """Run the command line; return 1 if something is wrong."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--check", action="store_true", help="look at all that a release needs")
     parser.add_argument("--quick", action="store_true", help="without what downloads packages")

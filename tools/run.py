@@ -15,7 +15,7 @@ PROGRAMS = ("eurobot-od", "canopen-workbench")
 
 
 def command(words: list[str]) -> tuple[str | Path, ...]:
-    """Return the command that the arguments stand for."""
+    """Return the command for the arguments."""
     if words[:1] == ["bench"]:
         return prepare("bench"), ROOT / "tools" / "bench", *words[1:]
     program, *words = words if words[:1] and words[0] in PROGRAMS else [PROGRAMS[0], *words]

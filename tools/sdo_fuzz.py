@@ -1,6 +1,6 @@
 """Sends random SDO requests to nodes, valid, damaged and out of order, and judges every answer by CiA 301, 7.2.4.3.
 
-The judge knows the standard and the EDS, and nothing of the server: what it expects of a request follows from the
+The judge knows the standard and the EDS, and nothing of the server: the right answer to a request follows from the
 requests and answers so far. A wrong answer is a `Fault`; an exception in the node ends the program.
 """
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
 SILENCE = 5.0
-"""Seconds of silence after which any server has given up a transfer."""
+"""Seconds of silence after which any server has ended a transfer."""
 
 
 class Fault(AssertionError):
@@ -35,7 +35,7 @@ class Fault(AssertionError):
 
 
 class Phase(Enum):
-    """Which transfer is under way, and how far it is."""
+    """The kind of transfer under way, and its state."""
 
     IDLE = auto()
     UPLOAD = auto()
@@ -48,7 +48,7 @@ class Phase(Enum):
 
 
 class State(NamedTuple):
-    """A phase, the object it is about, the toggle bit awaited, and segments sent or arrived in the block."""
+    """A phase, its object, the next toggle bit, and the number of segments sent or received in the block."""
 
     phase: Phase = Phase.IDLE
     address: Address = (0, 0)
@@ -78,7 +78,7 @@ def abort_in(answers: list[bytes]) -> AbortCode | None:
 
 
 class Judge:
-    """Says whether answers are right; `state` is where the transfer must be after them."""
+    """Judges answers; `state` is the state of the transfer after them."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary = dictionary
@@ -94,7 +94,7 @@ class Judge:
         self.state = self._continued(request, answers) or self._initiated(request, answers)
 
     def silence(self, answers: list[bytes]) -> None:
-        """Judge what a server says while its client is silent."""
+        """Judge what a server sends while its client is silent."""
         if self.state.phase is Phase.IDLE:
             demand(not answers, "an answer without a request")
         else:
@@ -110,8 +110,9 @@ class Judge:
     # Within a transfer
 
     def _continued(self, request: bytes, answers: list[bytes]) -> State | None:
-        """Judge a request that goes on with the transfer; None if it does not."""
-        phase, command = self.state.phase, request[0]
+        """Judge a request that continues the transfer; None if it does not."""
+        phase = self.state.phase
+        command = request[0]
         if phase is Phase.BLOCK_DOWNLOAD:
             return self._block_segment(request, answers)
         step = self.STEPS.get((phase, command >> 5))
@@ -161,7 +162,8 @@ class Judge:
         return IDLE
 
     def _block_segment(self, request: bytes, answers: list[bytes]) -> State:
-        number, last = request[0] & 0x7F, bool(request[0] & 0x80)
+        number = request[0] & 0x7F
+        last = bool(request[0] & 0x80)
         if number == 0:
             return self._abort(answers, self.state.address, AbortCode.SEQUENCE_NUMBER)
         in_order = number == self.state.segments + 1
@@ -193,7 +195,8 @@ class Judge:
     # The first request of a transfer
 
     def _initiated(self, request: bytes, answers: list[bytes]) -> State:
-        command, address = request[0], address_in(request)
+        command = request[0]
+        address = address_in(request)
         kind = INITIATE.get(command >> 5)
         if kind is None or command & kind.sub_command:
             return self._abort(answers, self.state.address, AbortCode.UNKNOWN_COMMAND)
@@ -209,7 +212,7 @@ class Judge:
         return IDLE if over else State(kind.phase, address_in(request))
 
     def _cause(self, request: bytes, kind: Initiate) -> AbortCode | None:
-        """Return the abort code that the EDS alone makes certain, None if it allows the access."""
+        """Return the abort code that follows from the EDS alone, None if it allows the access."""
         address = address_in(request)
         variable = self._dictionary.variable(address)
         if variable is None:
@@ -267,13 +270,14 @@ REFUSALS = (
     AbortCode.STATE,
     AbortCode.NO_DATA,
 )
-"""Causes that a value, or the device's state, may give."""
+"""Abort codes that depend on a value, or on the device's state."""
 
 
 class Initiate(NamedTuple):
-    """A first request: its answer under a mask, the phase it leads to, and what only the server can find wrong.
+    """A first request: its answer under a mask, the phase it leads to, and the abort codes that only the server can
+    decide.
 
-    `sub_command` are bits of the command byte that make it something else.
+    `sub_command` are bits of the command byte that make it another request.
     """
 
     phase: Phase
@@ -306,7 +310,7 @@ LONG: list[Address] = [(0x1008, 0), (0x1009, 0), (0x1021, 0)]
 
 
 class RandomClient:
-    """Makes up requests: mostly what fits the state, now and then anything."""
+    """Makes up requests: mostly ones that fit the state, sometimes any."""
 
     def __init__(self, dictionary: Dictionary, chance: random.Random) -> None:
         self._random = chance
@@ -375,9 +379,11 @@ ANY_NODE_ID = 5
 
 
 def run(dictionary: Dictionary, requests: int, seed: int) -> int:
-    """Send a number of requests to a device; return how many it answered with an abort. Raises Fault."""
+    """Send a number of requests to a device; return how many it answered with an abort; raises Fault."""
     chance = random.Random(seed)
-    device, judge, client = Device(dictionary), Judge(dictionary), RandomClient(dictionary, chance)
+    device = Device(dictionary)
+    judge = Judge(dictionary)
+    client = RandomClient(dictionary, chance)
     rx, tx = device.sdo_service.requests, device.sdo_service.answers
     device.start(0.0)
     aborts = 0
@@ -393,7 +399,7 @@ def run(dictionary: Dictionary, requests: int, seed: int) -> int:
 
 
 def main() -> int:
-    """Run from the command line; exit status 1 at the first wrong answer."""
+    """Run the tool; exit status 1 at the first wrong answer."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--eds", metavar="FILE", help="anybody's device, with node-ID 5 (default: all of our own)")
     parser.add_argument("--requests", type=int, default=10_000, help="how many (default 10000)")

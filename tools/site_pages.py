@@ -1,4 +1,4 @@
-"""Writes the pages of the site: `python tools/site_pages.py FOLDER`. Some are not in docs/, but elsewhere or made.
+"""Writes the pages of the site: `python tools/site_pages.py FOLDER`. Some are not in docs/, but elsewhere or generated.
 
 A link in a Markdown file leads to the file in the repository; here it becomes a link to its page.
 """
@@ -24,22 +24,22 @@ ELSEWHERE = {
 
 PAGES = {source: page for page, source in ELSEWHERE.items()}
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
-"""Where a link to a file leads, without its anchor."""
+"""The file that a link leads to, without its anchor."""
 
 
 def write(folder: Path) -> None:
-    """Write all pages, and what they show, into a folder, in place of what it has."""
+    """Write all pages and their pictures into a folder, in place of its content."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(ROOT / "docs", folder)
     for page, source in ELSEWHERE.items():
         shutil.copy(ROOT / source, folder / page)
     for file in folder.rglob("*.md"):
         text = file.read_text(encoding="utf-8")
-        file.write_text(led(text, file.relative_to(folder).as_posix()), encoding="utf-8")
+        file.write_text(with_page_links(text, file.relative_to(folder).as_posix()), encoding="utf-8")
 
 
-def led(markdown: str, name: str) -> str:
-    """Return a page with its links leading to pages."""
+def with_page_links(markdown: str, name: str) -> str:
+    """Return a page whose links lead to pages."""
     folder = posixpath.dirname(ELSEWHERE.get(name, f"docs/{name}"))
 
     def lead(link: re.Match[str]) -> str:

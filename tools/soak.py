@@ -1,25 +1,24 @@
 #!/usr/bin/env python3
-"""Lets everything go wrong at once, for as long as one likes: three nodes and a monitor in processes of their own.
+"""Injects random faults for as long as one likes into three nodes and a monitor, each in a process of its own.
 
-The bus is SocketCAN's vcan0 where there is one, and a server of python-can-remote on this machine elsewhere. The core
-sends the drive from place to place all the time. Faults come at random times, which follow from the seed. Each has to
-be *noticed* by somebody who says so, and afterwards everything has to be *recovered*: all nodes send heartbeats, and
-another goto is confirmed.
+The bus is SocketCAN's vcan0 where there is one, else a server of python-can-remote on this machine. The core drives
+from place to place all the time. Faults come at random times, which follow from the seed. Each has to be *noticed*,
+which is reported by a process, and afterwards all has to be *recovered*: all nodes send heartbeats, and another goto is
+confirmed.
 
-Numbered frames tell what is lost. Each process has to have received every number that was sent, or else: it was not
-running, its bus was away and it said so, or it counted as many lost frames within the last seconds (its counters are of
-frames of any kind, so what it counted long ago excuses nothing). What is none of that is *uncounted*. What cannot be
-known: what a process received in the last half second before SIGKILL took its count along, which counts as "not
-running" here; and what was on its way within the operating system when a server ended, which counts as "bus away", as
-does the second before and after.
+Numbered frames show what is lost. Each process has to have received every number that was sent, unless it was not
+running, its bus was away and it reported that, or it counted as many lost frames within the last seconds (its counters
+are of frames of any kind, so older counts excuse nothing). All others are *uncounted*. Two things cannot be known: what
+a process received in the last half second before SIGKILL, which counts as "not running" here; and what was on its way
+within the operating system when a server ended, which counts as "bus away", as do the seconds before and after.
 
 Memory, threads and file descriptors are read from /proc, once a process has settled, and at its end; memory is judged
 by the bytes for each numbered frame in between.
 
 The exit status is 1 if something was not noticed, not recovered, uncounted, or has grown.
 
-`--self-test` runs it with nodes that are broken on purpose, see `soak_node.BROKEN`: each has to be called wrong after a
-number of faults, however long they take. Then the exit status is 1 if one was not.
+`--self-test` runs it with nodes that are broken on purpose, see `soak_node.BROKEN`: each has to be found faulty after a
+number of faults, however long they take. The exit status is then 1 if one was not.
 """
 
 from __future__ import annotations
@@ -74,20 +73,20 @@ GOTO_CONFIRM = PROTOCOL.cob_id(GotoConfirm)
 HEARTBEATS = {HEARTBEAT + node_id for node_id in NODE_IDS.values()}
 EMERGENCIES = {EMERGENCY + node_id: name for name, node_id in NODE_IDS.items()}
 HEARD = (GOTO_CONFIRM, *HEARTBEATS, *EMERGENCIES)
-"""Identifiers that tell whether a fault was noticed and all is well again."""
+"""Identifiers that show whether a fault was noticed and all has recovered."""
 
 NO_ERROR = b"\0\0"
 BOOT_UP = b"\0"
-"""A boot-up message is not a heartbeat: nobody watches a node that only boots."""
+"""Data of a boot-up message, which is no heartbeat: a node that only boots is not watched."""
 
 HEARTBEAT_LOST = b"\x30\x81"
 PATIENCE = 60.0
-"""Seconds within which a fault has to be noticed, and then everything recovered."""
+"""Seconds within which a fault has to be noticed, and then all recovered."""
 
 STOP, ASK_PLACE, PLACE = (PROTOCOL.cob_id(each) for each in (StopDrive, KalmanPositionRequest, KalmanPositionResponse))
 
 STILL = 0.1
-"""Seconds for which a place that stays the same is a stand; the drive needs a third of that for a millimetre."""
+"""Seconds for which a place stays the same when the drive stands; it needs a third of that for a millimetre."""
 
 FOREIGN = 2000
 """Frames a second of a stranger while the drive is stopped."""
@@ -106,7 +105,7 @@ with can.Bus(interface=sys.argv[1], channel=sys.argv[2]) as bus:
             sent += 1
         time.sleep(0.001)
 """
-"""A program of somebody else, with python-can alone: it sends frames of 11 and of 29 bits by turns."""
+"""A program of a stranger, with python-can alone: it sends frames of 11 and of 29 bits alternately."""
 
 PERIOD = 0.05
 """Seconds between two numbered frames."""
@@ -115,33 +114,34 @@ FLOOD, HOSTILE = 2000, 300
 """Frames of a flood, and of a burst of hostile ones."""
 
 FROZEN = 3.0
-"""Seconds that a node is frozen."""
+"""Seconds for which a node is frozen."""
 
 SETTLED = 5.0
-"""Seconds from its first number on after which a process should not grow any more."""
+"""Seconds after its first number from which on a process should not grow."""
 
 MARGIN = 1.0
-"""Seconds before and after a gap in which its frames may be lost, too: a server's queues, and the printing of lines."""
+"""Seconds before and after a gap in which its frames may be lost, too, by a server's queues and the printing of lines.
+"""
 
 LEAK = 512
 """Bytes for each numbered frame that a process may grow: the monitor's table takes about 120."""
 
 ARENA = 2048
-"""KiB that a process may grow whatever it has received: the allocator takes memory in pieces."""
+"""KiB that a process may grow in any case, since the allocator takes memory in pieces."""
 
 CREDIT = NOTED_AGAIN + 1.0
-"""Seconds for which a counted loss explains missing numbers: a full queue takes some to reach the number behind it."""
+"""Seconds for which a counted loss explains missing numbers: with a full queue the next number comes later."""
 
 SETTING = (0x2101, 1)
 """Navigation: Position deviation, UNSIGNED16, which is stored again and again."""
 
 
 ROUTINE = re.compile(r" *\d|last ")
-"""Lines that nobody waits for: a frame in the monitor, a node's counters."""
+"""Lines that show no event: a frame in the monitor, a node's counters."""
 
 
 class Usage(NamedTuple):
-    """What a process has of the system: memory in KiB, threads, open file descriptors."""
+    """The memory of a process in KiB, its threads and its open file descriptors."""
 
     memory: int
     threads: int
@@ -149,7 +149,7 @@ class Usage(NamedTuple):
 
     @classmethod
     def of(cls, pid: int) -> Usage:
-        """Read it; Linux only. Raises OSError if there is no such process."""
+        """Read the usage of a process; Linux only. Raises OSError if there is no such process."""
         process = Path("/proc", str(pid))
         fields = dict(line.split(":", 1) for line in (process / "status").read_text().splitlines())
         descriptors = sum(1 for _ in (process / "fd").iterdir())
@@ -157,7 +157,7 @@ class Usage(NamedTuple):
 
 
 class Life(NamedTuple):
-    """What a process had when it had settled, and when it ended, and how many numbered frames were sent in between."""
+    """The usage of a process when it had settled and when it ended, and the numbered frames sent in between."""
 
     begin: Usage
     end: Usage
@@ -169,7 +169,9 @@ class Life(NamedTuple):
 
     @property
     def has_grown(self) -> bool:
-        """Whether it holds more threads or descriptors, or more memory for each frame than what is remembered takes."""
+        """Whether it holds more threads or descriptors, or more memory for each frame than what is remembered
+        takes.
+        """
         more = self.end.memory > self.begin.memory + ARENA + self.frames * LEAK / 1024
         return more or self.end.threads > self.begin.threads or self.end.descriptors > self.begin.descriptors
 
@@ -183,7 +185,7 @@ class Loss:
 
 
 class Losses:
-    """What a process lacks beside what it counts, each loss with its share of the frames counted around its time."""
+    """The numbers that a process misses, each loss with the lost frames that the process counted near its time."""
 
     def __init__(self) -> None:
         self.all: list[Loss] = []
@@ -191,7 +193,7 @@ class Losses:
         self._credit: list[tuple[float, int]] = []
 
     def miss(self, numbers: range, now: float, is_away: bool = False) -> None:
-        """Note numbers that did not come; what was counted stands for none of those whose bus was away."""
+        """Note numbers that did not come; those whose bus was away need no counted frames."""
         self.all.append(loss := Loss(numbers))
         if not is_away:
             self._open.append((now, loss))
@@ -204,7 +206,7 @@ class Losses:
             self._settle(now)
 
     def _settle(self, now: float) -> None:
-        """Let what was counted stand for what is missing, the oldest first; what is older than CREDIT is over."""
+        """Assign counted frames to missing numbers, the oldest first; a count older than CREDIT is dropped."""
         self._open = [(at, loss) for at, loss in self._open if now - at <= CREDIT]
         credit = sum(frames for at, frames in self._credit if now - at <= CREDIT)
         for _, loss in self._open:
@@ -215,7 +217,7 @@ class Losses:
 
 
 class Role:
-    """A process that may end and be started again; what it has said, which numbers it lacks, and how it has lived.
+    """A process that may end and be started again, with its lines, the numbers it misses, and the usage of each life.
 
     `came_up` is when a node was on the bus. `away` are the times, in seconds, between which its bus was gone; `losses`
     the numbers that did not come while it ran, `before` those that were sent before the first that it saw, and `pauses`
@@ -223,7 +225,8 @@ class Role:
     """
 
     def __init__(self, name: str, *command: str) -> None:
-        self.name, self._command = name, command
+        self.name = name
+        self._command = command
         self.said: list[tuple[float, str]] = []
         self.away: list[list[float]] = []
         self.losses = Losses()
@@ -236,7 +239,7 @@ class Role:
         self.start()
 
     def start(self) -> None:
-        """Start the process; what is noted of its lines has to be there before its first one."""
+        """Start the process; all is prepared for its first line before."""
         self._begin: tuple[Usage, int] | None = None
         self._up: float | None = None
         self.came_up = float("inf")
@@ -249,7 +252,7 @@ class Role:
         self.program.kill()
 
     def interrupt(self) -> None:
-        """End it as Ctrl-C does: the monitor tells all that it has counted only then."""
+        """End it as Ctrl-C does: the monitor prints its counters only then."""
         self.program.signal(signal.SIGINT)
         with suppress(subprocess.TimeoutExpired):
             self.program.wait()
@@ -258,8 +261,8 @@ class Role:
     def is_running(self) -> bool:
         return self.program.popen.poll() is None
 
-    def has_said(self, what: str, since: float) -> bool:
-        """Return whether it has printed a line with that since a time."""
+    def has_printed(self, what: str, since: float) -> bool:
+        """Return whether it has printed a line with that text since a time."""
         return any(what in text for _, text in takewhile(lambda line: line[0] >= since, reversed(self.said)))
 
     # What it prints
@@ -327,17 +330,17 @@ class Role:
 
     @property
     def has_settled(self) -> bool:
-        """Whether it is known what it had once it had settled."""
+        """Whether its usage after settling is known."""
         return self._begin is not None
 
-    def look(self) -> None:
-        """Note what it has, if it has settled just now."""
+    def note_settled(self) -> None:
+        """Note its usage if it has settled just now."""
         if self._begin is None and self._up is not None and time.monotonic() - self._up >= SETTLED:
             with suppress(OSError):
                 self._begin = Usage.of(self.program.popen.pid), self.last or 0
 
     def note_life(self) -> None:
-        """Note what it has at its end, if it has lived long enough to have settled."""
+        """Note its usage at its end, if it has lived long enough to settle."""
         if self._begin is not None:
             usage, number = self._begin
             with suppress(OSError, KeyError):
@@ -391,14 +394,14 @@ class SocketCan:
 
 
 class Heard(NamedTuple):
-    """When a frame was heard, by the monotonic clock, and its data."""
+    """A received frame's data, and when it came by the monotonic clock."""
 
     time: float
     data: bytes
 
 
-class Told(NamedTuple):
-    """What became of a fault: its kind; seconds until it was noticed and, from its end, recovered; None if not."""
+class FaultRecord(NamedTuple):
+    """The result of a fault: its kind; seconds until it was noticed and, from its end, recovered (None: it was not)."""
 
     kind: str
     noticed: float | None
@@ -409,13 +412,15 @@ Condition = Callable[[], bool]
 
 
 class Soak:
-    """The processes on their bus, and what was done to them."""
+    """The processes on their bus, and the faults injected so far."""
 
     def __init__(
         self, transport: Remote | SocketCan, seed: int, folder: Path, broken: str = "", only: Sequence[str] = ()
     ) -> None:
-        self.transport, self.dice, self._only = transport, random.Random(seed), only
-        self.told: list[Told] = []
+        self.transport = transport
+        self.dice = random.Random(seed)
+        self._only = only
+        self.records: list[FaultRecord] = []
         self.wrong: list[str] = []
         self.sent_at: list[float] = []
         self._heard: dict[int, Heard] = {}
@@ -447,9 +452,9 @@ class Soak:
     # Conditions
 
     def goes_on(self) -> Condition:
-        """Return whether from now on all nodes run, and then send heartbeats, and a goto is confirmed.
+        """Return a condition: all nodes run, and since then send heartbeats, and a goto was confirmed.
 
-        A node watches another from the first heartbeat that it has heard (CiA 301, 7.2.8.3.2.2).
+        A node watches another from the first heartbeat that it has received (CiA 301, 7.2.8.3.2.2).
         """
         begin = time.monotonic()
         wanted = {GOTO_CONFIRM, *HEARTBEATS}
@@ -462,7 +467,7 @@ class Soak:
         return all_is_well
 
     def emergency(self, node: str | None, code: bytes = b"") -> Condition:
-        """Return whether from now on a node, or any, tells an error by EMCY."""
+        """Return a condition: from now on a node, or any, has reported an error by EMCY."""
         since = time.monotonic()
         return lambda: any(
             at > since and node in (None, teller) and data[:2] != NO_ERROR and data.startswith(code)
@@ -472,7 +477,7 @@ class Soak:
     # What goes on all the time
 
     def send(self, cob_id: int, data: bytes) -> bool:
-        """Send a frame; False if the bus does not take it."""
+        """Send a frame; return whether the bus took it."""
         try:
             self.live.bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False), timeout=1.0)
         except Exception:  # whatever the driver raises: it is being opened again
@@ -481,17 +486,18 @@ class Soak:
 
     def send_number(self) -> None:
         """Send the next numbered frame."""
-        now, number = time.monotonic(), len(self.sent_at)
+        now = time.monotonic()
+        number = len(self.sent_at)
         if self.send(NUMBERED, number.to_bytes(4, "little") + bytes(4)):
             self.sent_at.append(now)
 
     def wait(self, condition: Condition, patience: float = PATIENCE) -> bool:
-        """Go on until a condition holds; False if it does not in time."""
+        """Continue until a condition holds, and return whether it did in time."""
         end = time.monotonic() + patience
         while not condition() and time.monotonic() < end:
             self.send_number()
             for role in self.everybody:
-                role.look()
+                role.note_settled()
             time.sleep(PERIOD)
         return condition()
 
@@ -507,27 +513,28 @@ class Soak:
         yield self.goes_on()
 
     def freeze(self, name: str) -> Iterator[Condition]:
-        """Freeze a node for some seconds: another one notices, and it says so itself when it wakes."""
-        noticed, since = self.emergency("drive" if name == "core" else "core", HEARTBEAT_LOST), time.monotonic()
+        """Freeze a node for some seconds: another one notices, and it reports the pause itself when it wakes."""
+        noticed = self.emergency("drive" if name == "core" else "core", HEARTBEAT_LOST)
+        since = time.monotonic()
         self.roles[name].program.signal(signal.SIGSTOP)
         self.wait(lambda: False, FROZEN)
         self.roles[name].program.signal(signal.SIGCONT)
-        yield lambda: noticed() and self.roles[name].has_said("stood still", since)
+        yield lambda: noticed() and self.roles[name].has_printed("stood still", since)
         yield self.goes_on()
 
     def lose_bus(self) -> Iterator[Condition]:
         """Take the bus away for some seconds."""
         since = time.monotonic()
         self.transport.lose()
-        yield lambda: all(role.has_said("it is opened again", since) for role in self.everybody)
+        yield lambda: all(role.has_printed("it is opened again", since) for role in self.everybody)
         self.wait(lambda: False, self.dice.uniform(0.5, 3.0))
         since = time.monotonic()
         self.transport.back()
         well = self.goes_on()
-        yield lambda: well() and all(role.has_said("after a gap of", since) for role in self.everybody)
+        yield lambda: well() and all(role.has_printed("after a gap of", since) for role in self.everybody)
 
     def hostile(self) -> Iterator[Condition]:
-        """Send frames that no node may act on."""
+        """Send frames on which no node may act."""
         noticed = self.emergency(None)
         dice = frame_fuzz.Dice.of(str(self.dice.random()), dialects.DEFAULT)
         for _ in range(HOSTILE):
@@ -538,7 +545,7 @@ class Soak:
         yield self.goes_on()
 
     def flood(self) -> Iterator[Condition]:
-        """Send numbered frames as fast as the bus takes them: everybody sees the last one, or one after it."""
+        """Send numbered frames as fast as the bus takes them: each process sees the last one, or a later one."""
         for _ in range(FLOOD):
             self.send_number()
         last = len(self.sent_at)
@@ -546,7 +553,7 @@ class Soak:
         yield self.goes_on()
 
     def ask(self) -> Iterator[Condition]:
-        """Read every node's identity by segments and by blocks, as a master does, and write what must not be."""
+        """Read each node's identity by segments and by blocks, as a master does, and write read-only objects."""
         with Master(self.opener(), answer_wait=PATIENCE / 4) as master:
             for node_id in NODE_IDS.values():
                 node = master.node(node_id)
@@ -559,7 +566,7 @@ class Soak:
         yield self.goes_on()
 
     def stop(self) -> Iterator[Condition]:
-        """Stop the drive on its way while a stranger sends FOREIGN frames a second, and see it stand."""
+        """Stop the drive on its way while a stranger sends FOREIGN frames a second, and wait until it stands."""
         stranger = Program(sys.executable, "-c", STRANGER, *self.transport.bus, str(FOREIGN), took=lambda _: None)
         try:
             self.wait(self.goes_on())  # a goto is confirmed: it drives
@@ -574,7 +581,8 @@ class Soak:
 
     def _stand(self, bus: can.BusABC, begun: float) -> float | None:
         """Return after how many seconds the drive stands, None if it does not in SETTLED: the stop was lost."""
-        place, since = b"", begun
+        place = b""
+        since = begun
         while (now := time.monotonic()) < begun + SETTLED:
             if place and now - since > STILL:
                 return since - begun
@@ -582,11 +590,12 @@ class Soak:
             while (came := bus.recv(STILL)) is not None and came.arbitration_id != PLACE:
                 pass
             if came is not None and bytes(came.data) != place:
-                place, since = bytes(came.data), time.monotonic()
+                place = bytes(came.data)
+                since = time.monotonic()
         return None
 
     def log_beside(self) -> None:
-        """Have python-can's own logger on the bus, too; it ends when its bus is lost."""
+        """Run python-can's own logger on the bus, too; it ends when its bus is lost."""
         if self._logger is None or self._logger.popen.poll() is not None:
             interface, channel = self.transport.bus
             file = str(self._folder / "beside.asc")
@@ -594,10 +603,13 @@ class Soak:
             self._logger = Program(sys.executable, *command, took=lambda _: None)
 
     def store(self) -> Iterator[Condition]:
-        """Have navigation store a setting, and kill it: its file has the new value if it said so, else either one."""
+        """Store a setting in navigation, and kill it: its file has the new value if the store was confirmed, else
+        either one.
+        """
         navigation = self.roles["navigation"]
         navigation.note_life()  # not in the midst of it: it has files open then
-        value, waits = self.dice.randrange(1, 1 << 16), self.dice.random() < 0.5
+        value = self.dice.randrange(1, 1 << 16)
+        waits = self.dice.random() < 0.5
         allowed = [value] if waits else [self._stored, value]
         with Master(self.opener(), answer_wait=PATIENCE / 4) as master:
             node = master.node(NODE_IDS["navigation"])
@@ -648,7 +660,7 @@ class Soak:
     # The run
 
     def run(self, is_enough: Callable[[int], bool]) -> None:
-        """Do fault after fault until so many are enough, all kinds equally often, and wait until all is quiet."""
+        """Inject fault after fault until `is_enough`, all kinds equally often, and wait until all is quiet."""
         with ExitStack() as stack:
             stack.callback(self._end)
             stack.enter_context(self.live)
@@ -658,7 +670,7 @@ class Soak:
                 self.wrong.append("the nodes have not started up")
             deck: list[str] = []
             kinds = sorted(self._only or self.faults())
-            while not self.wrong and not is_enough(len(self.told)):
+            while not self.wrong and not is_enough(len(self.records)):
                 deck = deck or self.dice.sample(kinds, len(kinds))
                 self._inject(deck.pop())
                 self.wait(lambda: False, self.dice.uniform(0.2, 2.0))
@@ -668,17 +680,19 @@ class Soak:
 
     def _inject(self, kind: str) -> None:
         self.log_beside()
-        began, steps = time.monotonic(), self.faults()[kind]()
+        began = time.monotonic()
+        steps = self.faults()[kind]()
         noticed = recovered = None
         try:
             if self.wait(next(steps)):
                 noticed = time.monotonic() - began
-            condition, ended = next(steps), time.monotonic()
+            condition = next(steps)
+            ended = time.monotonic()
             if self.wait(condition):
                 recovered = time.monotonic() - ended
         except EurobotError as error:
             self.wrong.append(f"{kind}: {error}")
-        self.told.append(Told(kind, noticed, recovered))
+        self.records.append(FaultRecord(kind, noticed, recovered))
 
     def _end(self) -> None:
         for role in self.everybody:
@@ -693,7 +707,7 @@ class Soak:
     # What was lost
 
     def lost(self, role: Role) -> Lost:
-        """Say of which numbers a role knows what became of them."""
+        """Return what became of the numbered frames for a process."""
         away = counted = uncounted = 0
         for loss in role.losses.all:
             excused = self._sent_within(loss.numbers, role.away)
@@ -709,9 +723,9 @@ class Soak:
         return sum(any(begin <= self.sent_at[number] <= end for begin, end in times) for number in numbers)
 
     def complaints(self) -> list[str]:
-        """Say what is wrong."""
-        found = [f"{each.kind}: not noticed" for each in self.told if each.noticed is None]
-        found += [f"{each.kind}: not recovered" for each in self.told if each.recovered is None]
+        """Return what is wrong."""
+        found = [f"{each.kind}: not noticed" for each in self.records if each.noticed is None]
+        found += [f"{each.kind}: not recovered" for each in self.records if each.recovered is None]
         found += ["a stop was lost"] * self.stands.count(None)
         found += [f"{role.name}: {lost} frames uncounted" for role in self.everybody if (lost := self.lost(role)[-1])]
         grown = ((role.name, life) for role in self.everybody for life in role.lives if life.has_grown)
@@ -733,17 +747,17 @@ class Lost(NamedTuple):
 
 
 def report(soak: Soak, command: str, seconds: float) -> Iterator[str]:
-    """Write what happened as Markdown."""
+    """Yield the lines of the report, in Markdown."""
     yield f"`{command}` on {soak.transport.bus[0]}, Python {platform.python_version()}, {seconds / 60:.1f} minutes:"
     yield ""
     yield "| fault | injected | noticed | recovered | noticed after, at most | recovered after, at most |"
     yield "|---" * 6 + "|"
-    for kind in sorted({each.kind for each in soak.told}):
-        told = [each for each in soak.told if each.kind == kind]
-        noticed = [each.noticed for each in told if each.noticed is not None]
-        recovered = [each.recovered for each in told if each.recovered is not None]
+    for kind in sorted({each.kind for each in soak.records}):
+        records = [each for each in soak.records if each.kind == kind]
+        noticed = [each.noticed for each in records if each.noticed is not None]
+        recovered = [each.recovered for each in records if each.recovered is not None]
         worst = f"{max(noticed, default=0):.1f} s | {max(recovered, default=0):.1f} s"
-        yield f"| {kind} | {len(told)} | {len(noticed)} | {len(recovered)} | {worst} |"
+        yield f"| {kind} | {len(records)} | {len(noticed)} | {len(recovered)} | {worst} |"
     yield ""
     columns = "received | sent while it was not running | bus away | counted as lost | uncounted"
     yield f"| of {len(soak.sent_at)} numbered frames | {columns} |"
@@ -761,13 +775,14 @@ def report(soak: Soak, command: str, seconds: float) -> Iterator[str]:
             yield f"| {role.name} | {len(role.lives)} | {pairs} | {slope:.0f} |"
     yield ""
     if stands := [each for each in soak.stands if each is not None]:
-        median, longest = statistics.median(stands), max(stands)
+        median = statistics.median(stands)
+        longest = max(stands)
         lost = len(soak.stands) - len(stands)
         yield f"{len(soak.stands)} stops, {lost} lost; to the stand {median:.2f} s (median), {longest:.2f} s at most"
         yield ""
     wrong = soak.complaints()
     yield from (f"- {each}" for each in wrong)
-    yield f"{len(soak.told)} faults, {len(wrong)} wrong"
+    yield f"{len(soak.records)} faults, {len(wrong)} wrong"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -781,7 +796,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 class Trial(NamedTuple):
-    """A build that is broken on purpose: how often what is done to it, and what has to be complained of."""
+    """A build that is broken on purpose: how often a fault is injected, which one, and the expected complaint."""
 
     times: int
     fault: str
@@ -797,11 +812,11 @@ SELF_TEST = {
     "skips": Trial(1, FLOODED, r"\w+: \d+ frames uncounted"),
     "descriptors": Trial(1, FLOODED, r"\w+: has grown"),
 }
-"""By the names in `soak_node.BROKEN`."""
+"""The trials, by the names in `soak_node.BROKEN`."""
 
 
 def self_test(transport: Callable[[], Remote | SocketCan], seed: int) -> Iterator[tuple[str, bool]]:
-    """Run with each broken build, and give what the soak says, and whether it complained of what is broken."""
+    """Run with each broken build, and yield a line on it, and whether its expected complaint came."""
     for broken, trial in SELF_TEST.items():
         with tempfile.TemporaryDirectory() as folder:
             soak = Soak(transport(), seed, Path(folder), broken, (trial.fault,))

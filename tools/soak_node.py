@@ -1,9 +1,9 @@
-"""One of the robot's nodes for the soak: as `eurobot-od node`, and it says which of the numbered frames are missing.
+"""Runs one of the robot's nodes for the soak, like `eurobot-od node`, and reports missing numbered frames.
 
-Its lines are read by `soak.py`: the node's reports, `numbers A..B missing` when they are, and every HALF_A_SECOND the
-number that it has seen last and its counters.
+Its lines are read by `soak.py`: the node's reports, `numbers A..B missing`, and every HALF_A_SECOND the last number it
+has seen and its counters.
 
-A last argument names one of BROKEN, which makes the node wrong on purpose, for the soak's self-test.
+A last argument names one of BROKEN, which breaks the node on purpose, for the soak's self-test.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ NUMBERED = 0x7F0
 HALF_A_SECOND = 0.5
 
 PLACES = ((500, 1600, 0), (600, 1600, 0), (600, 1500, 270))
-"""Where the core sends the drive, again and again: x and y in mm, the angle in degrees."""
+"""The core's targets, again and again: x and y in mm, the angle in degrees."""
 
 SPEED = 30
 
 
 class Numbers:
-    """The numbered frames that have come: the `last` number; `missing` gets first and last of those between."""
+    """The numbered frames that have come: the `last` number; `missing` is called with first and last of a gap."""
 
     def __init__(self, missing: Callable[[int, int], object]) -> None:
         self.last: int | None = None
         self._missing = missing
 
     def take(self, data: bytes) -> None:
-        """Take in the data of a frame."""
+        """Note the number in a frame's data."""
         number = int.from_bytes(data[:4], "little")
         if self.last is not None and number > self.last + 1:
             self._missing(self.last + 1, number - 1)
@@ -58,7 +58,7 @@ def say(what: object) -> None:
 
 
 def lead(core: Core) -> None:
-    """Drive from place to place for ever; whatever ends that, begin with the node checks again."""
+    """Drive from place to place for ever; after any failure begin again with the node checks."""
     while True:
         try:
             core.check_nodes().result()
@@ -74,23 +74,23 @@ def lead(core: Core) -> None:
 
 
 class ForgetfulStore(FileStore):
-    """Says that it saved, and writes nothing."""
+    """Reports that it saved, and writes nothing."""
 
     def save(self, values: Mapping[Address, Value], node_id: int, kbit: int | None = None) -> None:
-        """Lose the values."""
+        """Drop the values."""
 
 
 Receive = Callable[[Frame, float], object]
 
 
 def deaf(receive: Receive) -> Receive:
-    """Receive nothing for the first 6 s of a life."""
+    """Drop all frames for the first 6 s of a life."""
     born = time.monotonic()
     return lambda frame, now: receive(frame, now) if time.monotonic() - born > 6 else None
 
 
 def skips(receive: Receive) -> Receive:
-    """Lose every 40th numbered frame."""
+    """Drop every 40th numbered frame."""
     return lambda frame, now: None if frame.cob_id == NUMBERED and frame.data[0] % 40 == 0 else receive(frame, now)
 
 

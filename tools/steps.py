@@ -1,4 +1,4 @@
-"""Runs steps in the environment, one after the other, and tells at the end how long each took.
+"""Runs steps in the environment, one after the other, and prints at the end how long each took.
 
 `test.py`, `ready.py`, `ci.py` and `nightly.py` are tables of steps. This runs before anything is installed, so it uses
 the standard library only.
@@ -21,13 +21,13 @@ from environment import PYTHON, ROOT, prepare, variables
 
 FINE, RED, INTERRUPTED = 0, 1, 130
 TOO_LATE = 124
-"""Status of a command that had to be ended, as timeout(1) has it."""
+"""Status of a command that took too long, as in timeout(1)."""
 
 
 class Step(NamedTuple):
-    """A command by its name, and the seconds that it may take.
+    """A command by its name, and its longest time in seconds.
 
-    If it ends with status 1, `again` decides. `absent` says why it cannot be run on this machine.
+    If it ends with status 1, the command `again` decides. `absent` is the reason if it cannot be run on this machine.
     """
 
     name: str
@@ -43,7 +43,7 @@ def python(*words: str) -> tuple[str, ...]:
 
 
 class Verdict(Enum):
-    """What came of a step."""
+    """The result of a step."""
 
     PASSED = "passed"
     FAILED = "FAILED"
@@ -51,7 +51,7 @@ class Verdict(Enum):
 
 
 class Result(NamedTuple):
-    """How a step went, for how many seconds, and what is to be said of that."""
+    """A step's result, its seconds, and a note on it."""
 
     name: str
     verdict: Verdict
@@ -78,13 +78,15 @@ def run(steps: Iterable[Step], extras: str = "test") -> int:
 
 
 def done(step: Step) -> Result:
-    """Run a step and say how that went."""
+    """Run a step and return its result."""
     if step.absent:
         return Result(step.name, Verdict.SKIPPED, note=step.absent)
     begun = time.monotonic()
-    status, note = ended(step.command, step.longest), ""
+    status = ended(step.command, step.longest)
+    note = ""
     if status == RED and step.again:
-        status, note = ended(step.again, step.longest), "what failed at first passed alone"
+        status = ended(step.again, step.longest)
+        note = "what failed at first passed alone"
     seconds = time.monotonic() - begun
     if status:
         complaint = f"not ended within {step.longest:.0f} s" if status == TOO_LATE else f"exit status {status}"
@@ -93,7 +95,7 @@ def done(step: Step) -> Result:
 
 
 def ended(words: Sequence[str], longest: float) -> int:
-    """Run a command, and end it with all that it has started; return its exit status."""
+    """Run a command, and end it with all its children when it takes too long; return its exit status."""
     with subprocess.Popen(words, env=variables(), start_new_session=True) as process:
         try:
             return process.wait(longest)
@@ -104,7 +106,7 @@ def ended(words: Sequence[str], longest: float) -> int:
 
 
 def kill(process: subprocess.Popen[bytes]) -> None:
-    """End a process that leads a session, and what it has left running."""
+    """End a process that leads a session, and the children it has left running."""
     if sys.platform == "win32":
         process.kill()
         return

@@ -1,6 +1,6 @@
-"""Two axes and an I/O module under SYNC of 1 ms on a simulated bus: frames a second, bus load, CPU, how they follow.
+"""Measures two axes and an I/O module under SYNC of 1 ms on a simulated bus: frames a second, bus load, CPU, lag.
 
-The frames are those of a real bus of 1 Mbit/s; nothing is set but what a master could write.
+The frames are those of a real bus of 1 Mbit/s; all settings are objects that a master could write.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ OFF = 1 << 31
 
 
 class Figures(NamedTuple):
-    """What a run has shown: frames and load in a second of the bus, seconds of CPU for one, the lag; and the axes."""
+    """The figures of a run: frames and load in a second of the bus, seconds of CPU for one, the lag; and the axes."""
 
     frames: float
     load: float
@@ -49,7 +49,8 @@ class CyclicMaster(Node):
     """Sends SYNC, then targets to both axes and outputs to the module, each millisecond."""
 
     def start(self, now: float) -> list[Frame]:
-        self.now, self._cycle = now, 0
+        self.now = now
+        self._cycle = 0
         self.at(now + 0.1, self._begin)
         return []
 
@@ -74,7 +75,7 @@ class CyclicMaster(Node):
 
 
 def _axis(node_id: int) -> SimulatedDrive:
-    """Return a drive in cyclic synchronous position, statusword and position by SYNC, no other TPDO."""
+    """Return a drive in cyclic synchronous position, with statusword and position by SYNC and no other TPDO."""
     off = {(index, 1): OFF | base + node_id for index, base in ((0x1800, 0x180), (0x1802, 0x380), (0x1803, 0x480))}
     given = {(0x6060, 0): Mode.CYCLIC_POSITION, (0x1006, 0): 1000, (0x1401, 2): 1, (0x1801, 2): 1, **off}
     return SimulatedDrive(Dictionary.load(DOCS / "servo.eds", node_id), given=given)
@@ -86,14 +87,17 @@ def _module() -> SimulatedModule:
 
 
 def run(seconds: float) -> Figures:
-    """Run all of them for so long, after what it takes to enable the axes."""
-    bus, axes = Simulation(BITRATE), [_axis(each) for each in AXES]
+    """Run all of them for some seconds, after the axes are enabled."""
+    bus = Simulation(BITRATE)
+    axes = [_axis(each) for each in AXES]
     for node in (CyclicMaster(Dictionary.load(DOCS / "motor.eds", MASTER)), *axes, _module()):
         bus.attach(node)
     bus.run(0.25)
     seen: list[Frame] = []
     bus.observers.append(lambda _, frame: seen.append(frame))
-    begun, lag, moved = time.process_time(), 0.0, tuple(axis for drive in axes for axis in drive.axes)
+    begun = time.process_time()
+    lag = 0.0
+    moved = tuple(axis for drive in axes for axis in drive.axes)
     for _ in range(round(seconds / 0.01)):
         bus.run(bus.now + 0.01)
         lag = max(lag, *(abs(axis.demand.position - axis.motor.position) for axis in moved))

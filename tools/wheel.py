@@ -1,8 +1,8 @@
 """Builds sdist and wheel, and installs the wheel in empty environments, with and without extras.
 
-`python3 tools/wheel.py [VERSION...]`: on these Pythons, else on each that this machine has. The wheel is built from the
-sdist, so that the sdist is whole, too. The exit status is 1 if something does not work. `--licences` writes
-docs/licences.md instead, of what the extras bring now.
+`python3 tools/wheel.py [VERSION...]`: on these Pythons, by default on each that this machine has. The wheel is built
+from the sdist, which proves that the sdist is complete. The exit status is 1 if something does not work. `--licences`
+writes docs/licences.md instead, from what the extras bring now.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from pythons import ROWS, find
 
 VERSIONS = tuple(dict.fromkeys(row.version for row in ROWS.values()))
 EXTRAS = ("remote", "monitor", "web", "png", "mf4", "dbc", "season", "mcap", "cluster")
-"""What a user may ask for; the others are for developers."""
+"""Extras for users; the others are for developers."""
 
 
 class Try(NamedTuple):
-    """A command of an installed program, what it has to say, and its exit status."""
+    """A command of an installed program, its expected output, and its exit status."""
 
     words: tuple[str, ...]
     says: str
@@ -46,7 +46,7 @@ OF_NEW_ROBOT = (
     Try(("check", "--simulate"), "1 suite: 22 ok"),
     Try(("export", "c"), "lift_set"),
 )
-"""What is tried once the robot that `new-robot --package` has written is installed beside it."""
+"""The tries once the robot that `new-robot --package` has written is installed beside it."""
 
 TRIES = {
     "": (*ALWAYS, Try(("archive", LOG, "-o", "season"), "the extra `season` brings it", 2)),
@@ -58,7 +58,7 @@ TRIES = {
         Try(("field", LOG, "-o", "match.png"), ""),
     ),
 }
-"""What is tried in an environment with some extras, none at first."""
+"""The tries in an environment with some extras, none at first."""
 
 
 def build(folder: Path) -> Path:
@@ -95,7 +95,7 @@ def wrong(programs: Path, tries: tuple[Try, ...], folder: Path) -> Iterator[str]
 
 
 def is_fine(wheel: Path, version: str, python: str, extras: str) -> bool:
-    """Install the wheel on a Python, try it, and say how that went."""
+    """Install the wheel on a Python, try it, and print the result."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         try:
@@ -111,14 +111,14 @@ def is_fine(wheel: Path, version: str, python: str, extras: str) -> bool:
 
 
 def write_licences(wheel: Path) -> int:
-    """Have `licences.py` look at an environment with all extras; return its exit status."""
+    """Run `licences.py` in an environment with all extras; return its exit status."""
     with tempfile.TemporaryDirectory() as scratch:
         programs = install(wheel, sys.executable, ",".join(EXTRAS), Path(scratch, "venv"))
         return call(programs / "python", ROOT / "tools" / "licences.py", *EXTRAS)
 
 
 def main(versions: list[str]) -> int:
-    """Build, and try on all Pythons, also after one that failed; return 1 if any did."""
+    """Build, and try on all Pythons, also after a failure; return 1 if any failed."""
     ensure("uv", "test")
     with tempfile.TemporaryDirectory() as scratch:
         wheel = build(Path(scratch))

@@ -49,13 +49,13 @@ def test_watch_in_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("bus")
-def test_a_node_that_has_to_be_there(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_expected_node_that_is_missing(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "watch", "7", "--for", "2 s", "--within", "1 s")
     assert (said.status, said.out.splitlines()[-1].split(maxsplit=1)[1]) == (1, "node 7 is lost")
 
 
 @pytest.mark.usefixtures("bus")
-def test_nodes_are_called_by_the_names_of_their_network(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_nodes_have_the_names_of_their_network(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "a.eds").write_text(DEVICE_TYPE)
     (tmp_path / "net.yaml").write_text(
         "nodes: {left: {file: a.eds, node_id: 5}, right: {file: a.eds, node_id: 7}}", encoding="ascii"
@@ -92,14 +92,16 @@ def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) ->
         (["sync", "--cob-id", "0x800"], "'0x800' is not an 11-bit identifier"),
     ],
 )
-def test_what_is_refused(capsys: pytest.CaptureFixture[str], bus: WiredBus, words: list[str], complaint: str) -> None:
+def test_wrong_command_lines_are_one_line(
+    capsys: pytest.CaptureFixture[str], bus: WiredBus, words: list[str], complaint: str
+) -> None:
     said = run(capsys, *words)
     assert said.status == 2
     assert complaint in said.err
     assert bus.sent == []
 
 
-def test_without_reconnecting_a_bus_that_is_lost_ends_it() -> None:
+def test_without_reconnect_a_lost_bus_ends_the_command() -> None:
     bus = Unplugged()
     master = Master(bus, clock=lambda: bus.now)
     with pytest.raises(BusError):
@@ -146,7 +148,7 @@ def said(
         (["set"], 2, "", "nothing to set: give --node-id, --bit-rate, --store or --activate"),
     ],
 )
-def test_find_and_set(
+def test_lss_finds_a_device_and_sets_its_node_id(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     words: list[str],
@@ -160,7 +162,9 @@ def test_find_and_set(
     assert {slave.state for slave in slaves} == {WAITING}
 
 
-def test_nobody_without_a_node_id(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lss_finds_no_device_without_a_node_id(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert said(capsys, monkeypatch, [], ["find"]) == (1, "no device without a node-ID answers\n", "")
     assert said(capsys, monkeypatch, [], ["set", "--store"]).status == 1
 

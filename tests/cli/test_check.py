@@ -106,14 +106,14 @@ def test_refuses(words: str, status: int, complaint: str, capsys: pytest.Capture
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_wrong_file_ends_it_before_anything_is_done(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_file_is_refused_before_any_step(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", "green.yaml", "wrong.yaml", "--simulate")
     assert said.out == ""
     assert [line.partition(" ")[0] for line in said.err.splitlines()] == ["wrong.yaml:5:11:", "wrong.yaml:6:11:"]
 
 
 @pytest.mark.usefixtures("folder")
-def test_prints_what_is_red_as_it_comes_and_why_at_the_end(capsys: pytest.CaptureFixture[str]) -> None:
+def test_failed_steps_are_printed_at_once_and_their_reasons_at_the_end(capsys: pytest.CaptureFixture[str]) -> None:
     out = run(capsys, "check", "red.yaml", "--simulate", "--seed", "7").out.splitlines()
     assert out[0] == "red.yaml: red (simulated, seed 7)"
     assert out[1] == "  FAILED          0.000 s    1000.0 ms     6  expect Move Confirm"
@@ -127,14 +127,14 @@ def test_prints_what_is_red_as_it_comes_and_why_at_the_end(capsys: pytest.Captur
 
 
 @pytest.mark.usefixtures("folder")
-def test_green_steps_are_counted_and_with_v_shown(capsys: pytest.CaptureFixture[str]) -> None:
+def test_passed_steps_are_counted_and_with_v_shown(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["check", "green.yaml", "--simulate"]
     assert run(capsys, *words).out.splitlines()[1:] == ["  2 ok", "1 suite: 2 ok in 0.0 s of bus time"]
     assert [line[:4] for line in run(capsys, *words, "-v").out.splitlines()[1:]] == ["  ok", "  ok", "1 su"]
 
 
 @pytest.mark.usefixtures("folder")
-def test_quietly_it_prints_what_is_red_and_the_last_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_prints_failures_and_the_last_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(run(capsys, "check", "green.yaml", "--simulate", "-q").out.splitlines()) == 1
     out = run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "-q").out.splitlines()
     assert out[0] == "red.yaml:6: expect Move Confirm (simulated, seed 1)"
@@ -161,7 +161,7 @@ def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_listed_suite_says_for_what_it_is_and_its_tags(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_listed_suite_has_its_network_and_tags(capsys: pytest.CaptureFixture[str]) -> None:
     (green,) = run(capsys, "check", "green.yaml", "--list").out.splitlines()
     (foreign,) = run(capsys, "check", "foreign.yaml", "--list").out.splitlines()
     assert green == f"{'green':24}    2 steps  a suite (lift; any dialect)  [quick, first]"
@@ -187,7 +187,7 @@ def test_a_conformance_suite_runs_like_any_other(capsys: pytest.CaptureFixture[s
 
 @pytest.mark.long
 @pytest.mark.usefixtures("folder")
-def test_a_conformance_suite_goes_on_behind_a_red_step(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_conformance_suite_goes_on_after_a_failed_step(capsys: pytest.CaptureFixture[str]) -> None:
     words = f"--conformance {MODULE} --reversible --simulate --tag pdo --fault sync-ignored --json"
     said = run(capsys, "check", *words.split())
     (result,) = json.loads(said.out)
@@ -196,7 +196,7 @@ def test_a_conformance_suite_goes_on_behind_a_red_step(capsys: pytest.CaptureFix
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_device_that_is_gone_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_lost_device_is_reported_once(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", *f"--conformance {MODULE} --simulate --fault sdo-not-answered --json".split())
     first, *others = json.loads(said.out)
     assert said.status == 1
@@ -284,7 +284,7 @@ def test_a_thousand_steps_are_a_suite_like_any_other(folder: Path, capsys: pytes
     assert run(capsys, "check", "long.yaml", "--simulate").out.splitlines()[-1].startswith("1 suite: 1000 ok in 0.1 s")
 
 
-def test_a_device_that_is_none_of_the_robots_is_run_from_its_file(tmp_path: Path) -> None:
+def test_a_device_without_a_robot_is_simulated_from_its_file(tmp_path: Path) -> None:
     (tmp_path / "module.eds").write_text(io_module.TEXT, encoding="ascii")
     (tmp_path / "network.yaml").write_text("nodes: {module: {file: module.eds, node_id: 5}}", encoding="ascii")
     text = """\
@@ -307,7 +307,7 @@ steps:
 IO, SERVO = f"5={DOCS / 'io.eds'}", f"5={DOCS / 'servo.eds'}"
 
 
-def test_a_module_whose_outputs_are_switched_is_green(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_module_passes_with_its_outputs_switched(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", "--profile", "401", "--eds", IO, "--simulate", "--outputs")
     assert (said.status, said.err) == (0, "")
     assert "CiA 401, I/O module" in said.out
@@ -330,7 +330,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("words", "complaint"), REFUSED)
-def test_what_does_not_fit_is_one_line(
+def test_options_that_do_not_fit_are_one_line(
     words: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = run(capsys, "check", *words, "--eds", IO, "--simulate")

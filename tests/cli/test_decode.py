@@ -99,7 +99,7 @@ def test_text(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("words", [[cli.WORKBENCH], [cli.PROGRAM, "--robot", "none"]])
-def test_a_bus_of_which_there_is_no_file(
+def test_a_bus_without_any_file(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program, *options = words
@@ -147,7 +147,7 @@ def test_csv(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
 @pytest.mark.parametrize("filters", [[], ["--message", "SET-UP"], ["--since", "99"]])
-def test_all_damage_is_reported_in_any_case(
+def test_damage_is_reported_with_any_filter(
     damaged: Path, capsys: pytest.CaptureFixture[str], form: list[str], filters: list[str]
 ) -> None:
     assert cli.main(["decode", str(damaged), *form, *filters]) == 0
@@ -219,7 +219,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("arguments", "status", "text"), WRONG)
-def test_one_line_says_what_is_wrong(
+def test_a_mistake_is_one_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -257,7 +257,7 @@ def test_standard_input_from_a_pipe_is_decoded_as_it_comes() -> None:
         assert running.wait() == 0
 
 
-def test_a_reader_that_leaves_is_no_error(good: Path, tmp_path: Path) -> None:
+def test_a_closed_pipe_is_no_error(good: Path, tmp_path: Path) -> None:
     file = tmp_path / "long.log"
     file.write_text(good.read_text() * 5000)
     with subprocess.Popen([*SCRIPT, str(file)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
@@ -325,14 +325,14 @@ def test_a_transfer_that_the_end_of_the_log_cuts_off_is_counted(
     assert lines == ["SDO transfers: 1 read; 0 aborted, 1 without an end, 0 bytes"] * said
 
 
-def test_statistics_tell_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_statistics_name_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "wrong.log"
     file.write_text("(1.000000) can0 123#01\n")
     assert cli.main(["decode", str(file), "--statistics", "--strict"]) == 1
     assert "1 x unknown identifier" in capsys.readouterr().err
 
 
-def test_statistics_know_what_a_network_file_promises(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_statistics_compare_with_the_network_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, folder = tmp_path / "good.log", plant.FILES.folder()
     file.write_text("\n".join(GOOD))
     said = []
@@ -480,7 +480,7 @@ def test_replay_of_some_nodes(
     ],
 )
 @pytest.mark.usefixtures("bus")
-def test_replay_refuses_what_cannot_be(
+def test_replay_refuses_wrong_options(
     words: list[str], complaint: str, logs: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = run(capsys, "replay", logs[0], *words)

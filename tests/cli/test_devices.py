@@ -80,9 +80,7 @@ def test_two_devices_of_one_file_are_told_apart(capsys: pytest.CaptureFixture[st
     ]
 
 
-def test_a_folders_own_network_file_is_taken_unless_something_else_is_named(
-    capsys: pytest.CaptureFixture[str], folder: Path
-) -> None:
+def test_the_folder_s_network_file_is_the_default(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     (folder / "net.yaml").rename(folder / "eurobot-od.yaml")
     assert "motor.TPDO1" in run(capsys, "show").out
     assert "motor.TPDO1" not in run(capsys, "show", "--dialect", "canopen").out
@@ -104,7 +102,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("words", "line"), WRONG)
-def test_what_is_wrong_is_said_in_one_line(capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
+def test_an_error_is_one_line(capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
     assert run(capsys, "show", *words) == (ExitStatus.WRONG_INPUT, "", f"eurobot-od: {line}\n")
 
 
@@ -144,7 +142,7 @@ def test_a_patch_is_for_one_device_and_a_wrong_line_of_it_is_named(
     assert run(capsys, "show", *BOTH, "--patch", "5=my.yaml") == (ExitStatus.WRONG_INPUT, "", wrong)
 
 
-def test_what_is_left_out_of_a_file_is_said_in_one_line(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+def test_parts_left_out_of_a_file_are_one_line(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     flawed = "[2100]\nParameterName=Flawed\nDataType=5\n\n[2200sub1]\nParameterName=Lost\nDataType=5\n"
     (folder / "motor.eds").write_text(f"{MOTOR}see the manual\n{flawed}")
     said = run(capsys, "show", *BOTH)
@@ -194,7 +192,7 @@ def test_a_coupler_without_modules_says_how_to_plug_them_in(capsys: pytest.Captu
     assert "none of its modules is connected; --module takes 1 (8 inputs), 2 (4 inputs)," in said.err
 
 
-def test_a_guess_is_said_before_other_repairs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_guess_is_listed_before_other_repairs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "compact.eds"
     file.write_text(
         "[1000]\nParameterName=Type\nDataType=7\nAccessType=ro\nDefaultValue=zero\n"

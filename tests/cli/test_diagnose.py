@@ -56,7 +56,7 @@ def test_the_first_line_is_the_verdict(
 
 
 @pytest.mark.parametrize(("level", "status"), [("error", 0), ("warning", 0), ("note", 1), ("never", 0)])
-def test_the_lowest_level_that_fails(
+def test_the_verdict_is_the_lowest_failing_level(
     files: dict[str, str], capsys: pytest.CaptureFixture[str], level: str, status: int
 ) -> None:
     assert run(capsys, "diagnose", files["note"], "--fail-on", level, *WORKBENCH).status == status
@@ -91,7 +91,7 @@ def test_a_report(files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureF
     assert text.count("node 5: is lost") == 3  # the verdict, the table, its heading
 
 
-def test_only_the_headings_of_facts_are_never_broken(
+def test_headings_of_facts_are_not_wrapped(
     files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run(capsys, "diagnose", files["error"], "--report", str(report := tmp_path / "report.html"), *WORKBENCH)
@@ -133,7 +133,7 @@ def traffic(data: bytes, identifier: int, channel_name: str = "", **settings: An
     thread.join()
 
 
-def test_a_bus_is_listened_to_for_a_time(capsys: pytest.CaptureFixture[str]) -> None:
+def test_diagnose_listens_for_the_given_time(capsys: pytest.CaptureFixture[str]) -> None:
     with traffic(bytes.fromhex("1081110000000000"), 0x085) as name:
         said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "500ms", *WORKBENCH)
     assert said.status == 1

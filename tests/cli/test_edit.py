@@ -18,7 +18,7 @@ def motor(tmp_path: Path) -> Path:
     return Path(shutil.copy(DOCS / "motor.eds", tmp_path))
 
 
-def test_a_value_is_changed_and_nothing_is_said(motor: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_changed_value_prints_nothing(motor: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "edit", str(motor), "set", "1017", "DefaultValue=250") == (0, "", "")
     assert motor.read_text() == (DOCS / "motor.eds").read_text().replace("DefaultValue=500", "DefaultValue=250")
 
@@ -60,7 +60,7 @@ def test_a_dry_run_shows_the_difference_and_writes_nothing(motor: Path, capsys: 
     assert motor.read_bytes() == before
 
 
-def test_what_lint_warns_of_is_said(motor: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_warnings_of_lint_are_printed(motor: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "edit", str(motor), "set", "2100", "HighLimit=100")
     assert said.status == 1
     assert "W442 HighLimit 100 is a REAL32" in said.out

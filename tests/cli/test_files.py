@@ -78,7 +78,7 @@ def silent(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("form", ["c", "dbc", "wireshark"])
-def test_a_network_without_messages_is_told(form: str, silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_network_without_messages_is_one_line(form: str, silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "export", form, "--dialect", str(silent))
     assert (said.status, said.out) == (2, "")
     assert said.err == "eurobot-od: no messages: none of the loaded files has a valid PDO\n"
@@ -173,7 +173,7 @@ OF_A_NETWORK = [
 
 
 @pytest.mark.parametrize("words", [row[1] for row in OF_A_NETWORK], ids=[row[0] for row in OF_A_NETWORK])
-def test_a_patch_that_cannot_count_is_refused(
+def test_a_patch_for_several_devices_is_refused(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -203,7 +203,7 @@ def test_a_dcf_is_for_a_node(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "export", "dcf", SERVO) == (2, "", f"eurobot-od: say which node the DCF is for: 5={SERVO}\n")
 
 
-def test_code_for_canopennode_and_what_it_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_code_for_canopennode_names_what_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "firmware"
     said = run(capsys, "export", "canopennode", SERVO, "-o", str(folder), "--storage", "2000=MINE")
     assert said == (0, f"{folder}: OD.h and OD.c, 101 objects\n", "")
@@ -216,7 +216,7 @@ def test_code_for_canopennode_and_what_it_lacks(tmp_path: Path, capsys: pytest.C
 
 
 @pytest.mark.parametrize("form", ["eds", "xdd"])
-def test_a_form_has_what_a_patch_says(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_exported_form_has_the_patch(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     patch, file = tmp_path / "ours.yaml", tmp_path / f"made.{form}"
     patch.write_text("0x1017: {DefaultValue: 250}\n")
     assert run(capsys, "export", form, SERVO, "--patch", str(patch), "-o", str(file)).status == 0
@@ -263,7 +263,7 @@ def test_makes_the_files_of_a_teams_own_table(table: Path, tmp_path: Path, capsy
         ("unit: mm", "unit: 0.1 mm"),
     ],
 )
-def test_other_bits_under_the_same_revision_are_refused_unless_it_is_said(
+def test_changed_bits_need_a_new_revision_or_an_option(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str
 ) -> None:
     words = ("make-eds", str(table), "-o", str(tmp_path / "eds"))
@@ -283,7 +283,7 @@ def test_other_bits_under_the_same_revision_are_refused_unless_it_is_said(
     assert run(capsys, *words).status == 0
 
 
-def test_check_tells_what_differs_and_writes_nothing(
+def test_check_names_differences_and_writes_nothing(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = run(capsys, "make-eds", str(table), "-o", str(tmp_path / "eds"), "--check")

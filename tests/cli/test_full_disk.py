@@ -94,7 +94,7 @@ OPENS_TO_WRITE = re.compile(
 
 
 @pytest.mark.parametrize("folder", ["cli", "export", "web"])
-def test_no_command_writes_a_file_but_whole(folder: str) -> None:
+def test_each_command_writes_whole_files_or_none(folder: str) -> None:
     files = (ROOT / "eurobot_od" / folder).rglob("*.py")
     lines = [f"{file.name}: {line}" for file in files for line in file.read_text().splitlines()]
     assert [line for line in lines if OPENS_TO_WRITE.search(line) and "os.devnull" not in line] == []

@@ -22,7 +22,7 @@ from tests.cli.console import run
 from tests.kit import plant
 
 
-def test_it_names_what_is_installed_and_says_whether_something_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_lists_what_is_installed_and_its_faults(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "doctor")
     lines = said.out.splitlines()
     assert lines[0].startswith("eurobot-od ")
@@ -55,7 +55,7 @@ def test_packages_are_lines() -> None:
     ]
 
 
-def test_an_extra_is_told_with_its_versions_or_with_what_installs_it() -> None:
+def test_an_extra_has_its_versions_or_its_install_command() -> None:
     brought = {"monitor": ["python-can>=4"], "flight": ["no-such-wings>=2", "python-can>=4"]}
     assert list(installation.extra_lines(brought)) == [
         f"extra      monitor  python-can {version('python-can')}",
@@ -63,12 +63,12 @@ def test_an_extra_is_told_with_its_versions_or_with_what_installs_it() -> None:
     ]
 
 
-def test_what_an_extra_of_another_package_brings_is_looked_for_too() -> None:
+def test_extras_of_other_packages_are_checked_too() -> None:
     names = [each.name for each in extras.installed("python-can[mf4]>=4.4")]
     assert names[:2] == ["python-can", "asammdf"]
 
 
-def test_a_port_without_permission_is_told_with_what_gives_it() -> None:
+def test_a_port_without_permission_names_the_remedy() -> None:
     assert list(installation.denied(["/dev/ttyUSB0"])) == [
         ("/dev/ttyUSB0 cannot be opened by this user", "sudo usermod -aG dialout $USER, and log in again")
     ]
@@ -92,7 +92,9 @@ def test_each_shell_has_a_script_with_every_command(scripts: dict[str, str]) -> 
     assert not any(missing.values()), missing
 
 
-def test_it_has_the_options_of_every_command(scripts: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_script_has_the_options_of_every_command(
+    scripts: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
     for command in COMMANDS:
         name = f"_shtab_eurobot_od_{command.replace('-', '_')}_option_strings"
         (options,) = re.findall(rf"^{name}=\((.*)\)", scripts["bash"], re.MULTILINE)

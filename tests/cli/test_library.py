@@ -64,7 +64,7 @@ def test_devices_lists_the_files_and_complains_of_damaged_ones(capsys: pytest.Ca
     ]
 
 
-def test_an_empty_library_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_an_empty_library_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     assert run(capsys, "devices", "--library", "empty").out == "no device files in empty\n"
 
@@ -182,7 +182,7 @@ BY_NAME = [
 
 
 @pytest.mark.parametrize(("words", "printed"), BY_NAME)
-def test_a_node_is_spoken_to_by_the_names_of_its_file(
+def test_objects_of_a_node_have_the_names_of_its_library_file(
     capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], words: list[str], printed: str
 ) -> None:
     said = run(capsys, *words, *ALONE, "--library", "makers", *bus)
@@ -218,7 +218,7 @@ SPOKEN_TO = {
 
 
 @pytest.mark.parametrize("words", SPOKEN_TO.values(), ids=SPOKEN_TO)
-def test_a_command_that_prints_no_name_speaks_to_the_node_as_its_file_in_the_library_says(
+def test_a_command_uses_the_library_file_for_types_too(
     capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
     Path("new.bin").write_bytes(b"program")
@@ -253,7 +253,7 @@ def test_a_command_for_a_node_says_that_its_named_file_is_for_another_device(
     assert "another device" not in right.err
 
 
-def test_conformance_is_checked_of_what_is_on_the_bus(capsys: pytest.CaptureFixture[str], bus: tuple[str, ...]) -> None:
+def test_conformance_of_the_devices_on_the_bus(capsys: pytest.CaptureFixture[str], bus: tuple[str, ...]) -> None:
     words = ["check", "--conformance", "--tag", "objects", "--step", "Device type", *ALONE, "--library", "makers"]
     said = run(capsys, *words, "--json", *bus)
     assert {each["file"] for each in json.loads(said.out)} == {"axis_5.yaml", "axis_6.yaml", "other.yaml"}
@@ -338,9 +338,7 @@ def test_a_node_becomes_a_clone_of_another(capsys: pytest.CaptureFixture[str], f
     assert run(capsys, "diff", "five.dcf", "--node", "6", *five) == (0, "", "")
 
 
-def test_a_clone_asks_about_a_cob_id_that_somebody_chose(
-    capsys: pytest.CaptureFixture[str], five: tuple[str, ...]
-) -> None:
+def test_a_clone_asks_about_a_changed_cob_id(capsys: pytest.CaptureFixture[str], five: tuple[str, ...]) -> None:
     text = Path("five.dcf").read_text()
     Path("five.dcf").write_text(text.replace("ParameterValue=$NODEID+0x180", "ParameterValue=0x391"))
     said = configured(capsys, five)
@@ -395,13 +393,13 @@ def test_a_node_without_a_file_is_described_by_the_library_under_its_own_name(
     assert "door.TPDO1" in said.out
 
 
-def test_a_folder_of_makers_files_is_said_to_be_a_library(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_of_eds_files_is_suggested_as_a_library(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "decode", "run.log", "--network", "makers", *ALONE)
     assert said.status == 2
     assert said.complaint.endswith("they are a library: --library makers")
 
 
-def test_emcy_knows_the_words_of_a_device_of_the_library(capsys: pytest.CaptureFixture[str], library: Path) -> None:
+def test_emcy_has_the_error_names_of_the_library_file(capsys: pytest.CaptureFixture[str], library: Path) -> None:
     servo = (DOCS / "servo.eds").read_bytes()
     (library / "servo.eds").write_bytes(servo)
     (library / "servo.device.yaml").write_text("emcy: {0xFF01: gearbox jammed}\n")

@@ -75,7 +75,7 @@ FIXED = [(["--fix"], "own.eds"), (["--fix", "-o", "new.eds"], "new.eds")]
 
 
 @pytest.mark.parametrize(("options", "written"), FIXED)
-def test_a_file_is_written_as_it_is_meant(
+def test_fix_writes_the_repaired_file(
     options: list[str],
     written: str,
     capsys: pytest.CaptureFixture[str],
@@ -98,17 +98,19 @@ WRONG_FIXES = [(["none.eds"], 2), ([CLEAN, OLD, "-o", "x.eds"], 2), ([str(SAMPLE
 
 
 @pytest.mark.parametrize(("words", "status"), WRONG_FIXES)
-def test_what_cannot_be_repaired_is_told(words: list[str], status: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_findings_that_fix_cannot_repair_are_named(
+    words: list[str], status: int, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["lint", "--fix", *words]) == status
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_an_unknown_code_is_no_silent_green(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_code_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["lint", OLD, "--select", "E3008"]) == 2
     assert capsys.readouterr().err == "eurobot-od: unknown rule 'E3008'; did you mean E308?\n"
 
 
-def test_differences_are_named_and_as_hexadecimal_as_in_the_files(capsys: pytest.CaptureFixture[str]) -> None:
+def test_differences_are_written_as_in_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     main(["diff", OWN[1], OWN[1].replace("/plain/", "/packed/")])
     lines = capsys.readouterr().out.splitlines()
     assert "0x1018 sub 3 Identity object.Revision number: value: 0x00010000 -> 0x00020000" in lines
@@ -183,7 +185,7 @@ def test_a_check_imports_nothing_heavy() -> None:
     assert heavy & set(done.stderr.split()) == set()
 
 
-def test_a_log_for_code_scanning_says_each_cause_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_sarif_has_each_finding_once(capsys: pytest.CaptureFixture[str]) -> None:
     def results(*more: str) -> list[str]:
         main(["lint", *OWN, "--format", "sarif", *more])
         return [each["ruleId"] for each in json.loads(capsys.readouterr().out)["runs"][0]["results"]]
@@ -192,7 +194,7 @@ def test_a_log_for_code_scanning_says_each_cause_once(capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize("text", ["(1.5) can0 123#00\n(1.6) can0 124#01\n", "[FileInfo]\nFileName=a.eds\n", ""])
-def test_what_is_not_an_eds_is_not_fixed(capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str) -> None:
+def test_fix_leaves_a_file_that_is_no_eds(capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str) -> None:
     file = tmp_path / "candump.log"
     file.write_text(text)
     assert main(["lint", "--fix", str(file)]) == 2

@@ -14,7 +14,9 @@ RATES = [("500000", 0, "all deadlines are met"), ("250000", 0, "all deadlines ar
 
 
 @pytest.mark.parametrize(("rate", "status", "verdict"), RATES)
-def test_a_plug_in_s_own_traffic(capsys: pytest.CaptureFixture[str], rate: str, status: int, verdict: str) -> None:
+def test_the_verdict_on_a_robot_s_own_traffic(
+    capsys: pytest.CaptureFixture[str], rate: str, status: int, verdict: str
+) -> None:
     said = run(capsys, "load", "-b", rate)
     assert (said.status, said.err) == (status, "")
     _, told = said.out.split("\n\n")
@@ -22,7 +24,7 @@ def test_a_plug_in_s_own_traffic(capsys: pytest.CaptureFixture[str], rate: str, 
     assert told.count("125 kbit/s, load 7.3%") == 1  # the EDS files offer it
 
 
-def test_errors_may_make_a_deadline_be_missed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_bus_errors_can_cause_a_missed_deadline(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "load", "--errors", "30/10ms").status == 1
 
 
@@ -37,7 +39,7 @@ def test_a_network_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "load", str(network)).out == run(capsys, "load").out
 
 
-def test_a_network_that_does_not_say_how_often(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_network_file_without_periods(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "load", str(plant.FILES.folder()))
     assert said.status == 2
     assert said.complaint.startswith("eurobot-od: no period is known of Halt All, ")

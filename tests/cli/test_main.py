@@ -50,7 +50,7 @@ def test_an_unknown_command_is_wrong_usage(
     assert said.err.count("\n") == 1
 
 
-def test_the_version_names_python_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_includes_python_s(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "--version")
     assert (said.status, said.err) == (0, "")
     assert re.fullmatch(r"eurobot-od [0-9.]+(rc[0-9]+)?, Python 3\.[0-9.]+\S*\n", said.out)
@@ -83,7 +83,7 @@ NAMED = [
 
 
 @pytest.mark.parametrize(("words", "named"), NAMED)
-def test_what_is_printed_names_the_program_that_was_started(
+def test_messages_name_the_started_program(
     words: list[str], named: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "argv", [cli.WORKBENCH])
@@ -123,7 +123,7 @@ def test_an_error_becomes_one_line_and_an_exit_status(
     assert said.err.count("\n") == bool(complaint)
 
 
-def test_an_error_that_is_none_of_ours_is_a_bug_and_shows_its_traceback(
+def test_an_unexpected_error_shows_its_traceback(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eurobot_od.cli.installation.doctor", lambda: 1 // 0)
@@ -182,7 +182,7 @@ def test_the_package_runs_as_a_program() -> None:
 
 
 @pytest.mark.long
-def test_a_reader_that_leaves_is_no_error() -> None:
+def test_a_closed_pipe_is_no_error() -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "eurobot_od", "show"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -209,7 +209,7 @@ sys.exit({run}())
 
 @pytest.mark.parametrize("program", ["run", "workbench"])
 @pytest.mark.parametrize("module", ["eurobot_od.cli", "eurobot_od.cli.show", "eurobot_od.od.values", "canopen"])
-def test_ctrl_c_while_something_is_imported_is_an_exit_status_and_no_traceback(program: str, module: str) -> None:
+def test_ctrl_c_during_an_import_gives_no_traceback(program: str, module: str) -> None:
     code = INTERRUPTED_IMPORT.replace("{run}", program)
     words = [module, "show", "--eds", f"5={SERVO}"]
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
@@ -237,7 +237,7 @@ def test_a_closed_or_full_stream_is_one_line_and_no_traceback(words: str, status
     assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
 
 
-def test_what_a_stream_cannot_write_becomes_an_escape(tmp_path: Path) -> None:
+def test_characters_that_a_stream_cannot_write_are_escaped(tmp_path: Path) -> None:
     file = tmp_path / "name\udc80.log"
     file.write_text("(1.0) can0 182#\n")
     words = [sys.executable, "-m", "eurobot_od", "decode", str(file), str(file)]
@@ -287,7 +287,7 @@ def test_every_option_has_a_help(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [function.__name__ for function in FORMS for text, _ in options(function) if not text] == []
 
 
-def test_defaults_are_those_that_the_help_says() -> None:
+def test_defaults_are_those_in_the_help() -> None:
     given = [each for function in FORMS for each in options(function) if each[1] not in (None, Parameter.empty)]
     said = [(found, default) for text, default in given if (found := DEFAULT.search(text))]
     numbers = [
@@ -304,7 +304,7 @@ def test_defaults_are_those_that_the_help_says() -> None:
     (["-vv", "read", "5", "0x1000", "-i", "virtual", "-c", "verbose"], "eurobot_od.sdo: node 5: read 0x"),
     (["read", "5", "0x1000", "-i", "virtual", "-c", "verbose"], ""),
 ])  # fmt: skip
-def test_v_before_a_command_logs_what_it_does(capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
+def test_v_before_a_command_logs_its_work(capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
     cli.main(words)
     logged = [line for line in capsys.readouterr().err.splitlines() if " eurobot_od." in line]
     assert any(said in line for line in logged) if said else not logged

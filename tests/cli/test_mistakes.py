@@ -204,7 +204,7 @@ WITH_A_BUS = [
 
 
 @pytest.mark.parametrize("words", WITH_A_BUS)
-def test_a_command_for_a_bus_asks_which_and_does_nothing(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_without_a_bus_names_the_option(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, *words)
     assert said.status == 2
     assert said.err.startswith("eurobot-od: which bus? Name it by -i and -c, such as -i socketcan -c can0; here: ")

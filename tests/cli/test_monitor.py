@@ -42,7 +42,7 @@ def test_filter_and_sort(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[0] for line in lines] == ["10.000000", "10.500000", "ID", "702", "182"]
 
 
-def test_what_is_watched_is_recorded(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_monitor_records_the_watched_bus(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["monitor", str(log), "--speed", "max", "--filter", "none", "--log", str(tmp_path / "b.asc")]) == 0
     capsys.readouterr()
     with log.open("rb") as before, (tmp_path / "b.asc").open("rb") as after:
@@ -63,7 +63,7 @@ def test_statistics_at_the_end(log: Path, capsys: pytest.CaptureFixture[str]) ->
     assert load.startswith("load of 500 kbit/s: ? 0.01%, lift 0.02%")
 
 
-def test_nobody_can_be_asked_in_a_log(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_keys_that_ask_a_node_need_a_bus(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["monitor", str(log), "--ask"]) == 2
     assert capsys.readouterr().err == "eurobot-od: --ask is for a bus: a log has no devices to ask\n"
 

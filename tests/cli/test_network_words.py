@@ -39,7 +39,7 @@ EMCY = [
 
 
 @pytest.mark.parametrize(("network", "words", "of_five", "of_six"), EMCY)
-def test_words_of_error_codes_are_named_once(
+def test_error_codes_of_a_network_are_named_once(
     capsys: pytest.CaptureFixture[str], network: str, words: list[str], of_five: str, of_six: str
 ) -> None:
     Path("words/net.yaml").write_text(network)

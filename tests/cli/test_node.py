@@ -96,7 +96,7 @@ def test_no_line_of_a_drivers_log_stands_before_the_error() -> None:
         (["lift", "-i", "socketcan", "-c", "nosuch0"], 3, "cannot open the socketcan bus nosuch0: "),
     ],
 )
-def test_a_node_that_cannot_run_says_why_in_one_line(
+def test_a_node_that_cannot_run_is_one_line(
     capsys: pytest.CaptureFixture[str], words: list[str], status: int, complaint: str
 ) -> None:
     said = run(capsys, "node", *words)
@@ -272,7 +272,7 @@ WRONG_DEVICES = [
 
 
 @pytest.mark.parametrize(("words", "complaint"), WRONG_DEVICES)
-def test_a_device_that_cannot_run_says_why_in_one_line(
+def test_a_device_that_cannot_run_is_one_line(
     capsys: pytest.CaptureFixture[str], eds: str, words: list[str], complaint: str
 ) -> None:
     said = run(capsys, "node", "--eds", f"5={eds}", *words)

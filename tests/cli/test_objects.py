@@ -379,13 +379,13 @@ def test_configure_writes_stores_and_verifies(run: Run, lift: str, new_dcf: Path
 @pytest.mark.parametrize(
     ("option", "kept"), [("--no-store", "not stored"), ("--no-reset", "stored"), ("--only=profile", "")]
 )
-def test_configure_does_no_more_than_it_is_told(run: Run, lift: str, new_dcf: Path, option: str, kept: str) -> None:
+def test_configure_does_only_the_chosen_steps(run: Run, lift: str, new_dcf: Path, option: str, kept: str) -> None:
     done = f"node 2 configured: 2 objects written and read back, {kept}\n"
     said = DIFFERENCE + done if kept else "node 2 already is as new.dcf says\n"
     assert run(lift, "configure", "lift", str(new_dcf), option) == (0, said, "")
 
 
-def test_cob_ids_that_somebody_chose_are_asked_about_before_the_bus_is_opened(
+def test_changed_cob_ids_are_asked_about_before_the_bus_is_opened(
     capsys: pytest.CaptureFixture[str], new_dcf: Path
 ) -> None:
     assert main(["configure", "3", str(new_dcf), "-i", "nonsense"]) == 2
@@ -404,7 +404,7 @@ def test_the_dcf_of_a_live_node(run: Run, lift: str, tmp_path: Path) -> None:
     assert run(lift, "configure", "2", str(file), "--dry-run")[0] == 0
 
 
-def test_what_no_line_can_hold_stands_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
+def test_values_that_fit_no_line_are_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
     eds, file = tmp_path / "lift.eds", tmp_path / "live.dcf"
     eds.write_bytes(in_normal_form((LIFT.read_text() + FILES).encode())[0])  # which lists the object, too
     with stock_lift(eds) as (channel, node):
@@ -437,7 +437,7 @@ def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, lift
         ("start", "node 2 is operational\n"),
     ],
 )
-def test_nmt_tells_what_the_heartbeat_says(run: Run, lift: str, command: str, out: str) -> None:
+def test_nmt_prints_the_state_of_the_heartbeat(run: Run, lift: str, command: str, out: str) -> None:
     assert run(lift, "nmt", "2", command) == (0, out, "")
 
 
@@ -452,7 +452,7 @@ def test_nmt_to_all_nodes(run: Run, lift: str) -> None:
     assert run(lift, "scan", "--listen", "10 ms")[1].splitlines()[1].split() == ["2", *"-", "stopped", *"----"]
 
 
-def test_emcy_lists_and_clears_what_a_node_remembers(run: Run, lift: str) -> None:
+def test_emcy_lists_and_clears_a_node_s_error_history(run: Run, lift: str) -> None:
     assert run(lift, "emcy", "2") == (0, "node 2: no error (error register 0x00)\nno error remembered\n", "")
     with can.Bus(interface="virtual", channel=lift) as bus:
         bus.send(can.Message(arbitration_id=0x202, data=b"\1\2", is_extended_id=False))  # half a Move To
@@ -552,7 +552,7 @@ NODE_ID_IS_A_SETTING = DEVICE_TYPE + "".join(
 ).replace("SubNumber=1\n", "SubNumber=2\n")
 
 
-def test_a_node_with_restored_defaults_is_waited_for_where_it_will_be(run: Run, tmp_path: Path) -> None:
+def test_a_node_with_restored_defaults_is_awaited_under_its_default_node_id(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "mover.eds"
     file.write_bytes(in_normal_form(NODE_ID_IS_A_SETTING.encode())[0])
     channel = new_channel()

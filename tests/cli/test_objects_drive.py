@@ -47,7 +47,7 @@ def test_a_jog_ends_with_a_halt(capsys: pytest.CaptureFixture[str], channel: str
     assert json.loads(said(capsys, channel, "status", "--json").out)["velocity"] < 100
 
 
-def test_a_fault_is_said_and_reset(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fault_is_shown_and_reset(capsys: pytest.CaptureFixture[str]) -> None:
     channel = new_channel()
     with Live.node(open_bus(channel), DRIVE_FAULTS["encoder-lost"].given_to(SimulatedDrive)(SERVO)):
         moved = said(capsys, channel, "move", "9000")
@@ -70,14 +70,14 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("words", "complaint"), WRONG)
-def test_what_does_not_go_together_is_refused(
+def test_options_that_exclude_each_other_are_refused(
     capsys: pytest.CaptureFixture[str], channel: str, words: list[str], complaint: str
 ) -> None:
     wrong = said(capsys, channel, *words)
     assert (wrong.status, wrong.err) == (2, f"eurobot-od: {complaint}\n")
 
 
-def test_every_action_is_one_that_the_command_line_takes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_action_of_a_drive_is_a_command(capsys: pytest.CaptureFixture[str]) -> None:
     out = run(capsys, "drive", "--help").out
     assert [each for each in command.ACTIONS if each not in out] == []
 
@@ -112,7 +112,7 @@ NODE_WRONG = [
 
 
 @pytest.mark.parametrize(("words", "complaint"), NODE_WRONG)
-def test_what_a_device_cannot_have_is_refused(
+def test_an_action_that_the_device_lacks_is_refused(
     capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
 ) -> None:
     wrong = run(capsys, "node", "--eds", f"5={EDS}", "-i", "virtual", "-c", new_channel(), *words)

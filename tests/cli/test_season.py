@@ -59,7 +59,7 @@ def test_csv_and_json_have_all_rows(season: str, capsys: pytest.CaptureFixture[s
     assert json.loads(second)["line"] == 2
 
 
-def test_without_a_question_it_lists_the_tables(season: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_query_without_sql_lists_the_tables(season: str, capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "query", season).out.splitlines()
     assert "frames                   2  run, line, t, datetime, channel, cob_id, data, remote, fd, brs" in lines
 
@@ -77,7 +77,7 @@ def test_the_answer_to_any_query_is_drawn(season: str, tmp_path: Path, capsys: p
     assert "<polyline" in picture.read_text()
 
 
-def test_a_terminal_sees_how_far_a_query_is(season: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_shows_the_progress_of_a_query(season: str, monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr("eurobot_od.support.progress.SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)
@@ -104,7 +104,7 @@ HOSTILE = """
         (["--json"], [r"a\u001b[2J\nb", "[1,2]"]),
     ],
 )
-def test_whatever_a_log_says_stays_in_its_place(
+def test_texts_of_a_log_cannot_break_the_table(
     season: str, form: list[str], shown: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     status, out, _ = run(capsys, "query", season, HOSTILE, *form)
@@ -117,7 +117,7 @@ def test_whatever_a_log_says_stays_in_its_place(
     "sql", ["SELECT union_value(a := 1) AS u", "SELECT INTERVAL 1 MONTH AS m", "SELECT 1::BIT AS b"]
 )
 @pytest.mark.parametrize("form", ["--csv", "--json", "--plot=x.svg"])
-def test_any_type_has_an_answer_or_one_line(
+def test_a_column_of_any_type_is_printed_or_refused_in_one_line(
     season: str,
     sql: str,
     form: str,
@@ -178,7 +178,7 @@ def test_a_folder_without_files_is_no_table(season: str, capsys: pytest.CaptureF
         (["SELECT 'a' AS b", "--plot", "x.svg"], "nothing to draw"),
     ],
 )
-def test_wrong_questions_are_one_line(
+def test_wrong_queries_are_one_line(
     season: str, words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = run(capsys, "query", season, *words)
@@ -199,7 +199,7 @@ def log(tmp_path: Path) -> str:
     return str(file)
 
 
-def test_it_says_what_became_of_each_log(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_archive_prints_a_line_for_each_log(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["archive", log, "-o", str(tmp_path / "season")]
     first, again = run(capsys, *words), run(capsys, *words)
     assert first.status == again.status == 0
@@ -208,9 +208,7 @@ def test_it_says_what_became_of_each_log(log: str, tmp_path: Path, capsys: pytes
     assert again.out.startswith(f"{log}: known, ")
 
 
-def test_what_answers_what_is_kept_also_where_two_nodes_answer(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_requests_of_several_answering_nodes_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("duckdb", reason="the extra `season` is not installed")
     log, season = tmp_path / "start.log", str(tmp_path / "season")
     log.write_text("(1.000000) can0 481#1901\n(1.001000) can0 483#\n(1.002000) can0 483#\n")
@@ -237,7 +235,7 @@ def test_wrong_input_is_one_line(
     assert len(said.err.splitlines()) == 1
 
 
-def test_without_the_extra_it_says_what_to_install(
+def test_without_the_extra_the_install_command_is_printed(
     log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import sys
@@ -250,7 +248,7 @@ def test_without_the_extra_it_says_what_to_install(
     assert said.complaint == f"eurobot-od: {extras.missing('polars', 'season')}"
 
 
-def test_a_logs_name_stays_in_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_name_of_a_log_cannot_break_the_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "a\x1b[2J\nb.log"
     log.write_text("(1.0) can0 182#\n")
     said = run(capsys, "archive", str(log), "-o", str(tmp_path / "season"))

@@ -137,7 +137,7 @@ def test_an_answer_that_is_too_short_is_one_line(capsys: pytest.CaptureFixture[s
     assert said.err == "eurobot-od: Move State Response (0x282): 1 bytes of data, expected 3\n"
 
 
-def test_on_an_empty_bus_nothing_comes(capsys: pytest.CaptureFixture[str], wire: can.BusABC) -> None:
+def test_on_an_empty_bus_no_answer_comes(capsys: pytest.CaptureFixture[str], wire: can.BusABC) -> None:
     said = send(capsys, "Check Lift Request", "--expect", "Check Lift Response", "--within", "0.05s")
     assert said.status == 1
     assert said.out.splitlines()[1] == "expected  Check Lift Response: nothing came within 50 ms"
@@ -180,7 +180,7 @@ def test_a_bus_that_fails_while_the_answer_is_awaited_is_an_error(monkeypatch: p
         ("202#01", "202#01", ""),  # too short for a Move To: sent as it is
     ],
 )
-def test_a_frame_is_sent_as_it_is(
+def test_a_frame_is_sent_unchanged(
     capsys: pytest.CaptureFixture[str], wire: can.BusABC, text: str, frame: str, words: str
 ) -> None:
     assert send(capsys, text) == (0, f"sent      {frame}{words}\n", "")

@@ -33,7 +33,7 @@ def log(tmp_path: Path) -> Path:
         (["x/bus.log", "x/bus.log"], ["bus.log (1)", "bus.log (2)"]),
     ],
 )
-def test_logs_are_called_by_what_tells_them_apart(logs: list[str], names: list[str]) -> None:
+def test_logs_are_named_by_the_part_that_differs(logs: list[str], names: list[str]) -> None:
     assert told_apart(logs) == names
 
 
@@ -55,7 +55,7 @@ def test_logs_are_called_by_what_tells_them_apart(logs: list[str], names: list[s
         (["empty.log", "no.dcf"], 2, "no.dcf: No such file or directory"),
     ],
 )
-def test_what_is_refused(
+def test_wrong_command_lines_are_one_line(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     words: list[str], status: int, complaint: str,
 ) -> None:  # fmt: skip
@@ -64,7 +64,7 @@ def test_what_is_refused(
     assert (said.status, complaint in said.complaint) == (status, True), said
 
 
-def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_serve_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "aiohttp", None)
     said = run(capsys, "serve")
     assert said.complaint == f"eurobot-od: {extras.missing('aiohttp', 'web')}"
@@ -73,7 +73,7 @@ def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
 @pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
-def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals) -> None:
+def test_a_log_is_served_until_sigterm(log: Path, end: signal.Signals) -> None:
     with command("serve", str(log), "--listen", "127.0.0.1:0") as process:
         address = line(process, "http://127.0.0.1:").split()[0]
         with urlopen(address, timeout=PATIENCE) as answer:
@@ -97,7 +97,7 @@ def test_in_the_background_of_a_script_sigterm_ends_it(log: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.posix
-def test_a_bus_is_served_until_it_is_told_to_end() -> None:
+def test_a_bus_is_served_until_sigterm() -> None:
     with command("serve", "-i", "virtual", "-c", "test-serve", "--listen", "127.0.0.1:0") as process:
         address = line(process, "http://127.0.0.1:").split()[0]
         with urlopen(address, timeout=PATIENCE) as answer:
@@ -148,5 +148,5 @@ def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
         (None, None, "Bus"),
     ],
 )
-def test_a_page_is_named_by_its_bus_in_words(interface: str | None, channel: str | None, name: str) -> None:
+def test_the_title_of_the_page_names_its_bus(interface: str | None, channel: str | None, name: str) -> None:
     assert bus_name(interface, channel) == name

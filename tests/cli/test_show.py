@@ -82,7 +82,7 @@ def test_a_message_is_found_however_its_name_is_written(
 
 
 @pytest.mark.parametrize(("words", "count"), [(["show"], len(PROTOCOLS["plain"].bindings)), (["show", "Move To"], 1)])
-def test_json_says_the_same(capsys: pytest.CaptureFixture[str], words: list[str], count: int) -> None:
+def test_json_has_the_same_content(capsys: pytest.CaptureFixture[str], words: list[str], count: int) -> None:
     data = json.loads(run(capsys, *words, "--json").out)
     assert len(data) == count
     move = next(each for each in data if each["name"] == "Move To")
@@ -107,7 +107,7 @@ def test_the_dialect_may_come_from_the_environment(
         (["show", __file__], f"{__file__} is a file, not a message: name it by --eds"),
     ],
 )
-def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
+def test_an_unknown_name_is_an_error(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
     said = run(capsys, *words)
     assert (said.status, said.out, said.err) == (2, "", f"eurobot-od: {complaint}\n")
 

@@ -100,7 +100,7 @@ GIVEN = [
 
 
 @pytest.mark.parametrize(("words", "changed"), GIVEN)
-def test_a_function_gets_what_the_words_say(words: str, changed: dict[str, Any]) -> None:
+def test_a_function_gets_the_options_values(words: str, changed: dict[str, Any]) -> None:
     assert called("5", *words.split()) == {**PLAIN, **changed}
 
 
@@ -129,7 +129,7 @@ def test_a_wrong_word_is_one_line_with_the_options_name(
     assert (end.value.code, capsys.readouterr().err) == (2, f"do: error: {complaint}; see do --help\n")
 
 
-def test_a_robot_may_have_a_parameter_of_its_own() -> None:
+def test_a_robot_can_add_a_parameter() -> None:
     assert called("5", "--wings", "2", robot="bird")["wings"] == 2
 
 
@@ -159,7 +159,7 @@ def test_an_option_that_two_groups_have_is_one() -> None:
     assert call(parser.parse_args(["5", "-c", "can0"])) == (Bus(channel="can0"), Bus(channel="can0"))
 
 
-def test_what_is_known_before_counts_in_every_form() -> None:
+def test_known_arguments_apply_to_each_form() -> None:
     def form(*, channel: str = "") -> str:
         return channel
 

@@ -173,7 +173,7 @@ SAYS: list[tuple[Command, str]] = [
 @pytest.mark.parametrize(
     ("command", "wanted"), SAYS, ids=lambda each: " ".join(each) if isinstance(each, tuple) else ""
 )
-def test_a_command_says_the_unit(
+def test_a_command_prints_the_unit(
     capsys: pytest.CaptureFixture[str], source: UnitSource, command: Command, wanted: str
 ) -> None:
     words = [source.object if each == "OBJECT" else each for each in command]
@@ -217,7 +217,7 @@ def test_decoded_lines_have_value_and_unit_apart(capsys: pytest.CaptureFixture[s
     )
 
 
-def test_the_page_the_archive_and_mcap_say_it(capsys: pytest.CaptureFixture[str], source: UnitSource) -> None:
+def test_page_archive_and_mcap_have_the_unit(capsys: pytest.CaptureFixture[str], source: UnitSource) -> None:
     options = dict(zip(source.options[::2], source.options[1::2]))
     named = {name.lstrip("-"): [value] for name, value in options.items()}
     network = named.pop("network", [None])[0]

@@ -180,7 +180,7 @@ def test_a_number_that_is_changed_in_the_table_is_changed_everywhere(number: Num
 
 
 @pytest.mark.long
-def test_every_number_that_is_changed_in_the_table_is_changed_everywhere() -> None:
+def test_each_number_of_the_table_changes_everywhere() -> None:
     assert [each for each in NUMBERS if not is_seen(each)] == []
 
 

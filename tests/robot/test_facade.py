@@ -117,7 +117,7 @@ def by_sys_exit(_: Robot) -> None:
         (by_sys_exit, SystemExit),
     ],
 )
-def test_however_the_block_is_left_the_robot_stands(
+def test_the_robot_stands_however_the_block_ends(
     partners: Partners, leave: Callable[[Robot], None], error: type[BaseException] | None
 ) -> None:
     def play() -> None:
@@ -158,7 +158,7 @@ def test_ctrl_c_while_a_goto_is_waited_for(partners: Partners) -> None:
     assert partners.commands[-1] == StopDrive()
 
 
-def test_a_robot_that_was_never_sent_anywhere_is_not_stopped(partners: Partners) -> None:
+def test_a_robot_that_never_drove_is_not_stopped(partners: Partners) -> None:
     with robot_on(partners) as robot:
         robot.check_nodes()
         robot.configure_start(TeamColour.RED)
@@ -166,7 +166,7 @@ def test_a_robot_that_was_never_sent_anywhere_is_not_stopped(partners: Partners)
     assert partners.commands == []
 
 
-def test_a_drive_that_does_not_answer_is_told(nobody: Partners) -> None:
+def test_a_drive_that_does_not_answer_is_an_error(nobody: Partners) -> None:
     robot = impatient(nobody)
 
     def play() -> None:
@@ -237,7 +237,7 @@ def test_a_core_that_was_left_may_be_switched_on_again(partners: Partners) -> No
             assert set(core.check_nodes().result(LONG)) == {"drive", "navigation"}
 
 
-def test_a_goto_that_is_timed_out_has_the_robot_stand(partners: Partners) -> None:
+def test_the_robot_stands_after_a_goto_s_timeout(partners: Partners) -> None:
     with robot_on(partners) as robot:
         robot.configure_start(TeamColour.RED)
         report = robot.goto(*FAR, timeout=0.2)
@@ -258,7 +258,7 @@ def test_a_strategy_that_fails_leaves_a_robot_that_stands(partners: Partners) ->
     assert partners.commands[-1] == StopDrive()
 
 
-def test_a_goto_nobody_confirms_is_no_answer(nobody: Partners) -> None:
+def test_a_goto_without_confirm_has_no_answer(nobody: Partners) -> None:
     def play() -> None:
         with impatient(nobody) as robot:
             as_if_started(robot.core)

@@ -85,9 +85,7 @@ LEAVING = [
 
 
 @pytest.mark.parametrize(("change", "left"), LEAVING)
-def test_a_change_is_applied_to_what_leaves_and_to_no_other_message(
-    change: hooks.FrameChange, left: list[Frame]
-) -> None:
+def test_a_change_is_applied_to_its_sent_message_only(change: hooks.FrameChange, left: list[Frame]) -> None:
     node = drive(hooks.leaving(CheckDriveResponse, change))
     assert answers(node, CheckDriveRequest()) == left
     assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(PLACE)]
@@ -111,14 +109,14 @@ def test_a_change_of_the_meaning(change: hooks.FrameChange, said: KalmanPosition
 
 
 @pytest.mark.parametrize("change", [field("x", lambda x: x // 2), raw(x=lambda x: x // 2)])
-def test_a_frame_that_cannot_be_read_arrives_as_it_is(change: hooks.FrameChange) -> None:
+def test_an_unreadable_frame_arrives_unchanged(change: hooks.FrameChange) -> None:
     node = drive(hooks.arriving(GotoXY, change))
     short = Frame(PROTOCOL.cob_id(GotoXY), b"\x01\x02")
     assert [frame.cob_id for frame in node.receive(short, 0.0)] == [hooks.emcy(node)]
 
 
 @pytest.mark.parametrize(("change", "count"), [(hooks.lost, 0), (hooks.twice, 2)])
-def test_a_change_is_applied_to_what_arrives(change: hooks.FrameChange, count: int) -> None:
+def test_a_change_is_applied_to_received_messages(change: hooks.FrameChange, count: int) -> None:
     assert answers(drive(hooks.arriving(CheckDriveRequest, change)), CheckDriveRequest()) == [CHECKED] * count
 
 
@@ -133,7 +131,7 @@ def test_a_reaction_takes_the_place_of_the_healthy_one() -> None:
     assert answers(node, StopDrive()) == [PROTOCOL.encode(GotoConfirm())]
 
 
-def test_a_reaction_may_do_the_healthy_one_too() -> None:
+def test_a_reaction_can_call_the_healthy_one() -> None:
     node = drive(hooks.handling(GotoXY, lambda _, goto, healthy: healthy(goto._replace(speed=10))))
     answers(node, GOTO)
     assert node.goto == GOTO._replace(speed=10)
@@ -156,14 +154,14 @@ def test_frames_are_changed_by_their_number(count: int, left: int) -> None:
     assert answers(node, *[CheckDriveRequest()] * count) == [CHECKED] * left
 
 
-def test_numbers_begin_anew_with_a_reset() -> None:
+def test_numbers_restart_at_a_reset() -> None:
     node = drive(hooks.numbered(CheckDriveResponse, lambda number: hooks.kept if number == 1 else hooks.lost))
     assert answers(node, CheckDriveRequest(), CheckDriveRequest()) == [CHECKED]
     node.receive(Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, 0])), 0.0)
     assert answers(node, CheckDriveRequest()) == [CHECKED]
 
 
-def test_a_frozen_message_says_the_first_thing_until_all_begins_anew() -> None:
+def test_a_frozen_message_repeats_its_first_values_until_a_reset() -> None:
     node = drive(frozen(KalmanPositionResponse, StartConfigurationSet))
     yellow = START._replace(team_colour=TeamColour.YELLOW)
     asked = KalmanPositionRequest()
@@ -173,7 +171,7 @@ def test_a_frozen_message_says_the_first_thing_until_all_begins_anew() -> None:
     assert answers(node, yellow, asked)[1:] == [PROTOCOL.encode(PLACE._replace(x=2800, angle=180))]
 
 
-def test_an_answer_that_is_not_awaited_is_heard_at_once() -> None:
+def test_an_answer_may_come_before_it_is_awaited() -> None:
     heard: list[Message] = []
     listening = hooks.handling(GotoConfirm, lambda _, message, __: heard.append(message))
     node = drive(listening, hooks.leaving(CheckDriveResponse, hooks.unawaited(GotoConfirm())))
@@ -181,12 +179,12 @@ def test_an_answer_that_is_not_awaited_is_heard_at_once() -> None:
     assert heard == [GotoConfirm()]
 
 
-def test_both_of_two_things_are_wrong() -> None:
+def test_two_changes_of_a_message_both_apply() -> None:
     node = drive(both(hooks.leaving(GotoStateResponse, hooks.lost), hooks.leaving(CheckDriveResponse, hooks.twice)))
     assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
 
 
-def test_hooks_add_up() -> None:
+def test_hooks_of_several_faults_all_apply() -> None:
     state = hooks.leaving(GotoStateResponse, hooks.lost)
     node = drive(state, hooks.leaving(CheckDriveResponse, hooks.twice))
     assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
@@ -217,7 +215,7 @@ def test_names_of_faults_are_unique() -> None:
     assert len(set(PLUGINS.fault_names())) == len(PLUGINS.fault_names())
 
 
-def test_a_fault_has_a_name_for_the_command_line_and_a_sentence() -> None:
+def test_a_fault_has_a_command_line_name_and_a_description() -> None:
     texts = {name: PLUGINS.find_fault(name)[1].text for name in PLUGINS.fault_names()}
     assert [name for name in texts if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name)] == []
     assert [text for text in texts.values() if not re.fullmatch(r"[a-z].*[^.]", text)] == []
@@ -301,7 +299,7 @@ def test_a_goto_that_is_confirmed_on_arrival_is_not_confirmed_before() -> None:
     assert PROTOCOL.encode(GotoConfirm()) in answers(node, until=30.0)
 
 
-def test_a_time_that_jumps_is_a_time_all_the_same() -> None:
+def test_a_jumping_time_stays_a_valid_time() -> None:
     node = faulty_drive("time-jumps")
     answers(node, GOTO)
     first, second = (PROTOCOL.decode(*frame) for frame in answers(node, *[GotoStateRequest()] * 2))
@@ -340,7 +338,7 @@ def stopped_with(name: str) -> Bench:
 
 
 @pytest.mark.parametrize(("name", "asks"), [("state-asked-after-stop", True), ("obstacle-not-told", False)])
-def test_a_core_that_asks_on_asks_for_a_second_after_the_stop(name: str, asks: bool) -> None:
+def test_a_core_that_keeps_asking_does_so_for_a_second_after_the_stop(name: str, asks: bool) -> None:
     bench = stopped_with(name)
     bench.run(1.0)
     since = bench.now

@@ -160,7 +160,7 @@ def test_filters_are_what_python_can_understands() -> None:
 # Delivery
 
 
-def test_queues_and_functions_of_one_message_all_hear_it() -> None:
+def test_all_queues_and_functions_of_a_message_get_it() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     first, second = Heard(), Heard()
     queues = [gatekeeper.add_queue(GotoXY), gatekeeper.add_queue(GotoXY)]
@@ -172,7 +172,7 @@ def test_queues_and_functions_of_one_message_all_hear_it() -> None:
     assert [first, second, *(queue.drain() for queue in queues)] == [expected] * 4
 
 
-def test_listeners_hear_only_their_own_message() -> None:
+def test_listeners_get_only_their_message() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     queue = gatekeeper.add_queue(GotoXY)
     gatekeeper.add_queue(StopDrive)
@@ -198,7 +198,7 @@ def test_nodes_are_served_first_then_queues_then_functions_each_in_the_order_of_
     assert order == ["node 1, 0 queued", "node 2, 0 queued", "function 1, 1 queued", "function 2, 1 queued"]
 
 
-def test_without_a_type_every_message_is_heard() -> None:
+def test_a_listener_without_a_type_gets_every_message() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     heard = Heard()
     queue: MessageQueue[Message] = gatekeeper.add_queue(None)
@@ -209,7 +209,7 @@ def test_without_a_type_every_message_is_heard() -> None:
     assert heard == queue.drain() == [Received(GOTO, 1.0), Received(StopDrive(), 2.0)]
 
 
-def test_functions_run_where_they_are_told_to_nodes_and_queues_in_place() -> None:
+def test_functions_run_in_their_executor_nodes_and_queues_in_place() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     node, function, frames = Heard(), Heard(), Heard()
     gatekeeper.add_function(GotoXY, function)
@@ -231,7 +231,7 @@ BUFFERS = {"whole": GOTO_FRAME.data, "without the optional fields": GOTO_FRAME.d
 
 
 @pytest.mark.parametrize("data", BUFFERS.values(), ids=BUFFERS)
-def test_what_listeners_get_does_not_change_with_the_drivers_buffer(data: bytes) -> None:
+def test_data_of_listeners_does_not_change_with_the_driver_s_buffer(data: bytes) -> None:
     gatekeeper = Gatekeeper(PROTOCOL, clock=Clock())
     nodes, function = Heard(), Heard()
     gatekeeper.add_node(lambda: (0x008,), nodes, "node 1")
@@ -311,7 +311,7 @@ def test_2014_a_full_queue_keeps_the_newer_message_and_says_so() -> None:
 # Listeners that do harm
 
 
-def test_a_listener_that_raises_is_named_and_the_others_hear_the_message() -> None:
+def test_a_listener_that_raises_is_named_and_the_others_get_the_message() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     heard = Heard()
     gatekeeper.add_function(GotoXY, broken)
@@ -325,7 +325,7 @@ def test_a_listener_that_raises_is_named_and_the_others_hear_the_message() -> No
     assert gatekeeper.statistics().listeners[0] == ListenerStatistics("broken", delivered=2, lost=0, failed=2)
 
 
-def test_a_slow_listener_is_called_on_and_reported_less_and_less() -> None:
+def test_a_slow_listener_is_reported_at_growing_intervals() -> None:
     clock = Clock()
     gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.010)
     gatekeeper.add_function(GotoXY, lambda *_: clock.run(0.020), "slow")
@@ -459,7 +459,7 @@ def test_a_message_that_cannot_be_encoded_is_an_error_and_nothing_is_sent() -> N
     assert gatekeeper.statistics().transmit.submitted == 0
 
 
-def test_of_the_reports_that_nobody_takes_the_latest_thousand_are_kept() -> None:
+def test_the_latest_thousand_unread_reports_are_kept() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     for number in range(1002):
         gatekeeper.report(Report(Event.BUS_OFF, "can0", "", number))

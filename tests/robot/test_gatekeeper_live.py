@@ -23,7 +23,7 @@ def driver() -> Iterator[Driver]:
     bus.shutdown()
 
 
-def test_a_driver_that_refuses_costs_a_frame_after_50_ms_and_says_so(driver: Driver) -> None:
+def test_a_frame_that_the_driver_refuses_is_dropped_after_50_ms_and_reported(driver: Driver) -> None:
     clock, reports = Clock(), Reports()
     driver.error = can.CanOperationError("transmit buffer full")
     with Live(driver, Gatekeeper(PROTOCOL, report=reports), clock=clock) as live:
@@ -41,7 +41,7 @@ def test_a_driver_that_refuses_costs_a_frame_after_50_ms_and_says_so(driver: Dri
     assert live.failure is None  # a full buffer is not a failure of the bus
 
 
-def test_the_keeper_looks_again_when_a_frame_has_waited_too_long(driver: Driver) -> None:
+def test_the_keeper_wakes_when_a_frame_expires(driver: Driver) -> None:
     driver.error = can.CanOperationError("transmit buffer full")
     live = Live(driver, Gatekeeper(PROTOCOL), clock=lambda: 5.0)
     live.send(CheckCabinRequest())

@@ -136,7 +136,7 @@ def test_a_frame_is_not_dropped_because_its_bus_was_served_late_while_a_mailbox_
 
 
 @pytest.mark.parametrize("stay", [Stay.LASTING, Stay.TRANSFER, Stay.PERIODIC])
-def test_what_is_to_stay_waits_as_long_as_it_takes(stay: Stay) -> None:
+def test_a_lasting_frame_waits_without_limit(stay: Stay) -> None:
     boxes, reports = mailboxes(1)
     submit(boxes, 0.0, "001#")
     [first] = boxes.load(0.0)
@@ -222,7 +222,7 @@ def test_mailboxes_hold_a_frame_from_its_submission_until_it_was_sent() -> None:
     assert held == [False, True, True, True, True, False]
 
 
-def test_while_the_bus_is_away_only_what_is_lasting_is_kept_and_the_rest_is_counted() -> None:
+def test_while_the_bus_is_lost_only_lasting_frames_are_kept_and_others_counted() -> None:
     boxes, reports = mailboxes(2)
     stop, goto = frames("004#", "008#01")
     boxes.submit(goto, 0.0)
@@ -242,7 +242,7 @@ def test_while_the_bus_is_away_only_what_is_lasting_is_kept_and_the_rest_is_coun
     assert boxes.load(6.0) == frames("008#03")
 
 
-def test_what_is_withdrawn_is_what_waits_and_not_what_the_controller_has() -> None:
+def test_only_waiting_frames_are_withdrawn() -> None:
     boxes, _ = mailboxes(1)
     submit(boxes, 0.0, "582#01", "582#02", "582#03", "701#05")
     boxes.load(0.0)

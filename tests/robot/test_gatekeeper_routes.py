@@ -34,7 +34,7 @@ def heard(gatekeeper: Gatekeeper) -> list[object]:
     return [each["can_id"] for each in gatekeeper.filters()]
 
 
-def test_a_listener_hears_its_message_under_the_new_identifier_only() -> None:
+def test_a_listener_gets_its_message_under_the_new_identifier_only() -> None:
     gatekeeper = Gatekeeper(changed({}))
     queue = gatekeeper.add_queue(CheckDriveRequest)
     gatekeeper.start()
@@ -55,7 +55,7 @@ def test_a_message_without_a_class_of_its_own_is_followed_too() -> None:
     assert [received.timestamp for received in queue.drain()] == [1.0]
 
 
-def test_two_messages_may_change_places() -> None:
+def test_two_messages_can_swap_identifiers() -> None:
     gatekeeper = Gatekeeper(changed({}))
     check, state = gatekeeper.add_queue(CheckDriveRequest), gatekeeper.add_queue(GotoStateRequest)
     gatekeeper.start()
@@ -81,7 +81,7 @@ def test_a_message_that_is_not_valid_is_not_listened_to_until_it_is_again() -> N
     assert len(queue.drain()) == 1
 
 
-def test_who_listens_to_frames_is_asked_again() -> None:
+def test_nodes_are_asked_again_for_their_identifiers() -> None:
     wanted = [0x702]
     gatekeeper = Gatekeeper(changed({}))
     gatekeeper.add_frames(lambda: wanted, lambda *_: None, "frames")
@@ -91,7 +91,7 @@ def test_who_listens_to_frames_is_asked_again() -> None:
     assert heard(gatekeeper) == [0x703, 0x704]
 
 
-def test_who_wants_to_know_of_a_change_is_called_after_it_in_the_thread_that_receives() -> None:
+def test_a_change_is_announced_after_it_in_the_receiving_thread() -> None:
     told: list[tuple[list[object], threading.Thread]] = []
     gatekeeper = Gatekeeper(changed({}))
     gatekeeper.add_queue(CheckDriveRequest)

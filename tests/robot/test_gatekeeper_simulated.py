@@ -43,14 +43,14 @@ def test_a_frame_that_finds_no_mailbox_for_50_ms_is_dropped_and_reported() -> No
 
 
 @pytest.mark.parametrize("count", [1, 3, 100])
-def test_what_can_leave_in_50_ms_is_not_lost(count: int) -> None:
+def test_frames_that_can_leave_in_50_ms_are_not_lost(count: int) -> None:
     wire = Wire()
     wire.say(*(Frame(0x680 + number, bytes(8)) for number in range(count)))
     assert len(wire.run(0.2)) == count
     assert wire.network.reports == []
 
 
-def test_what_is_said_while_the_bus_is_off_is_dropped_for_want_of_a_mailbox() -> None:
+def test_messages_sent_while_the_bus_is_off_are_dropped() -> None:
     wire = Wire()
     wire.network.cut(0.5)
     frames = [Frame(0x680 + number) for number in range(5)]

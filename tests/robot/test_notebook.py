@@ -70,6 +70,6 @@ def test_strategies_and_blocking_calls_in_a_notebook() -> None:
 
 
 @pytest.mark.long
-def test_a_strategy_that_hangs_there_is_ended() -> None:
+def test_a_hanging_strategy_in_a_notebook_is_ended() -> None:
     with pytest.raises(CellExecutionError, match=r"ProgramFailed.*does not give way"):
         run(HANGING)

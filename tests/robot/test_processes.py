@@ -144,7 +144,7 @@ def test_a_drive_that_is_killed_and_restarted_is_checked_configured_and_joins_by
 
 
 @pytest.mark.long
-def test_a_drive_that_was_frozen_carries_out_no_stale_goto() -> None:
+def test_a_drive_that_was_frozen_does_not_obey_an_old_goto() -> None:
     port = free_port()
     with bus_server(port), node("drive", *shared(port)) as drive, joined(port) as bus:
         bus.send(frame(StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0)))

@@ -173,7 +173,7 @@ def test_the_fixture_runs_a_suite_beside_the_test_or_a_shipped_one(pytester: pyt
 
 
 @pytest.mark.long
-def test_it_costs_nothing_where_nobody_uses_it(pytester: pytest.Pytester) -> None:
+def test_the_plugin_imports_nothing_until_it_is_used(pytester: pytest.Pytester) -> None:
     pytester.path.joinpath("docker-compose.yaml").write_text("services: {}\n")
     pytester.makepyfile(
         """

@@ -27,7 +27,7 @@ from eurobot_od.season.reports import ChartKind
         ({"t": [3], "n": [-2]}, ChartKind.LINES, 1),
     ],
 )
-def test_rows_are_drawn_as_their_columns_ask_for(rows: dict[str, list[object]], kind: ChartKind, shapes: int) -> None:
+def test_the_columns_choose_the_kind_of_picture(rows: dict[str, list[object]], kind: ChartKind, shapes: int) -> None:
     frame = pl.DataFrame(rows)
     chart = chart_of(frame)
     assert chart.kind is kind
@@ -37,7 +37,7 @@ def test_rows_are_drawn_as_their_columns_ask_for(rows: dict[str, list[object]], 
     assert len(drawn) == shapes + (kind is not ChartKind.LINES)  # the paper is a rectangle, too
 
 
-def test_no_rows_are_said_to_be_none() -> None:
+def test_a_picture_of_no_rows_says_so() -> None:
     frame = pl.DataFrame({"name": [], "n": []}, {"name": pl.String, "n": pl.Int64})
     assert "no rows" in draw(frame, chart_of(frame), "empty")
 

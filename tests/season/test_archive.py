@@ -73,7 +73,7 @@ def table_rows(season: Path) -> list[dict[str, object]]:
     return pl.read_parquet(season / "runs" / "*.parquet").rows(named=True)
 
 
-def test_a_run_lasts_from_its_first_entry_to_its_last_whatever_they_are(tmp_path: Path) -> None:
+def test_a_run_lasts_from_its_first_entry_to_its_last_of_any_kind(tmp_path: Path) -> None:
     log = tmp_path / "some.log"
     log.write_text("(0.500000) can0 123##1AB\n(0.600000) can0 202#\n(0.700000) can0 123##1AB\n")
     Archiver(tmp_path / "season", NETWORK)(log)
@@ -104,7 +104,7 @@ def test_with_another_node_id_it_is_another_run(log: Path, tmp_path: Path) -> No
     assert len(runs) == 2
 
 
-def test_a_run_that_was_broken_off_is_done_again(log: Path, tmp_path: Path) -> None:
+def test_an_unfinished_run_is_archived_again(log: Path, tmp_path: Path) -> None:
     season = tmp_path / "season"
     run = Archiver(season, NETWORK)(log).run
     (season / "runs" / f"{run}.parquet").unlink()  # as if it had ended before the last step
@@ -167,7 +167,7 @@ def test_remote_frames_and_those_with_29_bits_have_the_decoders_words(tmp_path: 
 
 
 @pytest.mark.long
-def test_several_at_once_come_to_the_same(tmp_path: Path) -> None:
+def test_logs_archived_in_parallel_give_the_same_season(tmp_path: Path) -> None:
     logs = [write_log(tmp_path / f"{n}.log", [(n + time, frame) for time, frame in FRAMES]) for n in range(4)]
     one, other = tmp_path / "one", tmp_path / "other"
     with local(2) as processes:
@@ -178,7 +178,7 @@ def test_several_at_once_come_to_the_same(tmp_path: Path) -> None:
         assert Season.open(one).sql(query).equals(Season.open(other).sql(query))
 
 
-def test_two_copies_at_once_are_one_run(log: Path, tmp_path: Path) -> None:
+def test_two_copies_of_a_log_archived_in_parallel_are_one_run(log: Path, tmp_path: Path) -> None:
     season, copy, other = tmp_path / "season", tmp_path / "copy.log", list[Archived]()
     shutil.copy(log, copy)
 
@@ -191,7 +191,7 @@ def test_two_copies_at_once_are_one_run(log: Path, tmp_path: Path) -> None:
     assert len(table(season, "frames")) == len(FRAMES)
 
 
-def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> None:
+def test_an_unknown_format_archives_nothing(log: Path, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("x")
     with pytest.raises(LocalError, match=r"notes.txt: not a known log"):
         list(archive([log, tmp_path / "notes.txt"], tmp_path / "season", NETWORK))
@@ -206,7 +206,7 @@ def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> 
         (["2nd axis", "\u00c4"], ["message_2nd_axis", "message"]),
     ],
 )
-def test_tables_have_names_of_their_own(messages: list[str], tables: list[str]) -> None:
+def test_no_two_tables_have_the_same_name(messages: list[str], tables: list[str]) -> None:
     assert list(table_names(messages).values()) == tables
 
 
@@ -221,7 +221,7 @@ def test_tables_have_names_of_their_own(messages: list[str], tables: list[str]) 
         (b"", False),
     ],
 )
-def test_a_file_is_whole_with_its_beginning_its_end_and_its_description(
+def test_a_parquet_file_is_complete_only_with_head_foot_and_description(
     tmp_path: Path, content: bytes, whole: bool
 ) -> None:
     file = tmp_path / "a.parquet"
@@ -249,7 +249,7 @@ def test_a_log_whose_files_have_a_flipped_bit_is_archived_again(log: Path) -> No
         assert Archiver(season, NETWORK)(log).known
 
 
-def test_a_full_disk_is_said_of_the_season_and_a_log_that_cannot_be_read_of_the_log(
+def test_an_error_names_the_season_on_a_full_disk_and_the_log_if_that_cannot_be_read(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     resource = pytest.importorskip("resource")
@@ -287,7 +287,9 @@ def test_the_row_of_a_log_is_in_place_last(log: Path, tmp_path: Path, monkeypatc
     assert placed.index("runs") == len(placed) - 1
 
 
-def test_what_is_put_in_place_is_on_the_disk(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_are_on_the_disk_before_they_are_moved_into_place(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     synced: set[int] = set()
     placed: list[bool] = []
     fsync, replace = os.fsync, Path.replace
@@ -308,7 +310,7 @@ def test_what_is_put_in_place_is_on_the_disk(log: Path, tmp_path: Path, monkeypa
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the locks are POSIX's")
-def test_what_the_second_is_making_is_left_alone_when_the_first_is_done_and_a_third_comes(tmp_path: Path) -> None:
+def test_a_third_process_leaves_the_second_one_s_unfinished_run_alone(tmp_path: Path) -> None:
     with ExitStack() as first:
         first.enter_context(_begun(tmp_path))
         with _begun(tmp_path):
@@ -321,9 +323,7 @@ def test_what_the_second_is_making_is_left_alone_when_the_first_is_done_and_a_th
         assert not made.exists(), "nobody is at work on it any more"
 
 
-def test_frames_that_are_written_in_parts_are_there_once(
-    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_frames_written_in_parts_are_there_once(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eurobot_od.season.archive.MANY", 1)
     Archiver(tmp_path / "season", NETWORK)(log)
     assert table(tmp_path / "season", "move_to")["line"].to_list() == [1]
@@ -342,7 +342,7 @@ def servo_log(file: Path, lines: str, channel: str = "can0", other: str = "") ->
     return file
 
 
-def test_messages_are_by_what_their_devices_have_in_force(tmp_path: Path) -> None:
+def test_messages_are_decoded_by_the_mapping_in_force(tmp_path: Path) -> None:
     """Each frame as `decode` has it, on each channel; a mapping without frames leaves no table behind."""
     network, season = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), plant.CATALOGUE), tmp_path / "season"
     Archiver(season, network)(servo_log(tmp_path / "boot.log", f"{REMAP} {REMAPPED}"))
@@ -394,7 +394,7 @@ def test_frames_of_can_fd_are_frames_and_times_of_a_log_with_dates_are_timestamp
     assert str(pq.read_schema(file).field("datetime").type) == "timestamp[us, tz=UTC]"
 
 
-def test_a_log_that_counts_from_its_begin_has_no_dates(log: Path) -> None:
+def test_a_log_with_relative_times_has_no_dates(log: Path) -> None:
     frames = table(archived(log, NETWORK), "frames")
     assert frames["datetime"].to_list() == [None] * len(FRAMES)
 
@@ -451,7 +451,7 @@ def test_services_have_tables(tmp_path: Path) -> None:
     assert table(season, "nmt").drop("run", "datetime").rows() == [(1, 1.0, "can0", 5, "start")]
 
 
-def test_what_a_transfer_lacks_is_damage_as_in_decode(tmp_path: Path) -> None:
+def test_an_incomplete_transfer_is_damage_as_in_decode(tmp_path: Path) -> None:
     killed = "(1.0) can0 605#C6001F01E8030000\n(1.1) can0 585#A4001F017F000000\n(5.0) can0 705#00\n"
     (tmp_path / "some.log").write_text(killed)
     Archiver(tmp_path / "season", DecodedNetwork((FILE,), plant.CATALOGUE))(tmp_path / "some.log")

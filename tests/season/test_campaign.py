@@ -49,12 +49,12 @@ def test_results_come_in_order_from_any_executor(count: int) -> None:
             assert list(campaign.run(square, range(count), who)) == squares(*range(count))
 
 
-def test_processes_of_this_machine_come_to_the_same() -> None:
+def test_processes_give_the_same_results_in_order() -> None:
     with local(2) as processes:
         assert list(campaign.run(square, range(9), processes)) == squares(*range(9))
 
 
-def test_ctrl_c_which_reaches_all_processes_is_for_the_parent_to_act_on() -> None:
+def test_only_the_parent_acts_on_ctrl_c() -> None:
     with campaign.Processes(1) as executor:
         assert executor.submit(signal.getsignal, signal.SIGINT).result() is signal.SIG_IGN
 
@@ -78,7 +78,7 @@ with campaign.local(2) as processes:
 
 
 @pytest.mark.posix
-def test_processes_end_with_their_parent_whatever_their_work_has_replaced() -> None:
+def test_processes_end_with_their_parent_even_if_their_work_replaces_signal_handlers() -> None:
     with subprocess.Popen([sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, start_new_session=True) as parent:
         group = threading.Timer(PATIENCE, partial(os.killpg, parent.pid, signal.SIGKILL))
         group.start()
@@ -117,7 +117,7 @@ def counting(done: list[int], number: int) -> Square:
     return square(number)
 
 
-def test_a_campaign_that_was_broken_off_does_only_what_is_left(tmp_path: Path) -> None:
+def test_an_interrupted_campaign_does_only_what_is_left(tmp_path: Path) -> None:
     folder, done = tmp_path / "squares", list[int]()
     run = campaign.run(partial(counting, done), range(20), HERE, kept(folder))
     for _ in range(7):
@@ -171,7 +171,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "[]", "[" * 100_000, '{"a": '], ids=["nothing", "a list", "deep", "cut off"])
-def test_settings_that_are_none_are_one_line(text: str, tmp_path: Path) -> None:
+def test_wrong_settings_are_one_line(text: str, tmp_path: Path) -> None:
     (tmp_path / SETTINGS).write_text(text)
     with pytest.raises(LocalError, match=r"campaign\.json: these are not the settings of a campaign$"):
         kept(tmp_path, resume=True)
@@ -217,7 +217,7 @@ def test_a_dask_worker_that_is_killed_loses_its_block_only(cluster: Cluster, tmp
         ("dask://nonsense", None, "no dask scheduler answers"),
     ],
 )
-def test_an_executor_that_cannot_be_is_one_line(text: str, jobs: int | None, complaint: str) -> None:
+def test_an_executor_that_cannot_be_made_is_one_line(text: str, jobs: int | None, complaint: str) -> None:
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     with pytest.raises(LocalError, match=complaint) as error, workers(text, jobs, 5):
         pass

@@ -70,7 +70,7 @@ def network_of(dialect: str) -> DecodedNetwork:
 
 @pytest.mark.long
 @pytest.mark.parametrize("dialect", plant.DIALECTS)
-def test_every_row_of_a_shift_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
+def test_every_row_of_a_match_has_the_protocol_s_values(dialect: str, tmp_path: Path) -> None:
     frames = [(round(time, 6), frame) for time, frame in plant.shift(dialect) if isinstance(frame, Frame)]
     season = archived(write_log(tmp_path / "shift.log", frames), network_of(dialect))
     assert len(table(season, "frames")) == len(frames)
@@ -79,7 +79,7 @@ def test_every_row_of_a_shift_is_what_the_protocol_says(dialect: str, tmp_path: 
 
 @pytest.mark.long
 @pytest.mark.parametrize("dialect", plant.DIALECTS)
-def test_every_row_of_random_frames_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
+def test_every_row_of_random_frames_has_the_protocol_s_values(dialect: str, tmp_path: Path) -> None:
     network = network_of(dialect)
     protocol = protocol_of(network)
     frames = [each for each in random_frames(RANDOM, protocol) if not _is_nan(protocol, each)]
@@ -87,7 +87,7 @@ def test_every_row_of_random_frames_is_what_the_protocol_says(dialect: str, tmp_
     assert_equal_to_protocol(season, frames, network)
 
 
-def test_every_type_at_any_offset_is_what_the_protocol_says(tmp_path: Path) -> None:
+def test_each_type_at_any_offset_has_the_protocol_s_values(tmp_path: Path) -> None:
     network = all_types(tmp_path / "types.eds")
     protocol = protocol_of(network)
     assert len(protocol.bindings) == len(TYPES)
@@ -103,7 +103,7 @@ class Reading(IntEnum):
     TOO_NEAR = -30
 
 
-def test_steps_of_a_unit_and_codes_are_what_the_protocol_says(tmp_path: Path) -> None:
+def test_scaled_values_and_codes_are_the_protocol_s(tmp_path: Path) -> None:
     catalogue = Catalogue()
 
     @catalogue.message()
@@ -142,7 +142,7 @@ def _is_nan(protocol: Protocol, timed: Timed) -> bool:
 
 @pytest.mark.long
 @pytest.mark.parametrize("dialect", plant.DIALECTS)
-def test_all_defects_are_those_of_the_decoder(dialect: str, tmp_path: Path) -> None:
+def test_defects_are_the_same_as_the_decoder_s(dialect: str, tmp_path: Path) -> None:
     network = network_of(dialect)
     decode, frames = Decoder(network.dictionaries, plant.CATALOGUE), random_frames(5000, protocol_of(network), seed=2)
     season = archived(write_log(tmp_path / "random.log", frames), network)
@@ -159,7 +159,7 @@ def test_all_defects_are_those_of_the_decoder(dialect: str, tmp_path: Path) -> N
     assert sorted(table(season, "damage").select("line", "kind", "text").rows()) == sorted(wanted)
 
 
-def test_columns_say_unit_and_what_null_means(tmp_path: Path) -> None:
+def test_columns_have_unit_and_the_meaning_of_null(tmp_path: Path) -> None:
     season = archived(write_log(tmp_path / "one.log", [(0.0, Frame(0x202, bytes(8)))]), network_of("plain"))
     (file,) = (season / "move_to").iterdir()
     schema = pq.read_schema(file)

@@ -81,7 +81,7 @@ def _named(raw: Raw) -> Raw:
 
 @pytest.mark.parametrize("line", LINES)
 @pytest.mark.parametrize("ending", [b"", b"(9.000000) can0 009#09\n", b"(9.00"])
-def test_a_line_is_what_its_reader_says(line: bytes, ending: bytes, tmp_path: Path) -> None:
+def test_a_fast_line_reader_agrees_with_the_general_one(line: bytes, ending: bytes, tmp_path: Path) -> None:
     file = tmp_path / "one.log"
     file.write_bytes(LINES[0] + line + ending)
     assert entries(file) == read(file)
@@ -89,7 +89,7 @@ def test_a_line_is_what_its_reader_says(line: bytes, ending: bytes, tmp_path: Pa
 
 @pytest.mark.parametrize("size", [1, 7, 64, 1 << 20])
 @pytest.mark.parametrize("packed", [False, True])
-def test_pieces_of_any_size_come_to_the_same(
+def test_batches_do_not_depend_on_the_size_of_the_pieces(
     size: int, packed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(lines, "PIECE", size)
@@ -109,7 +109,7 @@ def test_small_parts_make_larger_batches(tmp_path: Path, monkeypatch: pytest.Mon
         assert [(len(frames), len(foreign)) for frames, foreign, _ in batches(opened)] == [(2, 1), (2, 1), (1, 0)]
 
 
-def test_a_batch_says_how_much_was_read_for_it_where_that_is_known(tmp_path: Path) -> None:
+def test_a_batch_has_the_number_of_bytes_read_if_known(tmp_path: Path) -> None:
     file = tmp_path / "some.log"
     for some in (LINES, LINES[:2]):
         file.write_bytes(b"".join(some))
@@ -122,7 +122,7 @@ def test_a_batch_says_how_much_was_read_for_it_where_that_is_known(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("suffix", "form"), [("asc", "log"), ("log", "asc")])
-def test_the_format_may_be_said(suffix: str, form: str, tmp_path: Path) -> None:
+def test_the_format_can_be_given(suffix: str, form: str, tmp_path: Path) -> None:
     named = tmp_path / f"some.{form}"
     with can.Logger(named) as log:
         for number in range(3):
@@ -148,7 +148,7 @@ def test_a_log_of_which_nothing_can_be_read_is_an_error(name: str, tmp_path: Pat
         list(batches(opened))
 
 
-def test_a_packed_log_that_is_cut_off_says_so_and_gives_what_is_whole(tmp_path: Path) -> None:
+def test_a_truncated_gzip_log_gives_its_complete_lines_and_an_error(tmp_path: Path) -> None:
     file = tmp_path / "cut.log.gz"
     file.write_bytes(gzip.compress(b"".join(LINES) * 50)[:-20])
     found = entries(file)

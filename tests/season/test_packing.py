@@ -53,7 +53,7 @@ def packed(tmp_path: Path) -> Path:
     return tmp_path / "packed"
 
 
-def test_packed_logs_have_the_rows_that_each_has_by_itself(singly: Path, packed: Path) -> None:
+def test_packing_changes_no_row(singly: Path, packed: Path) -> None:
     assert rows_of(packed) == rows_of(singly)
     assert len(files_of(singly)) == LOGS * len(files_of(packed))
     for table in ("frames", "damage", "runs"):
@@ -65,7 +65,7 @@ def again(packed: Path, logs: list[Path]) -> Iterator[Archived]:
     return archive(logs, packed, NETWORK)
 
 
-def test_packed_logs_are_known(packed: Path, tmp_path: Path) -> None:
+def test_packed_logs_are_recognised(packed: Path, tmp_path: Path) -> None:
     before = files_of(packed)
     assert all(each.known for each in again(packed, logs_in(tmp_path / "logs")))
     assert files_of(packed) == before
@@ -81,7 +81,7 @@ def test_more_logs_are_appended_and_packed_with_the_others_once_they_are_many(pa
 
 
 @pytest.mark.parametrize("removed", range(4))
-def test_each_log_is_there_once_wherever_packing_is_broken_off(
+def test_each_log_is_there_once_wherever_packing_is_interrupted(
     singly: Path, monkeypatch: pytest.MonkeyPatch, removed: int
 ) -> None:
     expected, count = rows_of(singly), 0
@@ -105,7 +105,7 @@ def test_each_log_is_there_once_wherever_packing_is_broken_off(
     assert rows_of(singly) == expected
 
 
-def test_what_is_broken_off_before_the_pack_is_there_changes_nothing(
+def test_an_interruption_before_the_pack_is_in_place_changes_nothing(
     singly: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = files_of(singly), rows_of(singly)

@@ -64,7 +64,7 @@ def rows(season: Season, report: str, *columns: str) -> list[tuple[Any, ...]]:
     return [tuple(Path(cell).stem if str(cell).endswith(".log") else cell for cell in row) for row in found]
 
 
-def test_an_answer_is_to_the_latest_request(season: Season) -> None:
+def test_an_answer_belongs_to_the_latest_request(season: Season) -> None:
     columns = ("request", "answer", "requests", "answered", "most_ms")
     assert rows(season, "answers", *columns) == [("Move To", "Move Confirm", 3, 2, 4.0)]
 
@@ -106,7 +106,7 @@ def test_load_counts_bits_without_and_with_all_stuff_bits(season: Season) -> Non
     assert found["second"] == (6, 8.0, *(round(sum(each) / BITRATE / 9 * 100, 2) for each in (bits, most)), 7)
 
 
-def test_damage_says_where_it_is_first(season: Season) -> None:
+def test_damage_names_its_first_place(season: Season) -> None:
     columns = ("log", "kind", "number", "first_line", "first")
     assert rows(season, "damage", *columns) == [("first", "unknown identifier", 1, 8, "7E6#3132")]
 

@@ -49,7 +49,7 @@ def test_a_field_that_only_some_logs_have_is_null_for_the_others(season: Season)
     assert season.sql("SELECT route FROM move_to ORDER BY t")["route"].to_list() == ["planned", None]
 
 
-def test_a_run_that_is_being_moved_in_is_not_counted_yet(tmp_path: Path) -> None:
+def test_an_unfinished_run_is_not_counted(tmp_path: Path) -> None:
     log = write_log(tmp_path / "a.log", [(1.0, plant.protocol().encode(MOVE))])
     Archiver(tmp_path / "season", DecodedNetwork(plant.load_all(), plant.CATALOGUE))(log)
     [file] = (tmp_path / "season" / "move_to").iterdir()
@@ -81,7 +81,7 @@ def answers(folder: Path) -> tuple[list[Path], set[tuple[object, ...]]]:
     return found.damaged, set(told)
 
 
-def test_one_flipped_bit_gives_no_other_values_and_the_file_is_named(season: Season, tmp_path: Path) -> None:
+def test_a_flipped_bit_gives_no_wrong_values_and_names_the_file(season: Season, tmp_path: Path) -> None:
     shutil.copytree(season.folder, tmp_path / "season")
     dice, (_, whole) = random.Random(2014), answers(season.folder)
     for table in ("runs", "frames", "move_to") * 4:
@@ -112,7 +112,7 @@ def test_the_name_of_a_folder_is_not_a_pattern(tmp_path: Path, name: str) -> Non
 
 
 @pytest.mark.posix
-def test_a_pipe_or_a_device_of_that_name_is_not_a_file_of_a_season(season: Season, tmp_path: Path) -> None:
+def test_a_pipe_or_a_device_is_not_a_file_of_a_season(season: Season, tmp_path: Path) -> None:
     shutil.copytree(season.folder, tmp_path / "season")
     for table in ("runs", "move_to"):
         os.mkfifo(tmp_path / "season" / table / "x.parquet")
@@ -144,11 +144,11 @@ def test_sql_joins_messages_and_runs(season: Season) -> None:
     assert season.sql(query).rows() == [("Move To", 2, 1234)]
 
 
-def test_values_are_handed_over_where_they_are_named(season: Season) -> None:
+def test_parameters_of_a_query_are_given_by_name(season: Season) -> None:
     assert season.sql("SELECT $bitrate * 2 AS twice", {"bitrate": 500, "other": 1}).rows() == [(1000,)]
 
 
-def test_messages_say_what_is_known_of_each_table(season: Season) -> None:
+def test_the_table_of_messages_describes_each_table(season: Season) -> None:
     found = season.messages.filter(pl.col("table") == "move_to")
     assert found.select("message", "cob_id", "senders", "receivers").rows() == [("Move To", 0x202, "panel", "lift")] * 2
 
@@ -161,14 +161,14 @@ def test_messages_say_what_is_known_of_each_table(season: Season) -> None:
         ("SELECT nothing FROM move_to", 'Referenced column "nothing" not found'),
     ],
 )
-def test_what_duckdb_does_not_take_is_one_line(season: Season, query: str, complaint: str) -> None:
+def test_an_error_of_duckdb_is_one_line(season: Season, query: str, complaint: str) -> None:
     with pytest.raises(SqlError) as error:
         season.sql(query)
     assert complaint in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_a_table_of_no_message_is_an_error(season: Season) -> None:
+def test_an_unknown_table_is_an_error(season: Season) -> None:
     with pytest.raises(UnknownName, match="unknown table 'move'"):
         season.frames("move")
 
@@ -179,14 +179,14 @@ def test_a_folder_without_logs_is_no_season(tmp_path: Path) -> None:
             Season.open(folder)
 
 
-def test_who_asks_hears_how_far_it_is(season: Season) -> None:
+def test_a_query_reports_its_progress(season: Season) -> None:
     told: list[int] = []
     season.sql("SELECT count(*) FROM move_to", progress=told.append)
     assert told[-1] == 100
     assert set(told) <= set(range(101))
 
 
-def test_a_query_that_fails_leaves_no_thread_that_watches_it(season: Season) -> None:
+def test_a_failed_query_leaves_no_watching_thread(season: Season) -> None:
     before = set(threading.enumerate())
     with pytest.raises(SqlError):
         season.sql("SELECT nothing FROM move_to", progress=lambda _: None)
@@ -197,15 +197,13 @@ ENDLESS = "SELECT sum(a.range * b.range) FROM range(1000000) a, range(10000000) 
 
 
 @pytest.mark.parametrize("progress", [None, lambda _: None], ids=["unwatched", "watched"])
-def test_a_query_is_ended_after_its_time(season: Season, progress: Callable[[int], object] | None) -> None:
+def test_a_query_ends_after_its_time_limit(season: Season, progress: Callable[[int], object] | None) -> None:
     with pytest.raises(SqlError, match="has not ended within 200 ms"):
         season.sql(ENDLESS, progress=progress, at_most=0.2)
     assert len(season.sql("SELECT * FROM range(3)", at_most=60)) == 3
 
 
-def test_as_many_rows_as_are_allowed_are_given_and_one_more_is_an_error(
-    season: Season, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_row_more_than_the_limit_is_an_error(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(season_module, "MOST_ROWS", 3)
     assert len(season.sql("SELECT * FROM range(3)")) == 3
     with pytest.raises(SqlError, match="more than 3 rows"):

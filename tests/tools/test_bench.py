@@ -130,7 +130,7 @@ def test_a_missed_row_fails_only_if_asked_to(strict: bool, short: bool, status: 
     assert command.status([measured], Scale(1, short), strict) == status
 
 
-def test_run_routes_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tools_run_starts_the_bench(monkeypatch: pytest.MonkeyPatch) -> None:
     prepared: Callable[..., Path] = lambda extras="": Path("python", extras)  # noqa: E731
     monkeypatch.setattr(run, "prepare", prepared)
     assert run.command(["bench", "--list"]) == (Path("python/bench"), ROOT / "tools" / "bench", "--list")
@@ -141,18 +141,18 @@ def test_run_routes_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
 # Whole processes and their output
 
 
-def test_a_process_that_fails_is_wrong() -> None:
+def test_a_failed_process_raises_wrong() -> None:
     with pytest.raises(Wrong, match=r"exit status 3: no bus$"):
         run_process([PYTHON, "-c", "import sys; print('no bus', file=sys.stderr); sys.exit(3)"])
 
 
-def test_a_process_counts_until_its_first_line_which_it_has_to_write() -> None:
+def test_until_first_line_measures_up_to_it_and_needs_one() -> None:
     assert until_first_line([PYTHON, "-c", "import time; print('here', flush=True); time.sleep(1000)"])
     with pytest.raises(Wrong, match="exit status 1"):
         until_first_line([PYTHON, "-c", "print(end='no line')"])
 
 
-def test_a_program_that_does_not_end_is_killed_with_what_it_has_started(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_that_does_not_end_is_killed_with_its_children(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bench.process.LONGEST", 0.5)
     with pytest.raises(Wrong, match="not ended within"):
         run_process([PYTHON, "-c", "import time; time.sleep(1000)"])

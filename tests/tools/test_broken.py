@@ -35,7 +35,7 @@ def test_every_decision_is_broken_once() -> None:
         ("tests/tools/test_broken.py::test_that_is_not_there", broken.Verdict.NOT_RUN),
     ],
 )
-def test_a_change_that_no_test_notices_is_said(tmp_path: Path, test: str, verdict: broken.Verdict) -> None:
+def test_an_unnoticed_change_is_reported(tmp_path: Path, test: str, verdict: broken.Verdict) -> None:
     copy = broken.copy(tmp_path / "copy")
     before = (copy / "eurobot_od" / "errors.py").read_text(encoding="utf-8")
     change = broken.Change("a word", "eurobot_od/errors.py", "from __future__", "# changed\nfrom __future__", test)

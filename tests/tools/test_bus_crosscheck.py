@@ -14,13 +14,13 @@ from eurobot_od.traffic.load import Analysis
 
 
 @pytest.mark.parametrize("number", [0, 3, 4, 5])
-def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int) -> None:
+def test_no_message_is_later_than_its_bound_and_one_comes_near(number: int) -> None:
     outcome = attempt(number, 2000)
     assert outcome.frames >= 1990  # as near as whole messages come
     assert not wrong(outcome), outcome
 
 
-def test_a_bound_that_is_too_low_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bound_that_is_too_low_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bus, "STUFFABLE", 26)  # a byte less than a frame has
     messages, bit_rate = random_set(Random("set 4"))
     outcome = crosscheck("set 4", messages, bit_rate, 500)
@@ -37,7 +37,7 @@ def test_mailboxes_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.mark.parametrize("identifier", [0x000, 0x0AA, 0x555, 0x7FF])
 @pytest.mark.parametrize("length", [0, 1, 4, 8])
-def test_the_worst_frame_that_is_found_is_nearly_the_longest(identifier: int, length: int) -> None:
+def test_worst_frame_is_nearly_as_long_as_a_frame_can_be(identifier: int, length: int) -> None:
     frame = worst_frame(identifier, length)
     assert (frame.cob_id, len(frame.data)) == (identifier, length)
     assert 0.85 * longest_frame(length) <= frame_bits(frame) <= longest_frame(length)

@@ -110,7 +110,7 @@ def test_sets_up_again_when_the_environment_is_gone(checkout: Checkout, monkeypa
     assert made == [environment.FOLDER]
 
 
-def test_an_environment_that_was_broken_off_is_made_anew(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unfinished_environment_is_made_anew(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(folder: Path, **_: object) -> None:
         real(folder, with_pip=False)
         raise subprocess.CalledProcessError(1, "ensurepip")
@@ -132,7 +132,7 @@ def test_an_environment_that_was_broken_off_is_made_anew(checkout: Checkout, mon
     assert not (environment.FOLDER / environment.UNFINISHED).exists()
 
 
-def test_an_environment_without_pip_is_told_in_one_line(checkout: Checkout) -> None:
+def test_an_environment_without_pip_is_one_line(checkout: Checkout) -> None:
     next(environment.FOLDER.rglob("pip.py")).unlink()
     with pytest.raises(SystemExit) as ended:
         environment.prepare()
@@ -142,7 +142,7 @@ def test_an_environment_without_pip_is_told_in_one_line(checkout: Checkout) -> N
 
 @pytest.mark.usefixtures("checkout")
 @pytest.mark.parametrize("module", ["venv", "ensurepip"])
-def test_a_python_that_cannot_make_environments_is_told_in_one_line_with_the_way_out(
+def test_a_python_that_cannot_make_environments_is_one_line_with_a_remedy(
     module: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(environment, "find_spec", lambda name: None if name == module else object())
@@ -156,7 +156,9 @@ def test_a_python_that_cannot_make_environments_is_told_in_one_line_with_the_way
 
 
 @pytest.mark.usefixtures("checkout")
-def test_says_what_takes_so_long_and_nothing_when_nothing_is_done(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_set_up_says_what_takes_so_long_and_an_environment_that_is_current_says_nothing(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     environment.prepare()
     assert capfd.readouterr() == ("", "setting up .venv (once; takes up to a minute) ...\n")
     environment.prepare()
@@ -191,7 +193,7 @@ def test_a_set_up_that_is_interrupted_is_no_traceback(checkout: Checkout, monkey
     assert checkout.installed() == []
 
 
-def test_an_old_python_is_told(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_old_python_is_one_line(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environment, "OLDEST", (4, 0))
     with pytest.raises(SystemExit, match=r"^Python 4\.0 or newer is needed, this is 3\."):
         environment.prepare()
@@ -223,7 +225,7 @@ def test_call_passes_words_as_they_are(tmp_path: Path) -> None:
     assert file.read_text() == "Goto XY; $HOME"
 
 
-def test_an_interrupt_ends_with_the_status_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_call_returns_130(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 

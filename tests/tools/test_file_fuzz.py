@@ -45,7 +45,9 @@ ENDS = {
 
 
 @pytest.mark.parametrize(("error", "wrong"), ENDS.values(), ids=ENDS)
-def test_what_is_wrong_with_an_end(monkeypatch: pytest.MonkeyPatch, error: BaseException, wrong: list[str]) -> None:
+def test_judge_finds_each_wrong_end_of_a_command(
+    monkeypatch: pytest.MonkeyPatch, error: BaseException, wrong: list[str]
+) -> None:
     monkeypatch.setattr("eurobot_od.cli.installation.doctor", fails(error))
     assert file_fuzz.judge(["doctor"]) == wrong
 
@@ -60,5 +62,5 @@ def test_what_is_wrong_with_an_end(monkeypatch: pytest.MonkeyPatch, error: BaseE
         ("Transfer aborted by client", False),
     ],
 )
-def test_which_lines_say_what_is_wrong(line: str, is_said: bool) -> None:
+def test_which_lines_of_standard_error_are_messages(line: str, is_said: bool) -> None:
     assert bool(file_fuzz.SAID.match(line)) is is_said

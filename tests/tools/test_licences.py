@@ -27,7 +27,7 @@ SAID = [
 
 
 @pytest.mark.parametrize(("said", "licence"), SAID)
-def test_a_licence_is_what_a_package_says(said: dict[str, str], licence: str) -> None:
+def test_a_licence_comes_from_the_package_s_metadata(said: dict[str, str], licence: str) -> None:
     metadata = Message()
     for name, value in said.items():
         metadata[name] = value

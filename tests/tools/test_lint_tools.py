@@ -26,7 +26,7 @@ def test_an_input_follows_from_its_number() -> None:
 
 
 @pytest.mark.parametrize(("objects", "pdos"), [(200, 16), (4, 0)])
-def test_the_measured_device_is_a_clean_one(objects: int, pdos: int) -> None:
+def test_the_bench_s_device_has_no_findings(objects: int, pdos: int) -> None:
     data = make_eds(objects, pdos).encode()
     assert len(load(data, "bench.eds").objects) == objects
     assert lint(data, "bench.eds") == []

@@ -15,7 +15,7 @@ from tests.kit import plant
 CHECK, CHECKED = 0x303, 0x283
 
 
-def test_a_node_hangs_and_what_came_meanwhile_waits_for_it() -> None:
+def test_frames_for_a_frozen_node_wait_until_it_goes_on() -> None:
     network = LiveNetwork()
     station, peer = network.attach(plant.NODES["scale"](plant.load("scale"))), CutBus(network)
     until, guard = network.now + 0.3, station.node.guard

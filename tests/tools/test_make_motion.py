@@ -88,7 +88,7 @@ ENDS = [
 
 
 @pytest.mark.parametrize(("motion", "turns", "speed"), ENDS)
-def test_a_motion_ends_where_it_should(motion: str, turns: float | None, speed: float) -> None:
+def test_each_motion_ends_at_its_target(motion: str, turns: float | None, speed: float) -> None:
     panel = next(each for each in make_motion.PANELS if each.motion.__name__ == motion)
     bench = make_motion.Bench(DOCS, **panel.options)
     panel.motion(bench)

@@ -12,7 +12,7 @@ from tests.lint.mutations import DEFECTS
 
 
 @pytest.mark.parametrize("file", make_pages.MADE, ids=lambda file: file.name)
-def test_what_is_made_is_up_to_date(file: Path) -> None:
+def test_each_generated_file_is_up_to_date(file: Path) -> None:
     assert file.read_text("utf-8") == make_pages.MADE[file](), "run .venv/bin/python tools/make_pages.py"
 
 
@@ -34,6 +34,6 @@ def test_other_programs_are_asked_only_about_defects_that_the_page_does_not_have
 ) -> None:
     first, *others = DEFECTS
     monkeypatch.setattr(lint_mutants, "DEFECTS", [first._replace(what="of today"), *others])
-    monkeypatch.setattr(lint_mutants, "say", lambda _, defect: f"asked about {defect.what}")
+    monkeypatch.setattr(lint_mutants, "verdict_of", lambda _, defect: f"asked about {defect.what}")
     asked = {line for line in lint_mutants.page().splitlines() if "asked about" in line}
     assert asked == {f"| {first.code} | of today | asked about of today | asked about of today |"}

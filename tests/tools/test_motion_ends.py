@@ -20,7 +20,7 @@ with load(2):
 
 
 @pytest.mark.posix
-def test_what_loads_the_machine_does_not_outlive_the_tool() -> None:
+def test_the_processes_that_load_the_cores_end_with_the_tool() -> None:
     with subprocess.Popen([sys.executable, "-c", LOADS], cwd=TOOLS, stdout=subprocess.PIPE) as tool:
         assert tool.stdout is not None
         assert tool.stdout.readline() == b"loaded\n"

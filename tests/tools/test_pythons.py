@@ -29,7 +29,7 @@ def test_a_python_is_found_by_its_name(folder: Path) -> None:
     assert pythons.find(HERE) == str(folder / f"python{HERE}")
 
 
-def test_or_among_those_of_pyenv_behind_a_program_that_does_not_run(folder: Path) -> None:
+def test_a_python_is_found_among_those_of_pyenv_if_its_program_does_not_run(folder: Path) -> None:
     program(folder, "python9.8", "echo pyenv: python9.8: command not found >&2; exit 127")
     program(folder, "pyenv", f'[ "$1" = versions ] && echo 9.7.1 && echo 9.8.3 || echo {folder}/"$2"')
     (folder / "9.8.3" / "bin").mkdir(parents=True)
@@ -37,12 +37,12 @@ def test_or_among_those_of_pyenv_behind_a_program_that_does_not_run(folder: Path
     assert pythons.find("9.8") == str(folder / "9.8.3" / "bin" / "python")
 
 
-def test_a_program_of_another_version_is_none(folder: Path) -> None:
+def test_a_python_of_another_version_is_not_taken(folder: Path) -> None:
     program(folder, "python9.8", f'exec "{sys.executable}" "$@"')
     assert pythons.find("9.8") is None
 
 
-def test_a_python_that_is_not_here_is_skipped_and_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_python_is_skipped_with_a_message(capsys: pytest.CaptureFixture[str]) -> None:
     assert pythons.is_fine(pythons.Row("9.8", "highest"))
     assert capsys.readouterr().out == "Python 9.8: skipped: not on this machine\n"
 

@@ -17,7 +17,7 @@ FOREIGN += plant.FILES.folder().iterdir()
 
 
 @pytest.mark.parametrize("file", FOREIGN)
-def test_anybodys_device_answers_by_the_standard(file: Path) -> None:
+def test_a_device_of_the_documentation_answers_by_the_standard(file: Path) -> None:
     assert sdo_fuzz.run(Dictionary.load(file, 5), requests=1500, seed=7) > 0
 
 

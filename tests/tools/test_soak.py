@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import soak
 from programs import Program
-from soak import CREDIT, Life, Loss, Losses, Role, Soak, Told, Usage
+from soak import CREDIT, FaultRecord, Life, Loss, Losses, Role, Soak, Usage
 from soak_node import NUMBERED
 
 from eurobot_od.traffic.monitor import FRAMES_LOST
@@ -22,7 +22,7 @@ SECONDS = 12
 
 @pytest.mark.long
 @pytest.mark.live
-def test_everything_that_goes_wrong_is_noticed_recovered_and_counted() -> None:
+def test_each_injected_fault_is_noticed_recovered_and_counted() -> None:
     pytest.importorskip("can_remote")
     command = [sys.executable, soak.__file__, "--minutes", str(SECONDS / 60), "--remote", "--seed", "5"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600)
@@ -43,7 +43,7 @@ LIVES = {
 
 
 @pytest.mark.parametrize(("end", "frames", "grown"), LIVES.values(), ids=LIVES)
-def test_what_has_grown(end: Usage, frames: int, grown: bool) -> None:
+def test_which_growth_counts(end: Usage, frames: int, grown: bool) -> None:
     assert Life(HAS, end, frames).has_grown is grown
 
 
@@ -82,12 +82,12 @@ def role() -> Iterator[Role]:
     role.kill()
 
 
-def test_what_a_role_lacks_is_read_from_its_lines(role: Role) -> None:
+def test_a_role_s_missing_numbers_are_read_from_its_lines(role: Role) -> None:
     assert (role.last, role.before) == (8, [range(2)])
     assert role.losses.all == [Loss(range(3, 6), counted=2)]
 
 
-def test_what_is_counted_stands_for_nothing_that_came_while_the_bus_was_away() -> None:
+def test_counted_frames_excuse_no_number_of_the_time_without_bus() -> None:
     away = ("bus failed: pulled out; it is opened again", "bus back: after a gap of 1.0 s", "numbers 3..5 missing")
     lines = "\n".join(("last 2, overflow 0, missed 0", *away, "last 8, overflow 4, missed 0"))
     role = Role("node", sys.executable, "-c", f"print({lines!r})")
@@ -96,7 +96,7 @@ def test_what_is_counted_stands_for_nothing_that_came_while_the_bus_was_away() -
     assert role.losses.all == [Loss(range(3, 6), counted=0)]
 
 
-def test_what_the_monitor_lacks_is_read_from_its_lines() -> None:
+def test_the_monitor_s_missing_numbers_are_read_from_its_lines() -> None:
     numbers = [f"0.1  {NUMBERED:03X}#{number.to_bytes(4, 'little').hex().upper()}" for number in (0, 4)]
     foreign = f"0.1  12345{NUMBERED:03X}#FFFFFFFF"  # it has an identifier of 29 bits
     lines = "\n".join([numbers[0], f"# {FRAMES_LOST.format(2)}", foreign, numbers[1]])
@@ -114,7 +114,7 @@ file.touch()
 """
 
 
-def test_what_was_sent_while_it_did_not_run_is_known(tmp_path: Path) -> None:
+def test_numbers_sent_while_a_role_did_not_run_are_known(tmp_path: Path) -> None:
     role = Role("node", sys.executable, "-c", AGAIN, str(tmp_path / "was here"))
     role.program.wait()
     role.kill()
@@ -124,9 +124,9 @@ def test_what_was_sent_while_it_did_not_run_is_known(tmp_path: Path) -> None:
     assert (role.last, role.losses.all, role.before) == (20, [], [range(8), range(9, 20)])
 
 
-def test_what_is_told_since_a_time(role: Role) -> None:
-    assert not role.has_said("missing", since=float("inf"))
-    assert role.has_said("missing", since=0.0)
+def test_only_lines_printed_since_a_time_count(role: Role) -> None:
+    assert not role.has_printed("missing", since=float("inf"))
+    assert role.has_printed("missing", since=0.0)
 
 
 def test_a_program_hands_on_its_lines_and_its_status() -> None:
@@ -138,25 +138,27 @@ def test_a_program_hands_on_its_lines_and_its_status() -> None:
     program.kill()
 
 
-TOLD = {
-    "noticed and recovered": (Told("it", 1.0, 1.0), []),
-    "not noticed": (Told("it", None, 1.0), ["it: not noticed"]),
-    "not recovered": (Told("it", 1.0, None), ["it: not recovered"]),
+RECORDS = {
+    "noticed and recovered": (FaultRecord("it", 1.0, 1.0), []),
+    "not noticed": (FaultRecord("it", None, 1.0), ["it: not noticed"]),
+    "not recovered": (FaultRecord("it", 1.0, None), ["it: not recovered"]),
 }
 
 
 class Past(Soak):
     """A soak that is over: one role, and numbers of which one second each was the time of sending."""
 
-    def __init__(self, role: Role, *told: Told) -> None:
-        self.told, self.wrong, self.sent_at = list(told), [], [float(n) for n in range(9)]
+    def __init__(self, role: Role, *records: FaultRecord) -> None:
+        self.records, self.wrong, self.sent_at = list(records), [], [float(n) for n in range(9)]
         self.roles, self.monitor, self.stands = {}, role, []
 
 
-@pytest.mark.parametrize(("told", "complaints"), TOLD.values(), ids=TOLD)
-def test_what_was_neither_noticed_nor_recovered(role: Role, told: Told, complaints: list[str]) -> None:
+@pytest.mark.parametrize(("records", "complaints"), RECORDS.values(), ids=RECORDS)
+def test_a_fault_that_was_not_noticed_or_recovered_is_a_complaint(
+    role: Role, records: FaultRecord, complaints: list[str]
+) -> None:
     role.losses.all[0].counted = 3
-    assert Past(role, told).complaints() == complaints
+    assert Past(role, records).complaints() == complaints
 
 
 def test_each_number_is_received_or_its_loss_is_known(role: Role) -> None:
@@ -167,7 +169,7 @@ def test_each_number_is_received_or_its_loss_is_known(role: Role) -> None:
     assert past.lost(role) == (4, 2, 2, 1, 0)
 
 
-def test_what_is_not_heard_by_a_process_that_is_up_is_uncounted(role: Role) -> None:
+def test_numbers_missed_by_a_running_process_are_uncounted(role: Role) -> None:
     role.losses.all.clear()
     role.pauses[:] = [[0.0, 0.5]]
     assert Past(role).lost(role) == (7, 1, 0, 0, 1)

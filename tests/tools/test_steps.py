@@ -37,13 +37,13 @@ STEPS = [
 ]
 
 
-def test_what_comes_of_a_step() -> None:
+def test_the_result_of_a_step() -> None:
     for step, verdict, note in STEPS:
         assert steps.done(step)[:2] + steps.done(step)[3:] == (step.name, verdict, note)
 
 
 @pytest.mark.posix
-def test_a_step_that_hangs_is_red_and_ended_with_what_it_has_started(tmp_path: Path) -> None:
+def test_a_step_that_hangs_fails_and_is_ended_with_its_children(tmp_path: Path) -> None:
     os.mkfifo(held := tmp_path / "held by what it has started")
     reader = os.open(held, os.O_RDONLY | os.O_NONBLOCK)
     hanging = Step("hangs", ("sh", "-c", f"sleep 60 > '{held}' & sleep 60"), FINE, longest=1.0)
@@ -53,7 +53,7 @@ def test_a_step_that_hangs_is_red_and_ended_with_what_it_has_started(tmp_path: P
     os.close(reader)
 
 
-def test_it_goes_on_behind_a_red_step_and_ends_with_a_table(capfd: pytest.CaptureFixture[str]) -> None:
+def test_steps_go_on_after_a_failure_and_end_with_a_table(capfd: pytest.CaptureFixture[str]) -> None:
     assert steps.run([Step("red", RED), Step("last", python("print('here')"))]) == steps.RED
     out = capfd.readouterr().out
     assert "here\n" in out
@@ -77,7 +77,7 @@ def test_the_table_adds_up() -> None:
     )
 
 
-def test_rows_of_the_night_are_chosen_by_parts_of_their_names(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nightly_rows_are_chosen_by_parts_of_their_names(capsys: pytest.CaptureFixture[str]) -> None:
     assert nightly.main(["--list", "broken", "fuzz"]) == 0
     names = [line[:16].strip() for line in capsys.readouterr().out.splitlines()]
     assert names == ["broken", "fuzz files", "fuzz frames", "fuzz sdo", "fuzz lint"]
@@ -87,7 +87,7 @@ def test_rows_of_the_night_are_chosen_by_parts_of_their_names(capsys: pytest.Cap
     assert "no row is called 'teleport'; rows: long tests, " in capsys.readouterr().err
 
 
-def test_every_row_of_the_night_starts_a_tool_that_is_there() -> None:
+def test_every_nightly_row_starts_an_existing_tool() -> None:
     for row in nightly.rows():
         own = [word for word in row.command if word.startswith("tools/")]
         assert all((ROOT / word).exists() for word in own), row.name
@@ -101,7 +101,7 @@ MIRRORS = [
 ]
 
 
-def test_a_module_has_its_tests_where_they_mirror_it() -> None:
+def test_tests_mirror_modules() -> None:
     assert [(each, ready.mirrors(each)) for each, _ in MIRRORS] == MIRRORS
     files = ["docs/eds.md", "eurobot_od/od/__init__.py", "tests/conftest.py", "tests/test_frame.py", "tools/steps.py"]
     assert ready.tests_of(files) == ("tests/test_frame.py", "tests/tools/test_steps.py")

@@ -43,7 +43,7 @@ def test_times_of_a_log_with_dates_are_dates_too() -> None:
     assert (row["timestamp"], row["datetime"]) == ("1400000000.250000", "2014-05-13T16:53:20.250000+00:00")
 
 
-def test_a_log_that_counts_from_its_begin_has_no_dates() -> None:
+def test_a_log_with_relative_times_has_no_dates() -> None:
     log = b"(1396.5) can0 701#00\n"
     assert "datetime" not in json.loads(lines(JsonOutput(), log))
     assert next(csv.DictReader(io.StringIO(lines(CsvOutput([]), log))))["datetime"] == ""

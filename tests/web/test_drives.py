@@ -693,7 +693,7 @@ def test_stop_is_a_quick_stop_and_ends_a_jog(tmp_path: Path, window: Page) -> No
         assert abs(scene.velocity) < 0.001
 
 
-def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
+def test_a_fault_is_shown_and_reset(tmp_path: Path, window: Page) -> None:
     with bench(tmp_path) as scene:
         scene.drive_to("enable")
         open_drives(window, scene.served)

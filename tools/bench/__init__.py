@@ -1,5 +1,5 @@
-"""The bench: our speed beside that of other people's programs.
+"""The bench: compares the speed of this package with that of other people's programs.
 
-`measure` runs rounds, whatever the subject; `rows` has one module for each subject; `programs` are started as processes
-of their own.
+`measure` runs the rounds, whatever is measured; `rows` has one module for each subject; `programs` are started as
+processes of their own.
 """

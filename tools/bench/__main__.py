@@ -1,4 +1,5 @@
-"""Measures our speed beside that of other people's programs: `python3 tools/bench`, or `python3 tools/run.py bench`.
+"""Compares the speed of this package with that of other programs: `python3 tools/bench`, or `python3 tools/run.py
+bench`.
 
 It sets up the environment and starts the command.
 """

@@ -1,7 +1,7 @@
-"""The bench's command line: chooses rows, measures, prints the table as it goes, writes the figures.
+"""The bench's command line: chooses rows, measures them, prints the table as it goes, and writes the figures.
 
-It parses, measures and prints. Exit status 0; 1 if a result was wrong, or with `--strict` if a row missed
-what is wanted; 2 for wrong usage; 3 if the figures cannot be written.
+Exit status 0; 1 if a result was wrong, or with `--strict` if a row missed its limit; 2 for wrong usage; 3 if the
+figures cannot be written.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     scale = Scale(options.rounds or (SHORT_ROUNDS if options.short else ROUNDS), options.short)
     measured: list[Measured] = []
     try:
-        measured.extend(_told(series, scale))
+        measured.extend(_printed(series, scale))
     except KeyboardInterrupt:
         return 130
     file = options.json or (None if options.short else FIGURES)
@@ -54,7 +54,9 @@ def _rounds(text: str) -> int:
 
 
 def chosen(words: Sequence[str]) -> list[Series]:
-    """Return the series of the named groups, and those with a word in their name; status 2 for a word of none."""
+    """Return the series of the named groups, and those with a given word in their name; exit with status 2 for a word
+    that names none.
+    """
     everything = [series for group in GROUPS for series in group]
     groups = dict.fromkeys(series.group for series in everything)
     found: list[Series] = [] if words else everything
@@ -70,7 +72,7 @@ def _is_named(series: Series, word: str, is_group: bool) -> bool:
     return series.group == word if is_group else word.lower() in series.name.lower()
 
 
-def _told(series: Iterable[Series], scale: Scale) -> Iterator[Measured]:
+def _printed(series: Iterable[Series], scale: Scale) -> Iterator[Measured]:
     """Measure series after series and print the lines of each."""
     print(table.line(table.HEAD), flush=True)
     for each in series:
@@ -89,7 +91,7 @@ def _write(file: Path, measured: Sequence[Measured], scale: Scale) -> int:
 
 
 def status(measured: Iterable[Measured], scale: Scale, strict: bool) -> int:
-    """Return the exit status that the figures ask for."""
+    """Return the exit status for the figures: 1 if a result was wrong or, with `strict`, a limit was missed."""
     return int(any(each.wrong or (strict and not scale.short and _missed(each)) for each in measured))
 
 

@@ -1,20 +1,19 @@
-"""Writes the EDS of a device with as many objects as wanted, for the checker to check.
-
-The file is clean: the checker finds nothing in it.
-"""
+"""Writes the EDS of a device with any number of objects, as input for the checker, which finds nothing in it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 PDOS = 16
-"""RPDOs, and TPDOs, of the measured device."""
+"""How many RPDOs, and as many TPDOs, the device has."""
 FIRST, SUBS = 0x2000, 4
 SINGLE = (0x1000, 0x1001, 0x1017, 0x1018)
 
 
 def make_eds(count: int, pdos: int = PDOS) -> str:
-    """Write the EDS of a device with `count` objects: PDOs, and data half in variables, half in records."""
+    """Write the EDS of a device with `count` objects: those of its PDOs, and data, half in variables and half in
+    records.
+    """
     communication = [*SINGLE, *_records(0x1400, pdos), *_records(0x1800, pdos)]
     data = range(FIRST, FIRST + max(count - len(communication), 2 * pdos))
     parts = [_head(communication, data, pdos), *map(_communication, communication), *(_data(i, pdos) for i in data)]
@@ -67,7 +66,8 @@ def _communication(index: int) -> str:
         return _variable(f"{index:04X}", *single[index], 0)
     if index == 0x1018:
         return _record(index, [_variable(f"1018sub{sub}", 7, "ro", 1) for sub in (1, 2, 3)])
-    number, is_mapping = index & 0x1FF, bool(index & 0x200)
+    number = index & 0x1FF
+    is_mapping = bool(index & 0x200)
     return _mapping(index, number) if is_mapping else _pdo(index, number)
 
 

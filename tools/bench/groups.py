@@ -1,6 +1,6 @@
-"""All rows in the order they are measured in.
+"""All rows, in the order in which they are measured.
 
-A series is added in its module's `SERIES`; here is only the order of the subjects.
+A series is added to its module's `SERIES`; here is only the order of the subjects.
 """
 
 from __future__ import annotations

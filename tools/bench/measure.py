@@ -1,7 +1,7 @@
-"""Interleaved rounds: every contender once, then every contender again, until all rounds are done.
+"""Interleaved rounds: each contender runs once, then each runs again, until all rounds are done.
 
-It does not know what is measured, nor how it is shown. Noise only ever adds, so the minima are
-compared; the comparison of each single round gives the spread.
+This module does not know what is measured, nor how it is shown. Noise only makes times longer, so the minima are
+compared; the comparison within each single round gives the spread.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 
 class NotHere(Exception):
-    """Something cannot be measured on this machine; the text says why."""
+    """A measurement that this machine cannot make; the text says why."""
 
 
 class Wrong(Exception):
-    """A contender did not give the right result, so its time means nothing; the text says what."""
+    """A wrong result of a contender, whose time then means nothing; the text says what is wrong."""
 
 
 class Quantity(Enum):
@@ -35,7 +35,7 @@ class Quantity(Enum):
 
 Figures = Mapping[Quantity, float]
 Contender = Callable[[], Figures]
-"""Measures once. Raises NotHere, Wrong."""
+"""Measures once; raises NotHere or Wrong."""
 
 
 class Scale(NamedTuple):
@@ -45,12 +45,12 @@ class Scale(NamedTuple):
     short: bool = False
 
     def of(self, full: int, short: int) -> int:
-        """Return a size."""
+        """Return the full size, or the short one in a short run."""
         return short if self.short else full
 
 
 class Way(Enum):
-    """How ours is compared with the peer's: value of both, and whether it is to be great."""
+    """How ours is compared with the peer's: the value of both, and whether a large value is good."""
 
     TIMES_AS_FAST = "peer / ours"
     RATIO = "ours / peer"
@@ -58,7 +58,7 @@ class Way(Enum):
     ALONE = "ours"
 
     def compare(self, ours: float, peer: float) -> float:
-        """Return the value; a ratio to nothing is infinite."""
+        """Return the value of the comparison; dividing by zero gives infinity."""
         return COMPARISONS[self](ours, peer)
 
     def reaches(self, value: float, wanted: float) -> bool:
@@ -79,7 +79,7 @@ COMPARISONS: Mapping[Way, Callable[[float, float], float]] = {
 
 
 class Claim(NamedTuple):
-    """A row of the table: two contenders of a series, how they are compared, and what is wanted (None: reported).
+    """A row of the table: two contenders of a series, how they are compared, and the limit (None: only reported).
 
     `ours` and `peer` are names of contenders; without a peer `ours` stands alone.
     """
@@ -96,9 +96,9 @@ class Claim(NamedTuple):
 class Series:
     """Contenders that are measured in turns, and what is claimed of them.
 
-    `open` prepares, gives the contenders by name, and cleans up; it may raise NotHere or Wrong. What takes next to no
-    time is measured in `often` times as many rounds, as it takes more of them to meet a quiet moment; what takes
-    seconds varies little, and has fewer (SELDOM); what is the same each time, or far from its bound, has one (ONCE).
+    `open` prepares, yields the contenders by name, and cleans up; it may raise NotHere or Wrong. `often` multiplies the
+    number of rounds: more for what takes next to no time and is easily disturbed, fewer (SELDOM) for what takes seconds
+    and varies little, one (ONCE) for what is the same each time or far from its limit.
     """
 
     group: str
@@ -116,7 +116,7 @@ SELDOM, ONCE = 0.4, 0
 
 
 class Gap(NamedTuple):
-    """Why there are no figures: it cannot be measured here, or what was measured is `wrong`."""
+    """Why there are no figures: nothing can be measured here, or the result was `wrong`."""
 
     why: str
     wrong: bool
@@ -128,7 +128,7 @@ WHOLE = ""
 
 @dataclass
 class Measured:
-    """Every round's figures of a series by contender, and why a contender, or the WHOLE series, has none."""
+    """The figures of all rounds of a series by contender, and why a contender, or the WHOLE series, has none."""
 
     series: Series
     rounds: dict[str, list[Figures]] = field(default_factory=dict)
@@ -136,7 +136,7 @@ class Measured:
 
     @property
     def wrong(self) -> bool:
-        """Whether anything was wrong."""
+        """Whether any result was wrong."""
         return any(gap.wrong for gap in self.gaps.values())
 
     def gap(self, claim: Claim) -> Gap | None:
@@ -144,7 +144,7 @@ class Measured:
         return next((self.gaps[name] for name in (WHOLE, claim.ours, claim.peer) if name in self.gaps), None)
 
     def column(self, contender: str | None, quantity: Quantity) -> list[float]:
-        """Return the figures of all rounds; none for no contender."""
+        """Return the figures of all rounds of a contender; none without a contender."""
         return [each[quantity] for each in self.rounds[contender]] if contender else []
 
 
@@ -158,7 +158,7 @@ class Verdict(Enum):
 
 
 class Comparison(NamedTuple):
-    """A claim with its figures: the minima of both, their comparison, and the least and greatest of a round."""
+    """A claim with its figures: the minima of both, their comparison, the smallest and the largest of a round."""
 
     claim: Claim
     ours: float
@@ -170,7 +170,9 @@ class Comparison(NamedTuple):
 
 
 def measure(series: Series, scale: Scale) -> Measured:
-    """Measure the contenders that a claim names; what cannot be measured here, or is wrong, is noted in the result."""
+    """Measure the contenders that a claim names; one that cannot be measured here, or is wrong, becomes a gap in the
+    result.
+    """
     measured = Measured(series)
     named = {name for claim in series.claims for name in (claim.ours, claim.peer)}
     with _noting(measured, WHOLE), series.open(scale) as contenders:
@@ -183,7 +185,9 @@ def measure(series: Series, scale: Scale) -> Measured:
 
 @contextmanager
 def _noting(measured: Measured, contender: str) -> Iterator[None]:
-    """Note what goes wrong; whatever breaks between a program and us makes its rows wrong, not the bench."""
+    """Note a failure as a gap; any error between another program and us makes its rows wrong, and does not end the
+    bench.
+    """
     try:
         yield
     except NotHere as reason:

@@ -1,6 +1,6 @@
 """Whole processes as contenders: wall time, CPU time and memory, from the start of the program to its end.
 
-A process that fails, or does not end in its time, is Wrong, with the last line it had to say.
+A process that fails, or does not end in time, raises Wrong with its last line of output.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from bench.measure import Figures, Quantity, Wrong
 PROGRAMS = Path(__file__).parent / "programs"
 PYTHON = sys.executable
 UNWANTED = ("PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED", "EUROBOT_OD_DIALECT", "CAN_INTERFACE", "CAN_CHANNEL")
-"""Variables that would change what is measured: installed programs have their bytecode beside them."""
+"""Environment variables that would change the measurement: installed programs have their bytecode beside them."""
 
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in UNWANTED}
 LONGEST = 300.0
-"""Seconds after which a program is killed with all that it has started: the slowest row takes a tenth of that."""
+"""Seconds after which a program is killed with all its children; the slowest row takes a tenth of that."""
 
 Words = Sequence[str | Path]
 NO_VARIABLES: Mapping[str, str] = MappingProxyType({})
 
 
 def program(name: str, module: str) -> list[str]:
-    """Return the words that start an installed program, which is also a Python module."""
+    """Return the command that starts an installed program, which is also a Python module."""
     script = Path(PYTHON).parent / name
     return [str(script)] if script.is_file() else [PYTHON, "-m", module]
 
@@ -49,7 +49,7 @@ def run(
     target: str | Path = os.devnull,
     variables: Mapping[str, str] = NO_VARIABLES,
 ) -> Figures:
-    """Run a command, with output `-` until its first line; raises Wrong if it fails."""
+    """Run a command, with output `-` only until its first line; raises Wrong if it fails."""
     launcher = [PYTHON, "-I", "-S", str(PROGRAMS / "launch.py"), str(source), str(target)]
     with started([*launcher, *map(str, command)], {**ENVIRONMENT, **variables}) as process:
         out, said = process.communicate()
@@ -61,7 +61,7 @@ def run(
 
 @contextmanager
 def started(command: Sequence[str], variables: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
-    """Start a command with pipes for what it says; it is killed after LONGEST seconds."""
+    """Start a command with pipes for its output; it is killed after LONGEST seconds."""
     with (
         subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=variables, start_new_session=True
@@ -73,7 +73,7 @@ def started(command: Sequence[str], variables: Mapping[str, str]) -> Iterator[su
 
 @contextmanager
 def limited(process: subprocess.Popen[Any]) -> Iterator[None]:
-    """Kill a process that leads a session, and all that it has started, after LONGEST seconds."""
+    """Kill a process that leads a session, and all its children, after LONGEST seconds."""
     timer = threading.Timer(LONGEST, os.killpg, (process.pid, signal.SIGKILL))
     timer.start()
     try:

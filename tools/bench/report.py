@@ -1,6 +1,6 @@
-"""Writes every round's figures as JSON, with the machine and the versions they were measured on.
+"""Writes the figures of all rounds as JSON, with the machine and the versions they were measured on.
 
-What is written is all that the table was made from; units are in the names.
+The file has all figures behind the table; units are in the names.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def write(file: Path, measured: Iterable[Measured], scale: Scale) -> None:
 
 
 def machine() -> dict[str, Any]:
-    """Say what the figures were measured on, and when."""
+    """Return a description of the machine, and the date."""
     return {
         "measured": datetime.now(UTC).isoformat(timespec="seconds"),
         "python": f"{platform.python_implementation()} {platform.python_version()}",

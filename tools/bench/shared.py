@@ -1,7 +1,4 @@
-"""What several rows use: the default dialect's protocol, and in-process buses of their own.
-
-Nothing is measured here.
-"""
+"""What several rows use: the default dialect's protocol, and in-process buses of their own."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ def protocol() -> Protocol:
 
 
 def new_channel() -> str:
-    """Name an in-process bus that nobody else has."""
+    """Return the name of a new in-process bus."""
     return f"bench {next(_numbers)}"
 
 

@@ -1,7 +1,4 @@
-"""Writes comparisons as lines of a table.
-
-A line is written as soon as its series is measured, so the columns are fixed.
-"""
+"""Writes comparisons as lines of a table, each as soon as its series is measured, so the columns are fixed."""
 
 from __future__ import annotations
 
@@ -22,11 +19,11 @@ SCALES: dict[Quantity, tuple[tuple[float, str], ...]] = {
     Quantity.LOAD: ((0.01, "%"),),
     Quantity.COUNT: ((1.0, ""),),
 }
-"""Units of a quantity, the greatest first; the first that a figure has one of is taken, else the last."""
+"""Units of each quantity, the largest first; the first that gives at least 1 is taken, else the last."""
 
 
 def in_units(figure: float, quantity: Quantity) -> str:
-    """Write a figure with its unit: three digits, or all of a count."""
+    """Write a figure with its unit: with three digits, or all digits of a count."""
     unit, name = next((each for each in SCALES[quantity] if abs(figure) >= each[0]), SCALES[quantity][-1])
     number = figure / unit
     digits = f"{number:.0f}" if abs(number) >= 100 else f"{number:.3g}"
@@ -41,7 +38,7 @@ def compared(value: float, claim: Claim) -> str:
 
 
 def wanted(claim: Claim) -> str:
-    """Write what is wanted of a claim."""
+    """Write the limit of a claim."""
     if claim.wanted is None:
         return "reported"
     return f"{'>=' if claim.way is Way.TIMES_AS_FAST else '<='} {compared(claim.wanted, claim)}"
@@ -49,10 +46,12 @@ def wanted(claim: Claim) -> str:
 
 def cells(comparison: Comparison, group: str) -> tuple[str, ...]:
     """Return a comparison as the columns of HEAD."""
-    claim, quantity = comparison.claim, comparison.claim.quantity
+    claim = comparison.claim
+    quantity = comparison.claim.quantity
     spread = f"{compared(comparison.least, claim)}..{compared(comparison.greatest, claim)}"
     peer = "-" if comparison.peer is None else in_units(comparison.peer, quantity)
-    value, verdict = compared(comparison.value, claim), comparison.verdict.value
+    value = compared(comparison.value, claim)
+    verdict = comparison.verdict.value
     return group, claim.name, in_units(comparison.ours, quantity), peer, value, spread, wanted(claim), verdict
 
 
@@ -62,9 +61,10 @@ def line(columns: Sequence[str]) -> str:
 
 
 def lines(measured: Measured, judged: bool) -> Iterator[str]:
-    """Write a line for each claim of a series; one that has no figures says why."""
+    """Yield a line for each claim of a series; one without figures says why."""
     for claim in measured.series.claims:
-        group, gap = measured.series.group, measured.gap(claim)
+        group = measured.series.group
+        gap = measured.gap(claim)
         if gap is None:
             yield line(cells(compare(measured, claim, judged), group))
         else:

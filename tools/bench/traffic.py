@@ -1,7 +1,7 @@
-"""Frames as the robot's bus carries them, with random values: the mix of a simulated match, drawn from a seed.
+"""Frames as the robot's bus carries them, with random values: the mix of a simulated match, made from a seed.
 
-Identifiers, bits and ranges come from the loaded dialect. Every value is within its range, and drawn
-anew for each frame, so that no program can remember what it has decoded before.
+Identifiers, bits and ranges come from the loaded dialect. Each value is within its range and new for each frame, so
+that no program can reuse what it has decoded before.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ def mix() -> tuple[Frame, ...]:
 
 
 def recorded_traffic(count: int) -> Iterator[Timed]:
-    """Yield the frames of a match, again and again, as they are."""
+    """Yield the frames of a match unchanged, again and again."""
     for number, frame in zip(range(count), cycle(mix())):
         yield Timed(BEGIN + PERIOD * number, frame)
 
 
 def random_traffic(count: int) -> Iterator[Timed]:
-    """Yield frames in the order of a match, again and again, each message with other values."""
+    """Yield frames in the order of a match, again and again, with new values in each message."""
     chance = random.Random(SEED)
     makers = {binding.cob_id: maker(binding) for binding in EurobotProtocol.load().bindings}
     for time, frame in recorded_traffic(count):
@@ -73,8 +73,11 @@ def maker(binding: Binding) -> Callable[[random.Random], bytes]:
 
 
 def values(binding: Binding, field: str) -> range:
-    """Return the raw values from the lowest on that a field's kind takes for in range; codes above are left out."""
-    limits, kind = binding.limits[field], binding.kinds[field]
+    """Return the raw values, from the lowest on, that a field's kind accepts as in range; codes above them are left
+    out.
+    """
+    limits = binding.limits[field]
+    kind = binding.kinds[field]
     raws = range(limits.low, limits.high + 1)
     return raws[: bisect_left(raws, True, key=lambda raw: isinstance(kind.read(raw, limits), OutOfRange))]
 

@@ -1,4 +1,4 @@
-"""What other people's programs are asked about our files and nodes, and how their answers are judged.
+"""The questions to other people's programs about our files and nodes, and how their answers are judged.
 
 A question is one function; `tools/interop.py` and `tests/interop` ask the same ones.
 """

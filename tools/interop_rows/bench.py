@@ -1,7 +1,4 @@
-"""Our nodes on an in-process bus of their own, for other programs to talk to.
-
-They are the shipped nodes, in real time; nothing here depends on who asks.
-"""
+"""Our shipped nodes on an in-process bus of their own, in real time, for other programs to talk to."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 
 PATIENCE = 5.0
-"""Seconds after which an answer that has not come does not come."""
+"""Longest wait for an answer, in seconds."""
 
 DRIVE = 2
 """Node-ID of the drive."""
@@ -31,7 +28,7 @@ _numbers = count()
 
 
 def new_channel() -> str:
-    """Name an in-process bus that nobody else has; no space, which a candump log could not have."""
+    """Return the name of a new in-process bus, without a space, which a candump log could not have."""
     return f"interop{next(_numbers)}"
 
 
@@ -42,7 +39,7 @@ def open_bus(channel: str) -> can.BusABC:
 
 @contextmanager
 def robot(*roles: str) -> Iterator[str]:
-    """Run our nodes on a new bus; gives its channel."""
+    """Run our nodes on a new bus; yields its channel."""
     channel = new_channel()
     with ExitStack() as stack:
         for role in roles:
@@ -79,7 +76,7 @@ def stock_network(bus: can.BusABC) -> Iterator[canopen.Network]:
 
 
 class Heard:
-    """What has come so far of what is waited for; `heard(thing)` may be called from any thread."""
+    """Collects things that come; `heard(thing)` may be called from any thread."""
 
     def __init__(self) -> None:
         self.things: list[object] = []
@@ -91,13 +88,13 @@ class Heard:
             self._changed.notify_all()
 
     def wait_for(self, wanted: object) -> bool:
-        """Wait until a thing has come; False if it did not in time."""
+        """Wait until a thing has come, and return whether it came in time."""
         with self._changed:
             return self._changed.wait_for(lambda: wanted in self.things, PATIENCE)
 
 
 def collect(bus: can.BusABC, done: Callable[[can.Message], bool]) -> list[can.Message]:
-    """Return what a bus brings up to the message that is `done`, or until patience ends."""
+    """Return the frames on a bus up to the one that is `done`, or until PATIENCE is over."""
     messages: list[can.Message] = []
     end = time.monotonic() + PATIENCE
     while (left := end - time.monotonic()) > 0 and not (messages and done(messages[-1])):

@@ -26,7 +26,7 @@ from interop_rows.row import Answer, agree
 
 FILE = Path(__file__).parents[2] / "tests" / "lint" / "samples" / "clean.eds"
 NODE_ID = 5
-"""A device of no network; the file says no node-ID."""
+"""Node-ID of a device of no network; the file has none."""
 
 PATIENCE = "1 s"
 """How long the node may take to boot: it is in this process, and what it never sends is not awaited for long."""
@@ -69,7 +69,7 @@ RED = {
     "7.5.2.22 SYNC counter": "0x1019 accepts any number at any time",
     "7.5.2.13 SYNC": "sends no SYNC, and a reset does not restore values that were written",
 }
-"""Clauses and topics with red steps, and what the node does."""
+"""Clauses and topics with failing steps, and the node's fault."""
 
 
 def of_stock_node(_: Path) -> Answer:
@@ -102,7 +102,7 @@ def result(chapter: Suite, file: Path) -> SuiteResult:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Leave out canopen's log: it has a traceback for each request that is refused."""
+    """Switch off canopen's log, which has a traceback for each refused request."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:

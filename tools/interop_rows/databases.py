@@ -1,6 +1,6 @@
-"""What other programs read in the DBC files that we export.
+"""Compares what other programs read in the DBC files that we export.
 
-Asked are both dialects and every message, by random frames; raw values are compared, so that no rounding hides a bit.
+Both dialects and all messages are read, by random frames; raw values are compared, since rounding could hide a bit.
 """
 
 from __future__ import annotations
@@ -56,5 +56,7 @@ def by_canmatrix(_: Path) -> Answer:
 def _random_frames(protocol: Protocol) -> Iterator[tuple[Binding, bytes]]:
     for binding in protocol.bindings:
         chance = random.Random(binding.name)
-        for _ in range(FRAMES if binding.layout.fields else 0):
+        if not binding.layout.fields:
+            continue
+        for _ in range(FRAMES):
             yield binding, chance.randbytes(binding.layout.length)

@@ -1,7 +1,7 @@
-"""What a C compiler and tshark make of our C header and our dissector, frame by frame.
+"""Compares what a C compiler and tshark read with our C header and our dissector, frame by frame.
 
-Asked are both dialects and every message with data, by random frames; raw values are compared, so that no rounding
-hides a bit.
+Both dialects and all messages with data are read, by random frames; raw values are compared, since rounding could hide
+a bit.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ NAME = "bus"
 
 
 class Sample(NamedTuple):
-    """A frame of a message, and what we read in it: raw values by field."""
+    """A frame of a message, and the raw values that we read in it, by field."""
 
     number: int
     data: bytes
     values: Mapping[str, int]
 
     def bits(self, field: DescribedField) -> int:
-        """Return the bits of a field, as a number without a sign."""
+        """Return the bits of a field, as an unsigned number."""
         return self.values[field.name] & ((1 << field.width) - 1)
 
 
@@ -45,7 +45,9 @@ def samples(protocol: Protocol, frames: int) -> list[Sample]:
     found = []
     for number, binding in enumerate(protocol.bindings):
         chance = random.Random(binding.name)
-        for each in range(frames if binding.layout.fields else 0):
+        if not binding.layout.fields:
+            continue
+        for each in range(frames):
             data = chance.randbytes(binding.lengths[0] if each % 10 == 0 else binding.layout.length)
             found.append(Sample(number, data, binding.unpack(data)))
     return found
@@ -55,7 +57,7 @@ def samples(protocol: Protocol, frames: int) -> list[Sample]:
 
 
 def by_compiler(folder: Path) -> Answer:
-    """Compile the header of each dialect, and let it unpack and pack random frames."""
+    """Compile the header of each dialect; unpack and pack random frames with it."""
     for dialect in dialects.names():
         protocol = EurobotProtocol.load(dialect)
         compare_c(protocol, described(protocol), folder, FRAMES)
@@ -72,13 +74,14 @@ def compare_c(protocol: Protocol, messages: Sequence[DescribedMessage], folder: 
     done = run("sh", "-c", f'"{judge}" < "{asked}" > "{answers}"')
     agree("the judge's status", done.returncode, 0)
     for sample, line in zip(wanted, answers.read_text().splitlines(), strict=True):
-        binding, message = protocol.bindings[sample.number], messages[sample.number]
+        binding = protocol.bindings[sample.number]
+        message = messages[sample.number]
         raw = " ".join(f"{sample.bits(field):x}" for field in message.fields)
         agree(f"{binding.name} {sample.data.hex()}", line, f"{raw} {binding.pack(sample.values).hex()}")
 
 
 def compiled(header: str, source: str, folder: Path) -> Path:
-    """Compile a program with a header; raises Differs if the compiler has anything to say."""
+    """Compile a program with a header; raises Differs for any output of the compiler."""
     (folder / f"{NAME}.h").write_text(header, encoding="ascii")
     (folder / "main.c").write_text(source, encoding="ascii")
     judge = folder / "judge"
@@ -89,7 +92,7 @@ def compiled(header: str, source: str, folder: Path) -> Path:
 
 
 def program(blocks: Iterable[c.MessageBlock]) -> str:
-    """Write a program that reads lines of number, length and data, and prints raw values and the data packed again."""
+    """Return a program that reads lines of number, length and data, and prints raw values and the data packed again."""
     cases = "\n".join(_case(number, block) for number, block in enumerate(blocks) if block.members)
     return f"""
 #include <inttypes.h>
@@ -147,11 +150,11 @@ REALS = {32: "<f", 64: "<d"}
 """Formats of REALs by their bits."""
 
 EPOCH = 1_400_000_000
-"""When the frames of the log were sent, in seconds; any time would do."""
+"""Time of the log's frames, in seconds; any time would do."""
 
 
 def by_tshark(folder: Path) -> Answer:
-    """Let tshark dissect random frames with the dissector of each dialect."""
+    """Dissect random frames with tshark and the dissector of each dialect."""
     for dialect in dialects.names():
         protocol = EurobotProtocol.load(dialect)
         compare_tshark(protocol, described(protocol), folder, FRAMES // 10)

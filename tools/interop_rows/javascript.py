@@ -1,4 +1,4 @@
-"""npm's `canopen`, a CANopen stack in another language: what it reads in our EDS files, and it as master of our drive.
+"""npm's `canopen`, a CANopen stack in another language, as a reader of our EDS files and as the master of our drive.
 
 `judge.js` asks the package; frames go between its process and an in-process bus as lines of JSON.
 """
@@ -42,7 +42,7 @@ def start(*words: str | Path) -> subprocess.Popen[str]:
 
 
 def ask(*words: str | Path) -> Any:
-    """Ask the judge a question that needs no bus, and return what it said; raises Differs if it failed."""
+    """Return the judge's answer to a question that needs no bus; raises Differs if it failed."""
     with start(*words) as judge:
         said, complaint = judge.communicate(timeout=60)
     if not said:
@@ -51,7 +51,7 @@ def ask(*words: str | Path) -> Any:
 
 
 def load(_: Path) -> Answer:
-    """Let the package load every EDS and tell objects, identifiers, mapped objects and lengths."""
+    """Load every EDS with the package, and compare objects, identifiers, mapped objects and lengths."""
     files = all_eds()
     for file, said in zip(files, ask("load", *files), strict=True):
         dictionary = Dictionary.load(file)
@@ -76,7 +76,7 @@ def unpack(file: Path, cob_id: int, data: bytes) -> Sequence[int]:
 
 
 def talk(_: Path) -> Answer:
-    """Let the package be the master of our drive."""
+    """Control our drive with the package as the master."""
     with robot("drive") as channel, open_bus(channel) as bus, start("talk") as judge:
         said = _bridge(judge, bus)
     drive = dialects.load("drive", dialects.DEFAULT)
@@ -99,7 +99,7 @@ def talk(_: Path) -> Answer:
 
 
 def _bridge(judge: subprocess.Popen[str], bus: can.BusABC) -> Any:
-    """Carry frames between the judge and the bus until it has its say."""
+    """Carry frames between the judge and the bus until the judge answers."""
     assert judge.stdin is not None
     assert judge.stdout is not None
     watchdog = threading.Timer(6 * PATIENCE, judge.kill)

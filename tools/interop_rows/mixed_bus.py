@@ -1,6 +1,6 @@
-"""What tshark names the frames of a bus with devices of several makers, and what we name them.
+"""Compares tshark's names for the frames of a bus with devices of several makers with ours.
 
-tshark knows the predefined connection set; what it names has to have our name for the same service.
+tshark knows the predefined connection set; wherever it names a service, our name has to be the same service.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ OURS: Mapping[str, tuple[str, ...]] = {
     "TIME STAMP": (services.TIME_NAME,),
     "LSS": (services.LSS,),
 }
-"""Our names for the services, by what tshark's line begins with."""
+"""Our names for the services, by the beginning of tshark's line."""
 
 PDO = re.compile(r"PDO(?P<number>\d) \((?P<way>tx|rx)\)")
 UNNAMED = re.compile(r"Unknown|ID: |Ext\. ID: ")
-"""What tshark says about a frame whose service it does not know."""
+"""tshark's text for a frame whose service it does not know."""
 
 
 def named_by_tshark(folder: Path) -> Answer:
-    """Let tshark dissect the bus, and compare its name for each frame with ours."""
+    """Dissect the bus with tshark, and compare its name for each frame with ours."""
     frames = recorded()
     file = folder / "mixed.log"
     file.write_text(log_text(frames))

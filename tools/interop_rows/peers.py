@@ -1,6 +1,6 @@
 """Stock canopen as the master of our nodes, and as a node of our master.
 
-canopen is used as its documentation says, only with more patience.
+canopen is used as its documentation says, with a longer timeout.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def pdos_by_stock_master(_: Path) -> Answer:
 
 
 def export_by_stock_master(folder: Path) -> Answer:
-    """Let canopen write DBC files of its PDOs through canmatrix, and compare their bits with ours."""
+    """Write DBC files of canopen's PDOs through canmatrix, and compare their bits with ours."""
     protocol = EurobotProtocol.load(dialects.DEFAULT)
     with robot("drive") as channel, stock_network(open_bus(channel)) as network:
         node: Any = network.add_node(DRIVE, str(EDS))
@@ -112,14 +112,16 @@ def export_by_stock_master(folder: Path) -> Answer:
 def _compare_bits(frame: Any, protocol: Protocol) -> None:
     binding = protocol.binding_of(frame.arbitration_id.id)
     chance = random.Random(binding.name)
-    for _ in range(FRAMES if frame.signals else 0):
+    if not frame.signals:
+        return
+    for _ in range(FRAMES):
         data = chance.randbytes(binding.layout.length)
         theirs = [each.raw_value for name, each in frame.decode(data).items() if not name.endswith(RESERVED)]
         agree(f"values of {binding.name} {data.hex()}", theirs, list(binding.unpack(data).values()))
 
 
 def stock_node_under_our_master(_: Path) -> Answer:
-    """Let our master read, write and command canopen's own node with the drive's EDS."""
+    """Read, write and command canopen's own node, with the drive's EDS, by our master."""
     channel = new_channel()
     with stock_network(open_bus(channel)) as network, Master(open_bus(channel), PATIENCE) as master:
         network.create_node(DRIVE, _dictionary().objects)

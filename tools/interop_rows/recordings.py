@@ -1,6 +1,6 @@
-"""What other programs read in recordings of our nodes, and we in theirs.
+"""Compares what other programs read in recordings of our nodes, and what we read in theirs.
 
-What is recorded is a session of our drive on an in-process bus; a master's frames are a table.
+The recording is a session of our drive on an in-process bus; the master's frames are a table.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from interop_rows.tools import run
 
 
 class Step(NamedTuple):
-    """A frame of the master, and the identifier and first bytes of the drive's answer to it."""
+    """A frame of the master, and the identifier and first bytes of the drive's answer."""
 
     cob_id: int
     data: bytes
@@ -48,7 +48,7 @@ SCRIPT = (
 
 
 def session() -> list[can.Message]:
-    """Play the script to our drive and return all frames."""
+    """Send the table to our drive and return all frames."""
     messages: list[can.Message] = []
     with robot("drive") as channel, open_bus(channel) as master, open_bus(channel) as listener:
         for step in SCRIPT:
@@ -74,7 +74,7 @@ LOSES = (
 
 
 def written_by_python_can(folder: Path) -> Answer:
-    """Let python-can's Logger record the session in each format, and read it with ours."""
+    """Record the session with python-can's Logger in each format, and read it with ours."""
     messages = session()
     for form in FORMATS:
         file = folder / f"session.{form}"
@@ -92,7 +92,7 @@ def _frame(message: can.Message) -> Frame:
 
 
 def read_by_python_can(folder: Path) -> Answer:
-    """Let python-can's LogReader read the logs of a simulated match in each format."""
+    """Read the logs of a simulated match in each format with python-can's LogReader."""
     counts = {form: _read_match(folder / f"match.{form}") for form in FORMATS}
     agree("the number of frames in each format", set(counts.values()), {counts["log"]})
     return Answer(f"{', '.join(FORMATS)}: all {counts['log']} frames of `eurobot-od match --log` read as we read them")
@@ -120,7 +120,7 @@ REFUSES = (
 
 
 def number(low: int, high: int) -> Callable[[bytes], int]:
-    """Return what reads some bytes as a number."""
+    """Return the function that reads some bytes as a number."""
     return lambda data: int.from_bytes(data[low:high], "little")
 
 
@@ -132,14 +132,14 @@ MEANING: Mapping[int, Mapping[str, Callable[[bytes], int]]] = {
     0x602: MULTIPLEXOR,
     0x702: {"canopen.nmt_guard.state": number(0, 1)},
 }
-"""What CiA 301 (7.2.4.3, 7.2.7.3, 7.2.8.3) says is where in a frame, under tshark's names."""
+"""Where each value is in a frame by CiA 301 (7.2.4.3, 7.2.7.3, 7.2.8.3), under tshark's names."""
 
 ABORT = {"canopen.sdo.abort_code": number(4, 8)}
 FIELDS = list(dict.fromkeys(name for fields in (*MEANING.values(), ABORT) for name in fields))
 
 
 def dissected_by_tshark(folder: Path) -> Answer:
-    """Let tshark dissect the recorded session."""
+    """Dissect the recorded session with tshark."""
     messages = session()
     file = folder / "session.log"
     with can.Logger(file) as logger:

@@ -1,4 +1,4 @@
-"""A row of the interop matrix: a tool, what it is asked, and how its answer is judged.
+"""A row of the interop matrix: a tool, the question to it, and the judgement of its answer.
 
 A question returns an Answer or raises Differs; any other error is its own fault.
 """
@@ -14,7 +14,7 @@ from interop_rows.tools import Tool
 
 
 class Judgement(Enum):
-    """What an answer says about the tool and us."""
+    """The judgement of an answer: whether the tool agrees with us."""
 
     AGREES = "agrees"
     LIMIT = "agrees with a limit"
@@ -23,19 +23,19 @@ class Judgement(Enum):
 
 
 class Answer(NamedTuple):
-    """What a tool answered; `limit`: what it cannot do or does wrong, by which clause, how to avoid it (Markdown)."""
+    """A tool's answer; `limit`: what it cannot do or does wrong, by which clause, and how to avoid it (Markdown)."""
 
     said: str
     limit: str = ""
 
     @property
     def judgement(self) -> Judgement:
-        """AGREES, or LIMIT if there is one."""
+        """LIMIT if there is one, else AGREES."""
         return Judgement.LIMIT if self.limit else Judgement.AGREES
 
 
 class Differs(Exception):
-    """A tool's answer is another than ours."""
+    """A tool's answer differs from ours."""
 
 
 class Row(NamedTuple):
@@ -47,7 +47,7 @@ class Row(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """A row and what came of it."""
+    """A row, and the judgement and text of its answer."""
 
     row: Row
     judgement: Judgement
@@ -55,13 +55,13 @@ class Verdict(NamedTuple):
 
 
 def agree(what: str, theirs: object, ours: object) -> None:
-    """Raise Differs if the tool has another opinion than we of `what`."""
+    """Raise Differs if the tool's value of `what` differs from ours."""
     if theirs != ours:
         raise Differs(f"{what}: the tool has {theirs!r}, we have {ours!r}")
 
 
 def judge(row: Row, folder: Path) -> Verdict:
-    """Ask a row's question if its tool is there; every error counts as a difference."""
+    """Ask a row's question if its tool is there; any error counts as a difference."""
     if not row.tool.present():
         return Verdict(row, Judgement.ABSENT, f"{row.tool.name} is not here: {row.tool.remedy}")
     try:

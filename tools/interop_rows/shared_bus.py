@@ -30,7 +30,7 @@ CHECK = (0x3C0, 0x400)
 
 @contextmanager
 def served_bus() -> Iterator[str]:
-    """Serve an in-process bus to other processes on this machine; gives its channel."""
+    """Serve an in-process bus to other processes on this machine; yields its channel."""
     from can_remote.server import RemoteServer
 
     server = RemoteServer("127.0.0.1", 0, interface="virtual", channel="interop")
@@ -50,7 +50,7 @@ def remote(channel: str) -> can.BusABC:
 
 
 def remote_bus(_: Path) -> Answer:
-    """Let a master and our drive meet on a bus that python-can-remote serves."""
+    """Send requests of a master to our drive over a bus that python-can-remote serves."""
     eds = dialects.load("drive", dialects.DEFAULT)
     with served_bus() as channel, live("drive", remote(channel)), stock_network(remote(channel)) as network:
         node: Any = network.add_node(DRIVE, str(eds.file))
@@ -61,7 +61,7 @@ def remote_bus(_: Path) -> Answer:
 
 
 def played_log(folder: Path) -> Answer:
-    """Let `can_player` play a log to our drive over a served bus."""
+    """Play a log to our drive with `can_player` over a served bus."""
     file = folder / "asked.log"
     file.write_text(f"(0.000000) can0 {CHECK[0]:03X}# R\n")
     with served_bus() as channel, live("drive", remote(channel)), remote(channel) as listener:
@@ -76,7 +76,7 @@ def played_log(folder: Path) -> Answer:
 
 
 def candump_and_cansend(_: Path) -> Answer:
-    """Let cansend ask our drive on vcan0, and candump see the answer."""
+    """Ask our drive with cansend on vcan0, and read the answer with candump."""
     command = ["candump", "-L", "-n", "1", "-T", str(int(PATIENCE * 1000)), f"vcan0,{CHECK[1]:03X}:7FF"]
     vcan = can.Bus(interface="socketcan", channel="vcan0")
     with live("drive", vcan), subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as candump:
@@ -86,7 +86,7 @@ def candump_and_cansend(_: Path) -> Answer:
 
 
 def _ask_until_seen(candump: subprocess.Popen[str]) -> str:
-    """Send the question again until candump, which says not when it listens, ends; return what it printed."""
+    """Send the question again until candump, which does not report when it listens, ends; return its output."""
     while True:
         subprocess.run(["cansend", "vcan0", f"{CHECK[0]:03X}#"], check=True)
         with contextlib.suppress(subprocess.TimeoutExpired):

@@ -1,6 +1,6 @@
-"""What other programs read in our EDS and DCF files, and write of them.
+"""Compares what other programs read in our EDS and DCF files, and what they write from them.
 
-Every EDS of every dialect goes to every program, without an edit unless the answer says so.
+Every EDS of both dialects goes to every program, unchanged unless the answer says otherwise.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from interop_rows.tools import ODG, run
 
 HEARTBEAT = (0x1017, 0)
 PERIOD = 250
-"""Milliseconds, other than the EDS's default."""
+"""Heartbeat time in milliseconds, different from the EDS's default."""
 
 MASTER_YAML = """\
 master: {{node_id: 127, baudrate: 500}}
@@ -50,12 +50,12 @@ def all_eds() -> list[Path]:
 
 
 def label(file: Path) -> str:
-    """Name an EDS: `canopen/drive`."""
+    """Return the name of an EDS as `canopen/drive`."""
     return f"{file.parent.name}/{file.stem}"
 
 
 def accept(*command: str | Path, folder: Path | None = None) -> str:
-    """Run a program that must accept what it is given, and return what it printed; raises Differs."""
+    """Run a program that must accept its input, and return its output; raises Differs."""
     done = run(*command, folder=folder)
     if done.returncode or done.stderr:
         raise Differs(f"{' '.join(map(str, command))}: {done.stderr or done.stdout}")
@@ -64,7 +64,8 @@ def accept(*command: str | Path, folder: Path | None = None) -> str:
 
 def write_dcf(folder: Path) -> Path:
     """Write the drive's DCF with another heartbeat."""
-    file, drive = folder / "drive.dcf", dialects.load("drive")
+    file = folder / "drive.dcf"
+    drive = dialects.load("drive")
     file.write_text(dcf.with_values(drive.device, {HEARTBEAT: PERIOD}, 2, "drive", 500))
     return file
 
@@ -73,12 +74,12 @@ def write_dcf(folder: Path) -> Path:
 
 
 def dcfchk(file: Path) -> None:
-    """Let dcfchk check a file, for node-ID 2; raises Differs for any word it says."""
+    """Check a file with dcfchk, for node-ID 2; raises Differs for any output."""
     agree(f"dcfchk on {file.name}", accept(sys.executable, "-m", "dcf.cli", "--node_id", "2", file), "")
 
 
 def check_files(folder: Path) -> Answer:
-    """Let dcfchk check all EDS files and a DCF."""
+    """Check all EDS files and a DCF with dcfchk."""
     files = [*all_eds(), write_dcf(folder)]
     for file in files:
         dcfchk(file)
@@ -86,7 +87,7 @@ def check_files(folder: Path) -> Answer:
 
 
 def generate_concise_dcf(folder: Path) -> Answer:
-    """Let dcfgen make the concise DCF of a slave, and read it."""
+    """Make the concise DCF of a slave with dcfgen, and read it."""
     eds = dialects.folder(dialects.DEFAULT) / "drive.eds"
     (folder / "robot.yaml").write_text(MASTER_YAML.format(eds=eds, period=PERIOD))
     accept(sys.executable, "-m", "dcfgen.cli", "robot.yaml", folder=folder)
@@ -97,12 +98,12 @@ def generate_concise_dcf(folder: Path) -> Answer:
 
 
 def dcf2dev(file: Path) -> str:
-    """Let dcf2dev make C of an EDS; raises Differs if it refuses."""
+    """Make C from an EDS with dcf2dev; raises Differs if it refuses."""
     return accept(sys.executable, "-m", "dcf2dev.cli", file, file.stem)
 
 
 def generate_c_device(folder: Path) -> Answer:
-    """Let dcf2dev make C of every EDS, with its strings in quotes."""
+    """Make C from every EDS with dcf2dev, with its strings in quotes."""
     for file in all_eds():
         quoted = folder / file.name
         quoted.write_text(STRINGS.sub(r'\1"\2"', file.read_text()))
@@ -119,7 +120,7 @@ UNDERSTOOD = (
     ("DefaultValue=20.0", "DefaultValue=0x41A00000"),
     *((f"{key}=", f";{key}=") for key in ("Unit", "Factor")),
 )
-"""What dcf-tools and objdictgen refuse in the examples, and what they take."""
+"""What dcf-tools and objdictgen refuse in the examples, and what they accept in its place."""
 
 REFUSED = (
     "they take neither the keys `Unit` and `Factor` (`servo.eds`), which canopen and the tools behind it have, nor, "
@@ -147,8 +148,9 @@ servo:
 
 
 def _example(name: str, folder: Path) -> Path:
-    """Copy an example, with what the tools understand in place of what they refuse."""
-    file, text = folder / f"{name}.eds", (ROOT / "docs" / f"{name}.eds").read_text()
+    """Copy an example, with the parts that the tools refuse replaced."""
+    file = folder / f"{name}.eds"
+    text = (ROOT / "docs" / f"{name}.eds").read_text()
     for old, new in UNDERSTOOD:
         text = re.sub(f"(?m)^{re.escape(old)}", new, text)
     file.write_text(text)
@@ -156,7 +158,7 @@ def _example(name: str, folder: Path) -> Path:
 
 
 def check_examples(folder: Path) -> Answer:
-    """Let dcfchk and dcfgen take the examples."""
+    """Check the examples with dcfchk and dcfgen."""
     for name in EXAMPLES:
         dcfchk(_example(name, folder))
         (folder / "bus.yml").write_text(f"master: {{node_id: 1}}\n{name}: {{dcf: {name}.eds, node_id: 2}}\n")
@@ -165,14 +167,14 @@ def check_examples(folder: Path) -> Answer:
 
 
 def list_examples(folder: Path) -> Answer:
-    """Let `odg list` print the examples."""
+    """Print the examples with `odg list`."""
     for name in EXAMPLES:
         accept(ODG, "--no-color", "list", _example(name, folder))
     return Answer(f"{amount(len(EXAMPLES), 'file')} listed", REFUSED)
 
 
 def generate_networks(folder: Path) -> Answer:
-    """Let dcfgen write a node's configuration from a bus.yml, and from ours of the same; compare with what we read."""
+    """Write a node's configuration with dcfgen, from a bus.yml and from our description of it; compare with ours."""
     eds = _example("servo", folder)
     (folder / "bus.yml").write_text(BUS_YAML)
     theirs = _generated(folder, "bus.yml")
@@ -186,7 +188,7 @@ def generate_networks(folder: Path) -> Answer:
 
 
 def _generated(folder: Path, file: str) -> dict[Address, int]:
-    """Return what dcfgen has the master write to the servo; of two writes the later counts."""
+    """Return dcfgen's writes to the servo by address; of two writes to one object the later counts."""
     accept(sys.executable, "-m", "dcfgen.cli", file, folder=folder)
     writes = cdcf.unpack((folder / "servo.bin").read_bytes())
     return {address: int.from_bytes(data, "little", signed=address == (0x607C, 0)) for address, data in writes}
@@ -195,7 +197,7 @@ def _generated(folder: Path, file: str) -> dict[Address, int]:
 # objdictgen
 
 FORGOTTEN = {"access", "low limit", "high limit", "object", "bit rates"}
-"""Aspects that objdictgen's own model has no place for, so that they are lost on its way."""
+"""Aspects that objdictgen's model cannot hold, so that a conversion loses them."""
 
 ERROR_FIELD = (0x1003, 0)
 LOST = (
@@ -207,7 +209,7 @@ LOST = (
 
 
 def odg_list(_: Path) -> Answer:
-    """Let `odg list` print every EDS."""
+    """Print every EDS with `odg list`."""
     for file in all_eds():
         printed = accept(ODG, "--no-color", "list", file).lower()
         missing = [index for index in Dictionary.load(file).objects if f"0x{index:04x} " not in printed]
@@ -216,7 +218,7 @@ def odg_list(_: Path) -> Answer:
 
 
 def odg_round_trip(folder: Path) -> Answer:
-    """Let `odg convert` turn every EDS into .od and back."""
+    """Convert every EDS into .od and back with `odg convert`."""
     for file in all_eds():
         between, back = folder / "between.od", folder / f"{file.parent.name}-{file.name}"
         accept(ODG, "--no-color", "convert", file, between)
@@ -236,7 +238,7 @@ def _changes(ours: Path, theirs: Path) -> Iterator[str]:
 
 
 def _errors(file: Path) -> Iterator[str]:
-    """Return the codes of our own checker; E632 and E227 are the two wrong numbers in LOST."""
+    """Yield the codes of our own checker; E632 and E227 are the two wrong numbers in LOST."""
     for each in lint(read_bytes(str(file)), file.name):
         if each.severity is Severity.ERROR:
             yield each.code

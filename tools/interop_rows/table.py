@@ -1,4 +1,4 @@
-"""The interop matrix: which program is asked what.
+"""The interop matrix: each program with its questions.
 
 To add a question, add a row here and a function in a module beside this one.
 """

@@ -1,4 +1,4 @@
-"""The programs that judge us: where each comes from, whether it is here, which version it is.
+"""The programs that judge us: where each comes from, whether it is here, and its version.
 
 Rule of this file: only the standard library is used; only `install` installs anything, and only below `.venv` or by
 apt.
@@ -30,7 +30,7 @@ VCAN = Path("/sys/class/net/vcan0")
 
 
 class Tool(NamedTuple):
-    """A program: its name, the source it is installed from, and what finds, asks for its version, and installs it."""
+    """A program: its name and source, and the functions that find it, return its version and install it."""
 
     name: str
     source: str
@@ -47,7 +47,7 @@ def run(*command: str | Path, folder: Path | None = None) -> subprocess.Complete
 
 
 def _required(*command: str | Path) -> None:
-    """Run a program that must succeed; ends this program if it fails."""
+    """Run a program that must succeed; if it fails, this program ends."""
     words = " ".join(map(str, command))
     if shutil.which(command[0]) is None:
         sys.exit(f"{command[0]} is not here, so this cannot run: {words}\n--local asks only the programs that are here")
@@ -150,8 +150,8 @@ CAN_UTILS = _of_debian("can-utils", "candump", "cansend")._replace(
     present=lambda: _on_path(["candump", "cansend"]) and VCAN.exists(),
     remedy="apt-get install can-utils, on a kernel with SocketCAN: ip link add vcan0 type vcan; ip link set vcan0 up",
 )
-"""Many a machine's kernel has no SocketCAN."""
+"""can-utils, present only where the kernel has SocketCAN, which many lack."""
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = _of_debian("chromium", "chromium")._replace(present=lambda: any(map(shutil.which, BROWSERS)))
-"""Judges the page, in its own tests, as axe-core does: they are asked nothing here."""
+"""Runs the tests of the page, as axe-core does; the matrix has no question for either."""

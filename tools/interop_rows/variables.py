@@ -1,6 +1,6 @@
-"""The PDO variables of stock canopen, `node.tpdo[4]["Goto XY.Speed"].raw`, against our bits.
+"""Compares the PDO variables of stock canopen, `node.tpdo[4]["Goto XY.Speed"].raw`, with our bits.
 
-Every PDO of every node is asked, from the EDS files as they are; raw values are compared, so that no meaning hides a
+Every PDO of every node is read, from the EDS files as they are; raw values are compared, since rounding could hide a
 bit.
 """
 
@@ -52,14 +52,14 @@ def stock_pdos(folder: Path) -> Iterator[tuple[Binding, Any]]:
 
 
 def frames(binding: Binding, count: int) -> Iterator[bytes]:
-    """Yield random frames of a message, of each length that it may have in turn."""
+    """Yield random frames of a message, of each permitted length in turn."""
     chance = random.Random(binding.name)
     for number in range(count):
         yield chance.randbytes(binding.lengths[number % len(binding.lengths)])
 
 
 def read(binding: Binding, pdo: Any, data: bytes) -> None:
-    """Raise Differs unless canopen receives the values that we do; it has none for what a short frame leaves out."""
+    """Raise Differs unless canopen reads the same values; it has none for the fields that a short frame leaves out."""
     pdo.on_message(pdo.cob_id, bytearray(data), 0.0)
     left_out = binding.optional if len(data) < binding.layout.length else ()
     ours = [value for field, value in binding.unpack(data).items() if field not in left_out]
@@ -68,7 +68,7 @@ def read(binding: Binding, pdo: Any, data: bytes) -> None:
 
 
 def write(binding: Binding, pdo: Any, data: bytes) -> None:
-    """Raise Differs unless canopen makes of the values in `data`, set in any order, the frame that we do."""
+    """Raise Differs unless canopen makes the frame `data` from its values, set in any order."""
     ours = binding.unpack(data)
     values = dict.fromkeys((each.name for each in pdo.map), 0)
     values |= zip((each.name for each in _carrying(pdo)), ours.values())
@@ -85,7 +85,7 @@ def _carrying(pdo: Any) -> list[Any]:
 
 @contextmanager
 def _without_warnings() -> Iterator[None]:
-    """Let canopen not tell of every value over its limit."""
+    """Switch off canopen's warning for each value over its limit."""
     logging.disable(logging.WARNING)
     try:
         yield

@@ -30,7 +30,7 @@ def test_a_step_is_done_with_those_that_it_needs(capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_suite_with_a_dialect_has_its_files_whatever_else_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_suite_s_dialect_overrides_the_named_files(capsys: pytest.CaptureFixture[str]) -> None:
     motor = str(Path(__file__).parents[2] / "lint" / "samples" / "clean.eds")
     said = run(capsys, "check", "foreign.yaml", "--list", "--eds", f"5={motor}", "--robot", "eurobot2014")
     assert (said.status, said.out.split()[0]) == (0, "foreign"), said

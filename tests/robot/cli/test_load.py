@@ -20,7 +20,7 @@ def test_the_robot(capsys: pytest.CaptureFixture[str], rate: str, status: int, v
     assert told.count("125 kbit/s, load 14.5%") == 1  # the EDS files offer it
 
 
-def test_a_match_on_a_bus_that_is_too_slow_says_so() -> None:
+def test_too_slow_counts_missed_deadlines() -> None:
     assert "3 of 34 deadlines can be missed" in too_slow(ROBOT, None, 125_000)
     assert too_slow(ROBOT, None, 250_000) == ""
 

@@ -112,9 +112,7 @@ def is_on_its_way(drive: Drive) -> bool:
 @pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.parametrize(("told", "status"), [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
-def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
-    shared_bus: str, told: signal.Signals, status: int
-) -> None:
+def test_the_robot_stands_after_its_script_is_terminated(shared_bus: str, told: signal.Signals, status: int) -> None:
     with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
         wait_for(lambda: is_on_its_way(drive))
         script.send_signal(told)
@@ -124,7 +122,7 @@ def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
 
 
 @pytest.mark.long
-def test_a_script_that_is_killed_leaves_a_robot_that_stands_soon(shared_bus: str) -> None:
+def test_the_robot_stands_soon_after_its_script_is_killed(shared_bus: str) -> None:
     with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
         wait_for(lambda: is_on_its_way(drive))
         script.kill()
@@ -134,7 +132,7 @@ def test_a_script_that_is_killed_leaves_a_robot_that_stands_soon(shared_bus: str
 
 @pytest.mark.long
 @pytest.mark.posix
-def test_a_drill_that_is_terminated_leaves_a_robot_that_stands(shared_bus: str) -> None:
+def test_the_robot_stands_after_its_drill_is_terminated(shared_bus: str) -> None:
     with partners(shared_bus) as drive, node("core", "--drill", "-i", "remote", "-c", shared_bus) as core:
         wait_for(lambda: is_on_its_way(drive))
         core.send_signal(signal.SIGTERM)
@@ -153,7 +151,7 @@ def test_a_drill_ends_with_the_duration(shared_bus: str) -> None:
 @pytest.mark.parametrize(
     ("words", "status", "complaint"), [(["drive", "--team", "red"], 2, "--team is for the core, not for the drive")]
 )
-def test_a_node_that_cannot_run_says_why_in_one_line(
+def test_a_node_that_cannot_run_is_one_line(
     capsys: pytest.CaptureFixture[str], words: list[str], status: int, complaint: str
 ) -> None:
     said = run(capsys, "node", *words)
@@ -172,7 +170,7 @@ def eds(tmp_path: Path) -> str:
     return str(file)
 
 
-def test_a_node_of_the_robot_that_is_named_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_node_of_the_named_robot_runs_from_a_file_in_any_folder(capsys: pytest.CaptureFixture[str]) -> None:
     files = "--network", str(dialects.folder("canopen")), "--robot", "eurobot2014"
     said = run(capsys, "node", "drive", *files, "--for", "1 ms", "-i", "virtual")
     assert said.out.startswith("drive (node-ID 2)")
@@ -191,7 +189,7 @@ WRONG_DEVICES = [
 
 
 @pytest.mark.parametrize(("words", "complaint"), WRONG_DEVICES)
-def test_a_device_that_cannot_run_says_why_in_one_line(
+def test_a_device_that_cannot_run_is_one_line(
     capsys: pytest.CaptureFixture[str], eds: str, words: list[str], complaint: str
 ) -> None:
     said = run(capsys, "node", "--eds", f"5={eds}", *words)

@@ -54,9 +54,7 @@ def test_no_picture(
 
 
 @pytest.mark.long
-def test_the_points_of_a_match_are_in_what_is_drawn_of_its_log(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_picture_from_a_log_has_the_points(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, page, picture = tmp_path / "match.log", tmp_path / "match.html", tmp_path / "match.svg"
     assert cli.main(["match", "--log", str(log)]) == 0
     told = re.search(r"points: ours (\d+)", capsys.readouterr().out)

@@ -222,7 +222,7 @@ def test_a_strategy_that_raises_ends_the_match_with_log_and_picture(
     assert "1 of 1 goto reached" in picture.read_text()
 
 
-def test_the_place_is_told_that_is_the_teams_own(
+def test_an_error_of_a_strategy_names_the_team_s_own_line(
     capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
 ) -> None:
     file = mine("async def play(core):\n    await core.goto(9999, 0, 0, 50)\n")
@@ -239,7 +239,7 @@ def test_two_strategies_play_each_other(capsys: pytest.CaptureFixture[str], mine
     assert "points: ours 0, enemy 1 0" in said.out.splitlines()
 
 
-def test_what_the_other_strategy_raises_is_told_as_well(
+def test_an_error_of_the_other_strategy_is_reported_too(
     capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
 ) -> None:
     said = run(capsys, *SHORT, "--against", str(mine("async def play(core):\n    raise ValueError('no plan')\n")))
@@ -259,7 +259,7 @@ def test_a_setting_counts_in_place_of_the_files(capsys: pytest.CaptureFixture[st
     assert "begins, 1 s long" in said.out
 
 
-def test_the_world_errs_as_it_is_told_to(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_options_set_the_errors_of_the_world(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     logs = [tmp_path / "a.log", tmp_path / "b.log"]
     for log, dropouts in zip(logs, ("0", "1")):
         run(capsys, *SHORT, "--world", f"beacon_dropouts={dropouts}", "--world", "sensor_false=0", "--log", str(log))
@@ -301,9 +301,7 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
         (["--set", "drive.Motion.Speed"], "argument --set: drive.Motion.Speed: write NAME=VALUE"),
     ],
 )
-def test_wrong_usage_is_told_in_the_last_line(
-    capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
-) -> None:
+def test_wrong_usage_is_the_last_line(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
     said = run(capsys, *SHORT, *words)
     assert (said.status, said.out) == (2, "")
     assert said.complaint.startswith(f"eurobot-od match: error: {complaint}")
@@ -435,7 +433,7 @@ def test_the_matches_of_a_seed_are_one_page(
     assert [any(event["kind"] == "said" for event in each["events"]) for each in content["sources"]] == [True, False]
 
 
-def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
+def test_many_seeds_are_one_table(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
     words = ["--seeds", "2-4", "--jobs", "1", "--enemies", "0", "--strategy", str(mine(ARRIVES))]
     said = run(capsys, "match", "--for", "3", *words)
     lines = said.out.splitlines()
@@ -470,7 +468,7 @@ def test_a_seed_that_went_wrong_is_listed(capsys: pytest.CaptureFixture[str], sp
 @pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.parametrize("form", [[], ["--json"]], ids=["table", "json"])
-def test_ctrl_c_ends_many_seeds_without_a_word_but_what_has_been_played(form: list[str]) -> None:
+def test_ctrl_c_ends_many_seeds_with_the_table_so_far(form: list[str]) -> None:
     words = [*SCRIPT, "match", "--for", "3", "--seeds", "1000", "--jobs", "2", *form]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as running:
         assert running.stdout
@@ -499,7 +497,7 @@ def test_a_match_in_real_time_runs_on_the_virtual_bus(capsys: pytest.CaptureFixt
     assert count(log) == total(said.out) > 30
 
 
-def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_many_seeds_are_logged_stored_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
     results = ["--results", str(tmp_path / "results"), "--json", "--jobs", "1"]
     words = ["match", "--for", "2", *results]

@@ -93,7 +93,7 @@ CHANGES = {
 }
 
 
-def test_a_real32_setting_and_a_message_that_is_sent_by_itself(mine: Path) -> None:
+def test_a_real32_setting_and_a_periodic_message(mine: Path) -> None:
     for name, changes in CHANGES.items():
         text = (mine / name).read_text()
         for old, new in changes:
@@ -133,7 +133,7 @@ def test_a_package_needs_no_name_once_it_is_installed_and_pytest_finds_its_check
     assert (said.returncode, "23 passed" in said.stdout) == (0, True), said.stdout
 
 
-def test_a_package_that_is_not_installed_is_told_with_what_to_type(package: Path) -> None:
+def test_a_package_that_is_not_installed_prints_its_install_command(package: Path) -> None:
     said = command(package, ["show"])
     assert said.returncode == 2
     assert "robot: my_robot is not an installed robot, and a file runs no code; " in said.stderr
@@ -158,7 +158,7 @@ def test_a_package_takes_no_name_that_python_cannot_import(
     assert not (tmp_path / "new").exists()
 
 
-def test_it_is_written_as_it_is_to_be_written(made: Path, package: Path) -> None:
+def test_ruff_finds_nothing_in_a_new_robot(made: Path, package: Path) -> None:
     for folder in (made, package):
         rules = ["check", "--isolated", "--line-length", "120", "--select", "E,F,W,I,B,SIM,UP", "."]
         said = command(folder, rules, "ruff")
@@ -265,7 +265,7 @@ def test_a_mistake_is_one_line_with_its_place(
         ("1 // 0", "lift.py:51: ZeroDivisionError"),
     ],
 )
-def test_what_its_node_raises_in_a_match_is_told_with_its_place(wrong: str, complaint: str, mine: Path) -> None:
+def test_an_error_of_its_node_in_a_match_names_the_place(wrong: str, complaint: str, mine: Path) -> None:
     text = (mine / "lift.py").read_text()
     (mine / "lift.py").write_text(text.replace("round(self.height)", wrong, 1))
     one, many = (command(mine.parent, ["match", "--robot", "mine", *more]) for more in ([], ["--seeds", "1"]))

@@ -129,7 +129,7 @@ async def play(core):
 
 
 @pytest.mark.long
-def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path) -> None:
+def test_a_lost_bus_in_a_match_is_reported(served: Scene, tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(WAITS, encoding="utf-8")
     world = served.options[:2]
@@ -152,7 +152,7 @@ def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path
 
 @pytest.mark.posix
 @pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
-def test_a_world_that_is_told_to_end_says_what_it_came_to(told: signal.Signals) -> None:
+def test_a_terminated_world_prints_its_result(told: signal.Signals) -> None:
     with command("world", "--listen", "127.0.0.1:0") as world:
         line(world, "Ctrl-C ends it")
         world.send_signal(told)
@@ -216,7 +216,7 @@ WORLD = ["--world", "127.0.0.1:9"]
         (["node", "core", "--strategy", "README.md", *WORLD], 2, ": SyntaxError: "),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(
+def test_an_error_is_one_line(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     words: list[str],

@@ -62,7 +62,7 @@ def failed(text: str) -> list[str]:
 
 
 @pytest.mark.long
-def test_it_fails_as_the_page_says_and_is_green_when_mended(folder: Path) -> None:
+def test_the_firmware_fails_as_the_page_says_and_passes_when_mended(folder: Path) -> None:
     assert red(folder) == (failed(PAGE), "1 suite: 115 ok, 6 FAILED")
     assert len(failed(PAGE)) == 6
     subprocess.run(["patch", "-i", "mended.patch", "drive.c"], cwd=folder, check=True)

@@ -23,14 +23,14 @@ def _nothing_kept() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("number", range(4), ids=["canopen", "canopen any", "firmware2014", "firmware2014 any"])
-def test_what_the_nodes_are_there_for_goes_on_unchanged(number: int) -> None:
+def test_meaningless_frames_change_nothing_that_the_nodes_send(number: int) -> None:
     result = frame_fuzz.attempt(Trial(seed=19, number=number, frames=SHORT))
     assert result.wrong == []
     assert result.compared > 40
     assert result.made.total() == SHORT
 
 
-def test_the_nodes_are_driven_meanwhile() -> None:
+def test_the_nodes_drive_during_a_trial() -> None:
     sent = {frame.cob_id for _, frame in frame_fuzz.healthy(dialects.DEFAULT)}
     assert {each.cob_id for each in frame_fuzz.protocol(dialects.DEFAULT).bindings} - sent == {
         frame_fuzz.protocol(dialects.DEFAULT).cob_id("Emergency Shutdown")
@@ -66,6 +66,6 @@ def test_every_kind_makes_frames_that_a_bus_can_carry(maker: frame_fuzz.Maker) -
 
 
 @pytest.mark.long
-def test_the_exit_status_and_the_last_line_tell_how_it_went(capsys: pytest.CaptureFixture[str]) -> None:
+def test_exit_status_and_last_line_give_the_result(capsys: pytest.CaptureFixture[str]) -> None:
     assert frame_fuzz.main(["--frames", "1", "--jobs", "1"]) == frame_fuzz.FINE
     assert capsys.readouterr().out.splitlines()[-1].startswith("20000 frames in 1 trials, ")

@@ -38,7 +38,7 @@ KINDS = (
 @pytest.mark.long
 @pytest.mark.parametrize("dialect", dialects.names())
 @pytest.mark.parametrize("cell", KINDS, ids=map(str, KINDS))
-def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
+def test_the_robot_stops_and_all_calls_end(cell: Cell, dialect: str) -> None:
     result = loss_matrix.attempt(cell._replace(dialect=dialect))
     assert result.wrong == ""
     assert result.seconds <= BOUND
@@ -50,12 +50,12 @@ def test_every_message_and_every_loss_has_its_cells() -> None:
     assert len(cells) == len(set(cells)) == 6 * (23 * 8 + causes * 3) + 2 * 4 * 3 + 3
 
 
-def test_another_seed_gives_other_moments() -> None:
+def test_moments_follow_from_the_seed() -> None:
     first, second = ([each.time for each in loss_matrix.cells(dialects.DEFAULT, 2, seed)] for seed in (1, 2))
     assert first != second
 
 
-def test_a_core_that_asks_nobody_after_a_reset_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_core_that_checks_no_node_after_a_reset_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def nothing(_: Resumption) -> Script[None]:
         yield START
 
@@ -63,7 +63,7 @@ def test_a_core_that_asks_nobody_after_a_reset_is_seen(monkeypatch: pytest.Monke
     assert "does not go on" in loss_matrix.attempt(Cell("core", "reset", 8.0, navigation=DEAD)).wrong
 
 
-def test_a_drive_that_begins_anew_at_a_stray_start_configuration_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drive_that_takes_a_stray_start_configuration_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the navigation it would believe that it is at its start place, and the core would believe it."""
     monkeypatch.setattr(Drive, "_keeps_place", lambda _: False)
     monkeypatch.setattr(Resumption, "_find_place", lambda resumption, *_: flows.drive_position(resumption._core))
@@ -80,13 +80,13 @@ def test_a_match_goes_on_in_real_time_after_the_core_hung_without_a_navigation()
     assert loss_matrix.attempt(Cell("core", "pause 1 s", 7.0, navigation=DEAD, live=True)).wrong == ""
 
 
-def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drive_that_does_not_watch_the_core_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Drive, "heartbeat_lost", lambda *_: None)
     results = [loss_matrix.attempt(Cell("core", "killed", 2.7, seed=seed)) for seed in (2, 4)]
     assert any("uncommanded" in result.wrong for result in results)
 
 
-def test_the_exit_status_and_the_last_line_tell_how_it_went(capsys: pytest.CaptureFixture[str]) -> None:
+def test_exit_status_and_last_line_give_the_result(capsys: pytest.CaptureFixture[str]) -> None:
     only = "bus off 1 s, navigation alive, again after 2 s"
     assert loss_matrix.main(["--times", "1", "--only", only, "--jobs", "1"]) == loss_matrix.FINE
     assert capsys.readouterr().out.splitlines()[-1].startswith("1 cells, 0 wrong; uncommanded for ")

@@ -27,7 +27,7 @@ def ours(seen_by: SimulatedBeacons, times: int = MANY) -> list[Fix | None]:
     return [seen_by.locate(Source.INTERNAL, 0.0) for _ in range(times)]
 
 
-def test_exact_beacons_tell_the_truth_and_a_heading_of_ours_only() -> None:
+def test_exact_beacons_give_true_places_and_only_our_heading() -> None:
     place = Place(enemies=1)
     seen = beacons(place)
     assert tuple(seen.locate(Source.INTERNAL, 0.0) or ()) == place.world.robot
@@ -77,13 +77,13 @@ def test_swapped_robots_come_at_their_rate() -> None:
     assert {(fix.x, fix.y) for fix in swapped} == set(others)
 
 
-def test_alone_on_the_field_nobody_is_taken_for_us() -> None:
+def test_a_robot_alone_is_never_swapped() -> None:
     place = Place()
     fixes = ours(beacons(place, replace(NOISE_ONLY, beacon_swaps=1.0)), 10)
     assert {fix and fix[:2] for fix in fixes} == {place.here}
 
 
-def test_how_often_one_is_asked_for_does_not_change_what_another_says() -> None:
+def test_the_number_of_readings_of_one_robot_does_not_change_those_of_another() -> None:
     one, other = (beacons(Place(enemies=1), Errors(), (5.0, 1.0)) for _ in range(2))
     ours(one, 10)
     assert one.locate(Source.ENEMY_1, 0.0) == other.locate(Source.ENEMY_1, 0.0)

@@ -29,7 +29,7 @@ def test_gap(point: Point, radius: float, expected: float, why: str) -> None:
 
 
 @pytest.mark.parametrize("point", [Point(1200, 1000), Point(1000, 810), Point(900, 1100), Point(1000, 1000)])
-def test_what_is_pushed_out_only_touches(point: Point) -> None:
+def test_a_pushed_body_ends_in_contact(point: Point) -> None:
     out = RobotBody("ours", point, 100.0, Weight.ROBOT).out_of(Pose(*point, 0), POOL)
     assert gap(out, 100.0, POOL) == pytest.approx(0.0, abs=1e-9)
     if point != POOL.point:  # along the line of the centres
@@ -71,7 +71,7 @@ def test_the_documents_barriers_stand_on_the_field_with_their_sizes() -> None:
         (0.0, 0.0, 0.0, "at rest"),
     ],
 )
-def test_how_fast_a_robot_comes_nearer(angle: float, speed: float, expected: float, why: str) -> None:
+def test_approach_speed_of_two_robots(angle: float, speed: float, expected: float, why: str) -> None:
     robot = RobotBody("ours", Point(0, 0), 140.0, Weight.ROBOT)
     robot.place(Pose(500, 1000, angle))
     robot.speed = speed

@@ -73,7 +73,7 @@ def test_a_request_is_answered_as_by_a_vehicle_in_this_process(
     assert ask(make_channel(make_world()), line) == {"answer": locally(make_world().vehicle())}
 
 
-def test_what_is_ahead_has_its_name() -> None:
+def test_a_body_ahead_is_named() -> None:
     world = make_world()
     world.robots[OURS].place(Pose(2400, 800, 90.0))
     seen = world.vehicle().ahead(700.0, 35.0)
@@ -90,7 +90,7 @@ def test_hello_says_which_match_it_is() -> None:
     assert answer == {"version": VERSION, **start}
 
 
-def test_the_truth_is_where_the_robot_is_and_what_it_came_to() -> None:
+def test_truth_has_the_robot_s_place_and_points() -> None:
     world = make_world()
     channel = make_channel(world)
     points = ask(channel, '{"request": "finish", "task": "mammoth"}')["answer"]

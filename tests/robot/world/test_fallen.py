@@ -14,7 +14,7 @@ def falling() -> Place:
     return place
 
 
-def test_it_lies_before_a_fast_robot_once_and_is_taken_away() -> None:
+def test_a_fallen_object_appears_once_in_front_of_a_fast_robot() -> None:
     place = falling()
     place.drive(FAST, 0.1)
     seen = place.vehicle.ahead(700, 30)
@@ -26,7 +26,7 @@ def test_it_lies_before_a_fast_robot_once_and_is_taken_away() -> None:
     assert place.vehicle.ahead(700, 30) is None
 
 
-def test_a_slow_robot_has_nothing_before_it() -> None:
+def test_no_object_falls_in_front_of_a_slow_robot() -> None:
     place = falling()
     place.drive(FAST - 1, 0.1)
     assert place.vehicle.ahead(700, 30) is None
@@ -39,7 +39,7 @@ def test_nothing_falls_on_the_border() -> None:
     assert place.vehicle.ahead(700, 30) is None
 
 
-def test_a_robot_that_does_not_stop_pushes_it() -> None:
+def test_a_robot_that_does_not_stop_pushes_the_fallen_object() -> None:
     place = falling()
     place.drive(500, 0.8)
     assert ("ours", "fallen thing") in place.touched()

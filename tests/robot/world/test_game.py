@@ -58,7 +58,7 @@ def test_a_shared_task_is_done_by_whoever_comes_first() -> None:
     assert finish(game, "fire 1", RIVAL) == 0
 
 
-def test_what_has_fallen_cannot_be_turned_over() -> None:
+def test_a_fallen_fire_cannot_be_turned_over() -> None:
     game = lucky("fire 1")
     game.fall("fire 1")
     assert finish(game, "fire 1") == 0
@@ -75,7 +75,7 @@ def test_fruit_is_worth_something_in_the_basket() -> None:
 
 
 @pytest.mark.parametrize("task", [each for each in TASKS.values() if each.name != "basket"])
-def test_a_task_brings_on_average_what_it_says(task: Task) -> None:
+def test_a_task_scores_its_stated_average(task: Task) -> None:
     came = [finish(Game(seed), task.name) for seed in range(1500)]
     assert statistics.mean(came) == pytest.approx(task.expected, rel=0.1)
     assert max(came) == task.tries * task.points

@@ -25,7 +25,7 @@ NEAREST = [
 
 
 @pytest.mark.parametrize(("point", "nearest", "inside"), NEAREST)
-def test_the_nearest_place_and_how_far_it_is(point: Point, nearest: Point, inside: bool) -> None:
+def test_nearest_point_of_an_outline_and_its_distance(point: Point, nearest: Point, inside: bool) -> None:
     assert nearest_on(SQUARE, point) == nearest
     assert contains(SQUARE, point) is inside
     apart = math.dist(point, nearest)
@@ -36,7 +36,7 @@ def place(settings: tuple[tuple[str, str], ...] = LONG) -> Place:
     return Place(settings=settings)
 
 
-def test_it_passes_where_the_circle_around_it_would_not() -> None:
+def test_an_outline_passes_where_its_circle_would_not() -> None:
     long, turned = place(), place()
     for each, angle in ((long, 0.0), (turned, 90.0)):
         each.put(900, 900 + 150 + 100, angle)  # beside pool 1: 100 mm from its edge to our centre
@@ -45,7 +45,7 @@ def test_it_passes_where_the_circle_around_it_would_not() -> None:
     assert (OURS, "pool 1") in turned.touched(), "150 mm ahead"
 
 
-def test_its_front_stops_at_a_pool() -> None:
+def test_the_front_of_an_outline_stops_at_a_pool() -> None:
     here = place()
     here.put(1300, 900, 180)
     here.drive(400, 2.0)
@@ -54,13 +54,13 @@ def test_its_front_stops_at_a_pool() -> None:
 
 
 @pytest.mark.parametrize(("angle", "reach"), [(270.0, 150), (0.0, 80)])
-def test_the_border_holds_its_corners(angle: float, reach: float) -> None:
+def test_the_border_stops_the_corners_of_an_outline(angle: float, reach: float) -> None:
     here = place()
     body = here.world.robots[OURS]
     assert body.inside(Pose(1500, 20, angle), here.world.facts.field) == pytest.approx((1500, reach))
 
 
-def test_a_fire_is_pushed_by_its_front() -> None:
+def test_the_front_of_an_outline_pushes_a_fire() -> None:
     here = place()
     here.put(600, 1400, 0)
     here.drive(400, 1.0)
@@ -68,7 +68,7 @@ def test_a_fire_is_pushed_by_its_front() -> None:
     assert fire.point.x == pytest.approx(1000 + 150 + fire.radius)
 
 
-def test_who_drives_into_it_meets_its_outline() -> None:
+def test_another_robot_touches_the_outline() -> None:
     here = Place(enemies=1, settings=LONG)
     ours, enemy = here.world.robots[OURS], here.world.robots["enemy 1"]
     ours.place(Pose(1500, 1000, 0))
@@ -76,7 +76,7 @@ def test_who_drives_into_it_meets_its_outline() -> None:
     assert enemy.out_of(Pose(1500, 1200, 0), ours) == pytest.approx((1500, 1000 + 80 + enemy.radius))
 
 
-def test_a_round_robot_is_as_before() -> None:
+def test_the_gap_to_a_round_robot() -> None:
     thing = Body("thing", Point(1100, 1000), 30, Weight.FIXED)
     round_one = Place().world.robots[OURS]
     assert round_one.gap(Pose(1000, 1000, 0), thing) == pytest.approx(100 - 140 - 30)

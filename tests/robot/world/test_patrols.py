@@ -35,7 +35,7 @@ def test_a_patrol_goes_round_at_its_speed(seconds: float, expected: tuple[float,
     assert expected[2] is None or pose.angle == pytest.approx(expected[2], abs=1)
 
 
-def test_held_up_it_turns_round_after_a_while() -> None:
+def test_a_blocked_patrol_turns_round_after_a_while() -> None:
     patrol = Patrol(TRIANGLE, speed=100)
     walk(patrol, 4.0)
     here = patrol.pose.point
@@ -48,7 +48,7 @@ def test_held_up_it_turns_round_after_a_while() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("source", list(FACTS.others))
 @pytest.mark.parametrize("team", TeamColour)
-def test_the_others_stay_on_the_field_and_off_the_pools(source: Source, team: TeamColour) -> None:
+def test_patrols_stay_on_the_field_and_off_the_pools(source: Source, team: TeamColour) -> None:
     pools = [each for each in FACTS.barriers if each.kind.name == "pool"]
     for seed in range(20):
         patrol = Patrol.of(source, FACTS, team, random.Random(seed))
@@ -67,7 +67,7 @@ def test_yellow_plays_against_the_mirror_image() -> None:
     assert red.pose.y == yellow.pose.y
 
 
-def test_a_confederate_is_never_careless() -> None:
+def test_a_teammate_is_never_careless() -> None:
     patrols = [
         Patrol.of(source, FACTS, TeamColour.RED, random.Random(seed)) for source in FACTS.others for seed in range(100)
     ]

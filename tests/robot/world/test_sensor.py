@@ -40,7 +40,7 @@ def looks(sensor: Sensor) -> list[Detection | None]:
         (710.0, 0.0, False, "farther"),
     ],
 )
-def test_what_it_sees(gap: float, bearing: float, seen: bool, why: str) -> None:
+def test_what_the_sensor_sees(gap: float, bearing: float, seen: bool, why: str) -> None:
     found = looking(EXACT, gap, bearing).look(0.0)
     assert (found is not None) is seen, why
     if found is not None:
@@ -53,11 +53,11 @@ def test_noise_has_its_deviation() -> None:
     assert statistics.mean(distances) == pytest.approx(300.0, abs=0.3)
 
 
-def test_something_is_missed_at_its_rate() -> None:
+def test_obstacles_are_missed_at_the_given_rate() -> None:
     assert looks(looking(replace(EXACT, sensor_missed=0.1))).count(None) / MANY == pytest.approx(0.1, abs=0.02)
 
 
-def test_something_is_seen_where_nothing_is_at_its_rate() -> None:
+def test_false_obstacles_come_at_the_given_rate() -> None:
     seen = [each for each in looks(looking(replace(EXACT, sensor_false=0.1), gap=900.0)) if each is not None]
     assert len(seen) / MANY == pytest.approx(0.1, abs=0.02)
     assert {each.obstacle for each in seen} == {Obstacle.OBJECT}

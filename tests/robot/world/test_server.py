@@ -134,7 +134,7 @@ def test_a_line_that_is_too_long_is_refused_once_and_not_kept(length: int) -> No
     assert (served.channel.requests, served.channel.refused) == (2, 1)
 
 
-def test_a_line_that_is_too_long_is_none_for_its_beginning() -> None:
+def test_the_beginning_of_a_line_that_is_too_long_is_not_executed() -> None:
     served = Served()
 
     async def talk(address: WorldAddress) -> None:
@@ -171,7 +171,7 @@ def test_a_client_that_hangs_or_does_not_read_blocks_nobody() -> None:
     served.run(talk)
 
 
-def test_touches_and_points_are_told_once_and_in_time() -> None:
+def test_touches_and_points_are_reported_once_and_in_time() -> None:
     served = Served()
 
     async def talk(address: WorldAddress) -> None:
@@ -192,7 +192,7 @@ def test_touches_and_points_are_told_once_and_in_time() -> None:
     assert (score.kind, score.data["points"]) == (EventKind.TASK, served.world.game.points(OURS))
 
 
-def test_what_a_robot_did_long_ago_is_forgotten() -> None:
+def test_old_events_of_a_robot_are_dropped() -> None:
     served = Served()
     trace = served.world.robots[OURS].trace
     trace += trace * (2 * REMEMBERED)
@@ -204,7 +204,7 @@ def test_what_a_robot_did_long_ago_is_forgotten() -> None:
     assert len(trace) == REMEMBERED
 
 
-def test_a_place_that_is_taken_is_named() -> None:
+def test_an_address_in_use_is_named() -> None:
     async def take_it_again(address: WorldAddress) -> None:
         with pytest.raises(WorldError, match=f"^cannot listen on {address}: .*in use"):
             await Served().server.serve(address, FOREVER, lambda _: None)
@@ -212,7 +212,7 @@ def test_a_place_that_is_taken_is_named() -> None:
     Served().run(take_it_again)
 
 
-def test_it_ends_in_its_time() -> None:
+def test_the_server_ends_in_time() -> None:
     served = Served()
     asyncio.run(served.server.serve(ANY, 0.0, lambda _: None))
     assert [event.kind for event in served.events] == [EventKind.START]

@@ -108,26 +108,26 @@ SAME: list[Callable[[Vehicle], object]] = [
 
 
 @pytest.mark.parametrize("ask", SAME)
-def test_it_answers_as_one_in_this_process(ask: Callable[[Vehicle], object]) -> None:
+def test_a_remote_world_answers_like_a_local_one(ask: Callable[[Vehicle], object]) -> None:
     with served() as address, reaching(address) as (vehicle, reports):
         assert ask(vehicle) == ask(make_world().vehicle())
         assert reports == []
 
 
-def test_it_knows_the_match_and_the_truth() -> None:
+def test_a_remote_world_has_match_and_truth() -> None:
     with served() as address, reaching(address) as (vehicle, _):
         assert vehicle.hello() == OPTIONS
         assert vehicle.truth() == (MAMMOTH.pose, 0)
 
 
-def test_a_task_that_there_is_not_is_the_callers_mistake() -> None:
+def test_an_unknown_task_is_a_value_error() -> None:
     with served() as address, reaching(address) as (vehicle, reports):
         with pytest.raises(LocalError, match=r"unknown task 'mamoth'; did you mean mammoth\?"):
             vehicle.begin("mamoth")
         assert reports == []
 
 
-def test_without_the_world_nothing_moves_and_nothing_is_seen_and_that_is_said_once() -> None:
+def test_a_lost_world_moves_nothing_and_is_reported_once() -> None:
     with served() as address:
         pass
     with reaching(address) as (vehicle, reports):
@@ -148,7 +148,7 @@ def test_without_the_world_nothing_moves_and_nothing_is_seen_and_that_is_said_on
         assert [report.partition(": ")[0] for report in reports] == [f"the world at {address} does not answer"]
 
 
-def test_a_world_that_was_started_anew_is_found_again() -> None:
+def test_a_restarted_world_is_found_again() -> None:
     with ExitStack() as stack:
         with served() as address:
             vehicle, reports = stack.enter_context(reaching(address))
@@ -160,7 +160,7 @@ def test_a_world_that_was_started_anew_is_found_again() -> None:
     assert reports[1] == f"the world at {address} answers again"
 
 
-def test_a_world_that_was_not_there_is_not_asked_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_world_is_not_asked_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "RETRY", 1000.0)
     with served() as address:
         pass
@@ -221,7 +221,7 @@ def hello_of(**changed: object) -> bytes:
         (b" " * 100_000 + b'{"answer": 4}\n', "a line that is too long"),
     ],
 )
-def test_an_answer_that_is_none_is_a_world_that_is_not_there(answer: bytes | None, why: str) -> None:
+def test_a_malformed_answer_counts_as_a_missing_world(answer: bytes | None, why: str) -> None:
     with saying(answer) as address, reaching(address) as (vehicle, reports):
         assert vehicle.move(STEP, 0.01) is None, why
         assert vehicle.pose(Source.INTERNAL) is None, why

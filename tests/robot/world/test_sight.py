@@ -43,7 +43,7 @@ def test_what_is_in_sight(other: Body, seen: Detection | None, why: str) -> None
     assert (found or ())[1:] == pytest.approx((seen or ())[1:], abs=0.01), why
 
 
-def test_the_nearest_one_is_seen_and_never_oneself() -> None:
+def test_the_nearest_other_robot_is_seen() -> None:
     looking, near, far = robot(1000, 1000), robot(1400, 1000), robot(1600, 1000)
     seen = nearest_ahead(looking, [far, looking, near], 700.0, 30.0)
     assert seen is not None

@@ -33,7 +33,7 @@ def roll(wheels: SimulatedWheels, command: WheelCommand, seconds: float) -> Odom
 @pytest.mark.parametrize(
     "command", [WheelCommand(400, 0), WheelCommand(-400, 0), WheelCommand(0, 90), WheelCommand(300, 30), AT_REST]
 )
-def test_without_errors_they_do_what_they_are_told_and_say_so(command: WheelCommand) -> None:
+def test_wheels_without_errors_follow_their_command_and_report_it(command: WheelCommand) -> None:
     place, wheels = on_wheels(EXACT)
     expected = place.world.robot
     for _ in range(100):
@@ -78,7 +78,7 @@ def test_a_turn_on_the_spot_is_off_by_its_own_error() -> None:
 
 
 @pytest.mark.parametrize(("slip", "counted"), [(0.0, 0.0), (0.05, 20.0), (1.0, 400.0)])
-def test_what_blocks_the_robot_stalls_the_wheels_and_they_slip_on(slip: float, counted: float) -> None:
+def test_the_wheels_of_a_blocked_robot_stall_and_slip(slip: float, counted: float) -> None:
     place, wheels = on_wheels(replace(EXACT, wheel_slip=slip))
     place.put(3000 - 140, 1000, 0)
     assert roll(wheels, WheelCommand(400, 0), 1.0).distance == pytest.approx(counted)

@@ -42,7 +42,7 @@ def test_another_seed_is_another_world() -> None:
         assert one.world.robots[name].pose != other.world.robots[name].pose
 
 
-def test_who_asks_how_often_does_not_change_where_the_others_are() -> None:
+def test_the_number_of_readings_does_not_change_the_patrols() -> None:
     one, other = Place(enemies=2), Place(enemies=2)
     for _ in range(100):
         one.now += 0.1
@@ -77,7 +77,7 @@ def test_the_robot_begins_near_its_start_place(team: TeamColour) -> None:
     assert max(start.distance(FACTS.start(team).point) for start in starts) < 15
 
 
-def test_it_moves_as_its_wheels_roll() -> None:
+def test_the_robot_moves_as_its_wheels_roll() -> None:
     place = Place()
     place.clear()
     place.put(1000, 1000, 30)
@@ -105,7 +105,7 @@ def test_a_pool_stops_the_robot_that_drives_at_it() -> None:
     assert place.touched() == [(OURS, "pool 1")]
 
 
-def test_what_is_met_at_an_angle_is_slid_along() -> None:
+def test_the_robot_slides_along_an_obstacle_met_at_an_angle() -> None:
     place = Place()
     place.put(1300, 1100, 180)  # 200 mm off the pool's centre line
     came = place.drive(400, 2.0)
@@ -144,7 +144,7 @@ def test_a_fire_is_pushed_along_and_cannot_be_turned_over_any_more() -> None:
     assert place.vehicle.finish("fire 1") == 0
 
 
-def test_what_is_pushed_is_in_the_way_of_another_robot_there() -> None:
+def test_a_pushed_fire_blocks_another_robot() -> None:
     place = Place(enemies=1, rival=True)
     fire = place.world.things[0]
     place.clear()
@@ -228,7 +228,7 @@ def test_who_drove_into_whom(ours: float, theirs: float, at_fault: str, why: str
     assert [name for name in (OURS, RIVAL) if touch.is_fault_of(name)] == [at_fault], why
 
 
-def test_those_on_their_rounds_go_at_their_speed_though_nobody_drives_them() -> None:
+def test_patrols_move_at_their_speed_without_commands() -> None:
     place = Place(enemies=2, confederates=1)
     place.clear()
     before = {name: body.point for name, body in place.world.robots.items()}
@@ -241,7 +241,7 @@ def test_those_on_their_rounds_go_at_their_speed_though_nobody_drives_them() -> 
     assert ways == pytest.approx({OURS: 0} | {name: 2.0 * speed for name, speed in speeds.items()})
 
 
-def test_a_careful_one_stops_before_us_and_turns_round() -> None:
+def test_a_careful_patrol_stops_before_our_robot_and_turns_round() -> None:
     for seed in range(1, 30):
         place = Place(seed, confederates=1)
         body = place.world.robots["confederate"]
@@ -253,7 +253,7 @@ def test_a_careful_one_stops_before_us_and_turns_round() -> None:
         assert math.dist(body.point, ahead.point) > 350, "it did not stay before us"
 
 
-def test_one_that_waits_stands() -> None:
+def test_a_waiting_patrol_stands() -> None:
     place = Place(confederates=1)
     body = place.world.robots["confederate"]
     place.put(*body.pose.moved(2 * FACTS.body.radius + 50, 0))
@@ -262,7 +262,7 @@ def test_one_that_waits_stands() -> None:
     assert body.speed == 0
 
 
-def test_a_careless_one_drives_into_us_once_and_does_not_push_us_along() -> None:
+def test_a_careless_patrol_touches_our_robot_once_without_pushing_it() -> None:
     met = 0
     for seed in range(1, 30):
         place = Place(seed, enemies=1)
@@ -285,7 +285,7 @@ def test_a_careless_one_drives_into_us_once_and_does_not_push_us_along() -> None
         (2, 1, {Source.ENEMY_1, Source.ENEMY_2, Source.CONFEDERATE}),
     ],
 )
-def test_only_who_is_there_has_a_place(enemies: int, confederates: int, there: set[Source]) -> None:
+def test_only_robots_in_the_match_have_a_place(enemies: int, confederates: int, there: set[Source]) -> None:
     vehicle = Place(enemies=enemies, confederates=confederates).vehicle
     assert {source for source in Source if vehicle.pose(source)} == there | {Source.INTERNAL}
 
@@ -307,7 +307,7 @@ def test_the_rival_starts_on_the_other_side() -> None:
 # What was
 
 
-def test_a_place_of_some_time_ago() -> None:
+def test_an_earlier_place() -> None:
     place = Place()
     place.clear()
     place.put(500, 1000, 0)
@@ -340,7 +340,7 @@ def test_an_unknown_task_is_named() -> None:
 # A test bench
 
 
-def test_on_a_bench_nothing_is_in_the_way_but_the_border() -> None:
+def test_a_bench_has_no_obstacle_but_the_border() -> None:
     place = Place(solid=False)
     place.put(*BEFORE_POOL)
     assert place.drive(400, 3.0) == pytest.approx(1200)
@@ -350,7 +350,7 @@ def test_on_a_bench_nothing_is_in_the_way_but_the_border() -> None:
     assert place.touched() == []
 
 
-def test_events_are_shown_as_they_come() -> None:
+def test_each_event_is_printed_at_once() -> None:
     shown: list[MatchEvent] = []
     clock = iter([0.5, 1.25])
     timeline = Timeline(lambda: next(clock), shown.append)
@@ -363,12 +363,12 @@ def test_events_are_shown_as_they_come() -> None:
 
 
 @pytest.mark.parametrize("kind", EventKind)
-def test_lines_stand_below_each_other(kind: EventKind) -> None:
+def test_lines_are_aligned(kind: EventKind) -> None:
     line = str(MatchEvent(12.3456, kind, "text"))
     assert line.startswith("   12.346 s  " + kind.value)
     assert line.index("text") == 24
 
 
-def test_as_data_what_an_event_tells_stands_next_to_when_and_what_it_was() -> None:
+def test_an_event_as_data_has_time_kind_and_details() -> None:
     event = MatchEvent(0.12345678, EventKind.GIVEN_UP, "text", {"seconds": 2})
     assert event.as_data() == {"time": 0.123457, "kind": "given up", "text": "text", "seconds": 2}

@@ -18,13 +18,13 @@ from contextlib import suppress
 from glob import glob
 
 PAUSE = 0.02
-"""Seconds between two looks at the children; a peak is kept by the kernel, so none is missed while they live."""
+"""Seconds between two readings of the children; the kernel keeps each peak, so none is missed while they live."""
 
 PEAK = "VmHWM:"
 
 
 def peaks(process: int) -> dict[int, int]:
-    """Return the peak memory in bytes of a process and its descendants so far; what has ended is left out."""
+    """Return the peak memory in bytes of a process and its descendants so far, without those that have ended."""
     found = {}
     with suppress(OSError):
         with open(f"/proc/{process}/status") as status:  # noqa: PTH123  # pathlib would make this program greater
@@ -37,14 +37,14 @@ def peaks(process: int) -> dict[int, int]:
 
 
 def watch(process: int, seen: dict[int, int]) -> None:
-    """Keep the peaks of a process and all its descendants, for ever."""
+    """Keep the peaks of a process and all its descendants up to date, for ever."""
     while True:
         seen |= peaks(process)
         time.sleep(PAUSE)
 
 
 def first_line(file: int) -> bool:
-    """Wait for a line; False if there is none."""
+    """Wait for a line; return whether there was one."""
     while said := os.read(file, 1):
         if said == b"\n":
             return True

@@ -13,7 +13,7 @@ opened: set[str] = set()
 
 
 def note(event: str, arguments: tuple[object, ...]) -> None:
-    """Keep the name of an EDS or DCF that is opened."""
+    """Note the name of an EDS or DCF file that is opened."""
     if event == "open" and isinstance(arguments[0], (str, os.PathLike)):
         name = Path(arguments[0])
         if name.suffix.lower() in (".eds", ".dcf"):

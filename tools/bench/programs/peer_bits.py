@@ -1,4 +1,4 @@
-"""A candump log to text by a loop over bitstruct's formats, compiled once for each message: `peer_bits.py LOG DBC`."""
+"""Decodes a candump log by a loop over bitstruct's formats, one compiled for each message: `peer_bits.py LOG DBC`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ import cantools
 
 
 def compiled(message: Any) -> Any:
-    """Return the format of a message's bytes read backwards: its last signal comes first."""
-    parts, names, end = list[str](), list[str](), 8 * message.length
+    """Return the format of a message's bytes in reverse order: its last signal comes first."""
+    parts = list[str]()
+    names = list[str]()
+    end = 8 * message.length
     for signal in sorted(message.signals, key=lambda each: -each.start):
         above = end - signal.start - signal.length
         parts += [f"p{above}"] * bool(above) + [f"{'s' if signal.is_signed else 'u'}{signal.length}"]
@@ -25,7 +27,8 @@ def main() -> None:
     """Print a line for each frame."""
     database: Any = cantools.database.load_file(sys.argv[2])
     known = {f"{each.frame_id:03X}": (each.name, compiled(each).unpack) for each in database.messages}
-    write, from_hex = sys.stdout.write, bytes.fromhex
+    write = sys.stdout.write
+    from_hex = bytes.fromhex
     with Path(sys.argv[1]).open() as log:
         for line in log:
             time, channel, frame = line.split()

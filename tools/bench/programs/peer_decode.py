@@ -25,7 +25,7 @@ def main() -> None:
 
 
 def meaning(database: Any, identifier: int, data: bytes) -> str:
-    """Return what cantools says about a frame."""
+    """Return cantools' text of a frame."""
     try:
         message = database.get_message_by_frame_id(identifier)
     except KeyError:

@@ -1,4 +1,4 @@
-"""A candump log to text by a loop over cantools' API, as a user would write it: `peer_loop.py LOG DBC`."""
+"""Decodes a candump log by a loop over cantools' API, as a user would write it: `peer_loop.py LOG DBC`."""
 
 from __future__ import annotations
 

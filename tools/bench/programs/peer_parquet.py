@@ -1,4 +1,4 @@
-"""A log to Parquet by hand, as one does it without us: python-can reads, cantools decodes, pyarrow writes."""
+"""Converts a log to Parquet with three libraries: python-can reads, cantools decodes, pyarrow writes."""
 
 from __future__ import annotations
 

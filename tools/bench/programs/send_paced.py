@@ -1,7 +1,7 @@
 """Fills a SocketCAN bus: `send_paced.py CHANNEL BITRATE SECONDS LENGTH` prints frames and bits sent as JSON.
 
-A kernel may wake it every 10 ms only, so each time all is sent that is due by then. Frames are the
-robot's messages of LENGTH bytes or more with random data, each counted with its stuff bits.
+A kernel may wake it only every 10 ms, so each time it sends all that is due by then. Frames are the robot's messages of
+LENGTH bytes or more with random data, each counted with its stuff bits.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ FRAME = struct.Struct("=IB3x8s")
 
 
 def made_frames(shortest: int) -> list[tuple[bytes, int]]:
-    """Make the frames as the socket takes them, with their bits on the bus."""
-    chance, made = random.Random(1), []
+    """Make the frames as the socket takes them, each with its number of bits on the bus."""
+    chance = random.Random(1)
+    made = []
     bindings = [each for each in EurobotProtocol.load().bindings if each.layout.length >= shortest]
     for binding in chance.choices(bindings, k=DIFFERENT):
         data = chance.randbytes(binding.layout.length)
@@ -38,7 +39,9 @@ def made_frames(shortest: int) -> list[tuple[bytes, int]]:
 
 def fill(bus: socket.socket, bitrate: float, seconds: float, shortest: int) -> tuple[int, int]:
     """Send what is due until the time is over; return frames and bits."""
-    frames, sent, bits = made_frames(shortest), 0, 0
+    frames = made_frames(shortest)
+    sent = 0
+    bits = 0
     begin = time.monotonic()
     while (passed := time.monotonic() - begin) < seconds:
         while bits < passed * bitrate:
@@ -62,7 +65,10 @@ def _send(bus: socket.socket, data: bytes) -> None:
 
 def main() -> None:
     """Fill the bus."""
-    channel, bitrate, seconds, shortest = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4])
+    channel = sys.argv[1]
+    bitrate = float(sys.argv[2])
+    seconds = float(sys.argv[3])
+    shortest = int(sys.argv[4])
     with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as bus:
         bus.bind((channel,))
         sent, bits = fill(bus, bitrate, seconds, shortest)

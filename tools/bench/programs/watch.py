@@ -1,7 +1,7 @@
-"""One program that watches a full bus, on the terminal it was started on: `watch.py READER SECONDS DESCRIPTOR`.
+"""Runs one program that watches a full bus, on the terminal it was started on: `watch.py READER SECONDS DESCRIPTOR`.
 
-They are the real programs, with frames from a thread beside them; the CPU time of that thread is subtracted.
-What it took is written to the descriptor as JSON.
+The readers are the real programs, with frames from a thread of the same process, whose CPU time is subtracted. The
+figures are written to the descriptor as JSON.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import can
 from eurobot_od.robot.protocol import EurobotProtocol, decoder
 
 RATE = 9000
-"""Frames in a second: 8 bytes of data each at 100 % of 1 Mbit/s."""
+"""Frames a second: with 8 bytes of data each, 100 % of 1 Mbit/s."""
 
 CHANNEL = "bench"
 
@@ -46,12 +46,15 @@ class Sender(threading.Thread):
 
     def __init__(self, seconds: float) -> None:
         super().__init__(daemon=True)
-        self.seconds, self.sent, self.cpu = seconds, 0, 0.0
+        self.seconds = seconds
+        self.sent = 0
+        self.cpu = 0.0
 
     def run(self) -> None:
         """Send what is due, every millisecond or so."""
         with can.Bus(interface="virtual", channel=CHANNEL) as bus:
-            messages, begin = frames(), time.monotonic()
+            messages = frames()
+            begin = time.monotonic()
             while (passed := time.monotonic() - begin) < self.seconds:
                 for _ in range(int(passed * RATE) - self.sent):
                     bus.send(messages[self.sent % RATE])
@@ -60,7 +63,7 @@ class Sender(threading.Thread):
         self.cpu = time.thread_time()
 
     def then(self, end: Callable[[], object]) -> None:
-        """Have `end` called when all is sent and read."""
+        """Call `end` when all is sent and read."""
 
         def wait() -> None:
             self.join()
@@ -86,7 +89,7 @@ def monitor(sender: Sender) -> int:
 
 
 def viewer(sender: Sender) -> int:
-    """Run python-can's viewer on the terminal; how many frames it lost it does not say."""
+    """Run python-can's viewer on the terminal; it does not say how many frames it lost."""
     import curses
 
     from can.viewer import CanViewer
@@ -99,7 +102,7 @@ def viewer(sender: Sender) -> int:
 
 
 def notifier(sender: Sender) -> int:
-    """Let python-can's notifier count the frames."""
+    """Count the frames with python-can's notifier."""
     came: list[None] = []
     with can.Bus(interface="virtual", channel=CHANNEL) as bus, can.Notifier(bus, [lambda _: came.append(None)]):
         sender.start()
@@ -112,7 +115,7 @@ READERS: dict[str, Callable[[Sender], int]] = {"monitor": monitor, "viewer": vie
 
 
 def main() -> None:
-    """Run a reader and report what it took."""
+    """Run a reader and report its figures."""
     reader, seconds, report = sys.argv[1:]
     sender = Sender(float(seconds))
     begin = time.process_time()

@@ -1,6 +1,6 @@
 """The simulated bus alone: controllers that always have one more frame, without nodes.
 
-As many frames are sent as have to end in a second; how many really have is checked.
+As many frames are sent as have to end in a second; the row checks how many really did.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ FRAMES = 100_000
 
 
 class Endless:
-    """The source of a controller that has one frame after the other, round and round."""
+    """The source of a controller that sends its frames again and again, without an end."""
 
     def __init__(self, cob_id: int) -> None:
         self._frames = [Frame(cob_id, bytes([number]) * 8) for number in range(DIFFERENT)]
         self._sent = 0
 
     def urgent(self) -> Frame:
-        """Return the frame whose turn it is."""
+        """Return the next frame."""
         return self._frames[self._sent % DIFFERENT]
 
     def complete(self, _: Frame) -> None:
@@ -41,7 +41,7 @@ class Endless:
 
 
 def carried(count: int) -> Figures:
-    """Have a bus carry `count` frames; raises Wrong if there were fewer."""
+    """Carry `count` frames over a bus; raises Wrong if there were fewer."""
     ended = 0
 
     def end(frame: Frame, senders: Sequence[Transceiver], _: Sequence[Transceiver]) -> None:
@@ -52,7 +52,8 @@ def carried(count: int) -> Figures:
 
     bus = Bus(BITRATE, end)
     bus.transceivers += [Transceiver(Endless(0x100 + number)) for number in range(CONTROLLERS)]
-    begin, now = time.perf_counter(), 0.0
+    begin = time.perf_counter()
+    now = 0.0
     while ended < count:
         bus.arbitrate(now)
         now = bus.next_event

@@ -1,7 +1,7 @@
 """One message decoded and encoded: `protocol.decode` and `protocol.encode` beside cantools, canopen and bitstruct.
 
-Only public functions are measured, with the same message for all. Each contender has to give the right result before it
-is measured.
+Only public functions are measured, with the same message for all. A contender is measured only after its result was
+right.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ START = StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)
 
 
 class Statement(NamedTuple):
-    """An expression as a user would write it, and what its names stand for."""
+    """An expression as a user would write it, and the values of its names."""
 
     text: str
     names: Mapping[str, object]
@@ -44,7 +44,7 @@ class Statement(NamedTuple):
         return eval(self.text, {**self.names})
 
     def timed(self, calls: int) -> Figures:
-        """Measure it once, as one of many."""
+        """Measure it among many calls, and return the time of one."""
         return {Quantity.TIME: timeit.timeit(self.text, globals={**self.names}, number=calls) / calls}
 
 
@@ -63,7 +63,7 @@ def raw_values(message: Message) -> dict[str, int]:
 
 
 def checked(texts: Mapping[str, str], names: Mapping[str, object], right: Mapping[str, object]) -> Statements:
-    """Return the statements after each that has a right result has given it once; raises Wrong."""
+    """Return the statements after each that has a known result was run once; raises Wrong if one differs."""
     statements = {name: Statement(text, names) for name, text in texts.items()}
     for name, statement in statements.items():
         result = statement.result()
@@ -84,7 +84,7 @@ def variables(message: Message) -> Any:
 
 
 def bit_format(binding: Binding) -> Any:
-    """Return bitstruct's compiled format for a message's bytes read backwards: its last field comes first."""
+    """Return bitstruct's compiled format for a message's bytes in reverse order: its last field comes first."""
     unused = 8 * binding.layout.length - binding.layout.bits
     runs = [("p", unused)] * bool(unused)
     runs += [("u" if slot.field else "p", slot.bits) for slot in reversed(binding.layout.slots)]
@@ -118,7 +118,7 @@ TASKS = {
 
 
 def carrying(pdo: Any) -> list[Any]:
-    """Return the variables of canopen's PDO but the reserved bits."""
+    """Return the variables of canopen's PDO without the reserved bits."""
     return [variable for variable in pdo if not variable.name.endswith(RESERVED)]
 
 
@@ -136,9 +136,11 @@ def write(pdo: Any, fields: Sequence[Any], values: Mapping[str, int]) -> bytes:
 
 
 def decoders(message: Message) -> Statements:
-    """Give the statements that decode a message's frame."""
-    (cob_id, data), raw = protocol().encode(message), raw_values(message)
-    peer, pdo = database().get_message_by_frame_id(cob_id), variables(message)
+    """Return the statements that decode a message's frame."""
+    (cob_id, data) = protocol().encode(message)
+    raw = raw_values(message)
+    peer = database().get_message_by_frame_id(cob_id)
+    pdo = variables(message)
     names = {
         "protocol": protocol(),
         "cob_id": cob_id,
@@ -162,8 +164,9 @@ def decoders(message: Message) -> Statements:
 
 
 def encoders(message: Message) -> Statements:
-    """Give the statements that encode a message; all but ours are given its raw values."""
-    frame, pdo = protocol().encode(message), variables(message)
+    """Return the statements that encode a message; all but ours start from its raw values."""
+    frame = protocol().encode(message)
+    pdo = variables(message)
     peer = database().get_message_by_frame_id(frame.cob_id)
     names = {
         "protocol": protocol(),
@@ -183,12 +186,12 @@ def encoders(message: Message) -> Statements:
 
 
 def slices(task: str, message: Message) -> Statements:
-    """Give a task in each dialect: one has the fields in one piece, another has them in slices."""
+    """Return a task in each dialect: one dialect has each field in one piece, another splits it into slices."""
     return {name: task_of(EurobotProtocol.load(name), task, message) for name in dialects.names()}
 
 
 def task_of(protocol: Protocol, task: str, message: Message) -> Statement:
-    """Return what is done with a message."""
+    """Return the statement of a task on a message."""
     cob_id, data = protocol.encode(message)
     name, values = protocol.unpack(cob_id, data)
     names = {"protocol": protocol, "message": message, "cob_id": cob_id, "data": data, "name": name, "values": values}

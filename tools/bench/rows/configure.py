@@ -1,7 +1,7 @@
-"""Configuring a live node, beside stock canopen that writes the same objects one by one.
+"""Configuring a live node, compared with stock canopen that writes the same objects one by one.
 
-Both have the same node on the same in-process bus, from the same former values. Reading for the
-difference, reading back, storing, reset and verifying are all in our time.
+Both have the same node on the same in-process bus, with the same values beforehand. Our time includes reading for the
+difference, reading back, storing, reset and verifying.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ FEW = {(0x1403, 1): 0x18, (0x1603, 5): 0x20000602, (0x2101, 1): 900, (0x1017, 0)
 
 TRANSMISSION_TYPE = 2
 EVENT_DRIVEN = 255
-"""Of every PDO that differs."""
+"""Transmission type of each PDO that differs."""
 
 SAME = (0x1016, 0x1029, 0x1F80)
-"""Objects that have few values that a node takes."""
+"""Objects for which a node accepts only few values; they stay as delivered."""
 
 
 def descriptions(folder: Path) -> dict[str, Dictionary]:
@@ -56,9 +56,11 @@ def descriptions(folder: Path) -> dict[str, Dictionary]:
 
 
 def other_values(dictionary: Dictionary) -> Iterator[tuple[Address, int]]:
-    """Yield another value to every parameter that can have any; PDOs another transmission type."""
+    """Yield another value for each parameter that can have one; PDOs get another transmission type."""
     for each in parameters(dictionary):
-        address, value, range_ = address_of(each), default_of(each), limits(each)
+        address = address_of(each)
+        value = default_of(each)
+        range_ = limits(each)
         if address == dictionary.device.node_id_address or each.index in SAME:
             continue
         if not isinstance(value, int) or range_ is None:
@@ -93,7 +95,7 @@ def ours(bus: can.BusABC, description: Dictionary) -> float:
 
 @contextmanager
 def opened(kind: str, _: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Run the drive, and give both masters; the node has its delivered values before each."""
+    """Run the drive, and yield both masters; the node has its delivered values before each measurement."""
     channel = new_channel()
     node = ROLES["drive"](dialects.load("drive"))
     with tempfile.TemporaryDirectory() as folder, Live.node(new_bus(channel), node):

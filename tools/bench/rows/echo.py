@@ -1,4 +1,5 @@
-"""From a request to its answer between two live nodes, compared with an echo between two bare python-can Notifiers.
+"""The time from a request to its answer between two live nodes, compared with an echo between two bare python-can
+Notifiers.
 
 Both sides are in one process on one in-process bus; a round's figures are those of its echoes.
 """
@@ -26,14 +27,14 @@ from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveRespons
 from eurobot_od.robot.nodes import ROLES
 
 PATIENCE = 5.0
-"""Seconds after which an answer that has not come does not come."""
+"""Longest wait for an answer, in seconds."""
 
 SHORT_INTERVAL = 0.0005
-"""Seconds after which a thread has to let another one run, instead of Python's 0.005."""
+"""Python's switch interval in seconds for this row, in place of 0.005."""
 
 
 class Answer:
-    """What the asking side waits for: the time of the answer, taken where it is heard."""
+    """Waits for the answer, and has its time, taken in the thread that receives it."""
 
     def __init__(self) -> None:
         self._came = threading.Event()
@@ -44,7 +45,7 @@ class Answer:
         self._came.set()
 
     def after(self, ask: Callable[[], None]) -> float:
-        """Ask, and return the seconds until the answer came; raises Wrong."""
+        """Ask, and return the seconds until the answer came; raises Wrong if none came."""
         self._came.clear()
         begin = time.perf_counter()
         ask()
@@ -54,16 +55,16 @@ class Answer:
 
 
 Answering = Callable[[can.BusABC], Live]
-"""Makes, on a bus, who answers a Check Drive Request."""
+"""Makes the node, on a bus, that answers a Check Drive Request."""
 
 
 def drive(bus: can.BusABC) -> Live:
-    """Have our whole drive answer: a CANopen device with its object dictionary."""
+    """Return our whole drive, a CANopen device with its object dictionary, as the side that answers."""
     return Live.node(bus, ROLES["drive"](dialects.load("drive")))
 
 
 def function(bus: can.BusABC) -> Live:
-    """Have a function answer the typed message, in the thread of functions."""
+    """Return a function in the thread of functions as the side that answers the typed message."""
     keeper = Gatekeeper(protocol())
     answering = Live(bus, keeper)
     keeper.add_function(CheckDriveRequest, lambda *_: answering.send(CheckDriveResponse()))
@@ -72,8 +73,11 @@ def function(bus: can.BusABC) -> Live:
 
 @contextmanager
 def ours(answering: Answering) -> Iterator[Callable[[], float]]:
-    """Send typed messages; the answer is heard in the thread that receives, as by a node and by a bare Notifier."""
-    channel, answer = new_channel(), Answer()
+    """Yield the function that sends a typed message and waits for the answer; like a Notifier's, it is heard in the
+    thread that receives.
+    """
+    channel = new_channel()
+    answer = Answer()
     keeper = Gatekeeper(protocol())
     keeper.add_node(lambda: (protocol().cob_id(CheckDriveResponse),), answer, "answer")
     with answering(new_bus(channel)), Live(new_bus(channel), keeper) as asking:
@@ -82,8 +86,9 @@ def ours(answering: Answering) -> Iterator[Callable[[], float]]:
 
 @contextmanager
 def notifiers() -> Iterator[Callable[[], float]]:
-    """Ask a listener that sends the answer at once."""
-    channel, answer = new_channel(), Answer()
+    """Yield the function that asks a bare Notifier, whose listener answers at once."""
+    channel = new_channel()
+    answer = Answer()
     request, response = (
         can.Message(arbitration_id=protocol().cob_id(each), data=b"", is_extended_id=False)
         for each in (CheckDriveRequest, CheckDriveResponse)
@@ -97,7 +102,7 @@ def notifiers() -> Iterator[Callable[[], float]]:
 
 @contextmanager
 def busy() -> Iterator[None]:
-    """Have a thread beside that computes without a pause."""
+    """Run a second thread that computes without a pause."""
     ended = False
 
     def compute() -> None:
@@ -115,7 +120,7 @@ def busy() -> Iterator[None]:
 
 @contextmanager
 def busy_but_fair() -> Iterator[None]:
-    """Have a thread beside that computes, but has to give way sooner."""
+    """Run a second thread that computes, with a shorter switch interval."""
     interval = sys.getswitchinterval()
     sys.setswitchinterval(SHORT_INTERVAL)
     try:
@@ -127,7 +132,7 @@ def busy_but_fair() -> Iterator[None]:
 
 @contextmanager
 def on_one_cpu() -> Iterator[None]:
-    """Have all threads that are started meanwhile share one processor."""
+    """Restrict all threads that are started meanwhile to one processor."""
     if not hasattr(os, "sched_setaffinity"):
         raise NotHere("this system does not let a thread choose its processor")
     allowed = os.sched_getaffinity(0)
@@ -143,7 +148,7 @@ Beside = Callable[[], AbstractContextManager[None]]
 
 
 def echoes(side: Side, beside: Beside, seconds: float) -> Figures:
-    """Measure echoes for some seconds; median and mean differ much where one echo in a hundred has to wait."""
+    """Measure echoes for some seconds; median and mean differ where one echo in a hundred has to wait."""
     with beside(), side() as echo:
         echo()
         end = time.perf_counter() + seconds

@@ -1,7 +1,7 @@
 """How time and memory grow with the input: the same command on 1, 10 and 100 times as much.
 
-Whole processes, in CPU seconds of all their threads, start included; so what is asked of ten times the input is at most
-ten times as much. Memory is compared likewise.
+Whole processes are measured, in CPU seconds of all their threads, start included. Ten times the input may take at most
+ten times as long, and likewise for memory.
 """
 
 from __future__ import annotations
@@ -32,18 +32,19 @@ COMMANDS: Mapping[str, str] = {
     "show --objects": "show --objects --eds 5={eds}",
     "match --seeds": "match --jobs 1 --for 1 --seeds {times}",
 }
-"""The commands; `{log}`, `{eds}` and `{times}` grow. `serve` reads all before it says where it is."""
+"""The commands; `{log}`, `{eds}` and `{times}` grow. `serve` reads all its input before it prints its address."""
 
 NEEDED = {"archive": "polars", "serve": "aiohttp"}
 
 
 @contextmanager
 def opened(command: str, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Make the inputs, and give the command on each."""
+    """Make the inputs, and yield the command on each."""
     if command in NEEDED and find_spec(NEEDED[command]) is None:
         raise NotHere(f"{NEEDED[command]} not installed")
     with tempfile.TemporaryDirectory() as name:
-        folder, found = Path(name), dict[str, Contender]()
+        folder = Path(name)
+        found = dict[str, Contender]()
         for times in TIMES:
             log, eds = folder / f"{times}.log", folder / f"{times}.eds"
             write_candump(log, random_traffic(scale.of(LINES, 3) * times))

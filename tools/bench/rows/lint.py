@@ -1,6 +1,6 @@
-"""The EDS checker: wall time beside dcf-tools' dcfchk; what an object costs in great devices is in `growth`.
+"""The EDS checker: wall time of the whole program, start included, beside dcf-tools' dcfchk.
 
-Whole programs are measured, start-up included.
+What an object costs in large devices is measured in `growth`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Whole logs decoded by whole processes: `eurobot-od decode` beside `cantools decode`, time and memory.
 
-The traffic is random (see `traffic`); all write to a file. A log of candump is also read by tshark, where there is one,
-and by thirty lines over cantools' API. After every run the output must have a line for
-each frame, and a sample of the lines must have the values that the peer's line has.
+The traffic is random (see `traffic`); all write to a file. A candump log is also read by tshark, where there is one,
+and by thirty lines over cantools' API. After each run the output must have a line for each frame, and a sample of the
+lines must have the values of the peer's lines.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from bench.traffic import Timed, random_traffic, write_candump
 from eurobot_od.export.dbc import dbc_text
 
 SAMPLES = 1000
-"""Lines whose values are compared, all over a log."""
+"""Lines whose values are compared, from all parts of a log."""
 
 OUR_FIELDS, PEER_FIELDS = re.compile(r"(\w+)=([^,\s]*)"), re.compile(r"(\w+): ([^,\s)]*)")
 TSHARK = shutil.which("tshark")
 
 UNKNOWN = ":: Unknown frame id"
-"""What cantools says of CANopen's own services."""
+"""What cantools writes for the frames of CANopen's own services."""
 
 
 # Whether the output is right
@@ -41,7 +41,8 @@ UNKNOWN = ":: Unknown frame id"
 def compare(ours: Path, peer: Path, count: int) -> None:
     """Compare two outputs; raises Wrong if one is not complete or a sample differs."""
     with ours.open() as own, peer.open() as other:
-        step, number = max(count // SAMPLES, 1), 0
+        step = max(count // SAMPLES, 1)
+        number = 0
         for number, (mine, theirs) in enumerate(_pairs(own, other), start=1):
             if number % step == 0 and not agree(mine, theirs):
                 raise Wrong(f"line {number}: {mine.strip()!r} against {theirs.strip()!r}")
@@ -69,7 +70,7 @@ def agree(ours: str, peer: str) -> bool:
 
 
 def decoded(log: Path, peer: Path, count: int) -> Figures:
-    """Run ours, and compare its output with the peer's, which has run before."""
+    """Run ours, and compare its output with that of the peer, which has run before."""
     output = log.with_suffix(".ours")
     figures = run([*OURS, "decode", log], target=output)
     compare(output, peer, count)
@@ -78,7 +79,7 @@ def decoded(log: Path, peer: Path, count: int) -> Figures:
 
 @contextmanager
 def candump(full: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Write a candump log and give the programs that decode it."""
+    """Write a candump log, and yield the programs that decode it."""
     count = scale.of(full, 200)
     with _folder() as (folder, dbc):
         log, peer = folder / "traffic.log", folder / "peer"
@@ -95,7 +96,7 @@ def candump(full: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 @contextmanager
 def counted(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Write a candump log, and give what decodes it and what counts it."""
+    """Write a candump log, and yield the commands that decode it and that count its frames."""
     with tempfile.TemporaryDirectory() as folder:
         write_candump(log := Path(folder, "traffic.log"), random_traffic(scale.of(100_000, 200)))
         words = {"decode": (), "statistics": ("--statistics",)}
@@ -104,7 +105,7 @@ def counted(scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 @contextmanager
 def _folder() -> Iterator[tuple[Path, Path]]:
-    """Make a folder with the DBC file for the peers."""
+    """Yield a folder and the DBC file in it for the peers."""
     with tempfile.TemporaryDirectory() as name:
         dbc = Path(name, "robot.dbc")
         dbc.write_text(dbc_text(protocol()))
@@ -124,7 +125,8 @@ WRITERS: dict[str, Callable[[Path], Any]] = {
 
 def write_log(file: Path, writer: Callable[[Path], Any], traffic: Iterable[Timed]) -> None:
     """Write frames with a writer of python-can's."""
-    log, messages = writer(file), [_message(timed) for timed in traffic]
+    log = writer(file)
+    messages = [_message(timed) for timed in traffic]
     for message in messages:
         log.on_message_received(message)
     while getattr(log, "num_frames", len(messages)) < len(messages):
@@ -139,7 +141,7 @@ def _message(timed: Timed) -> can.Message:
 
 @contextmanager
 def other_format(suffix: str, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Write a log with python-can and give the programs that decode it."""
+    """Write a log with python-can, and yield the programs that decode it."""
     count = scale.of(100_000, 100)
     with _folder() as (folder, dbc):
         log, peer = folder / f"traffic.{suffix}", folder / "peer"

@@ -1,7 +1,4 @@
-"""A simulated match of 90 s, and many of them on all cores.
-
-Whole processes are measured.
-"""
+"""A simulated match of 90 s, and many of them on all cores, as whole processes."""
 
 from __future__ import annotations
 
@@ -31,7 +28,7 @@ def one(scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 @contextmanager
 def many(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Yield one match, and many: one after the other in one process, whose start counts only once, and side by side."""
+    """Yield one match, and many: one after the other in one process, which starts only once, and in parallel."""
     words = [*OURS, "match", *SHORT * scale.short]
     seeds = [*words, "--seeds", str(scale.of(MORE, 2)), "--jobs"]
     yield {"one": partial(run, words), "1 job": partial(run, [*seeds, "1"]), "2 jobs": partial(side_by_side, seeds)}

@@ -1,6 +1,6 @@
 """Watching a full bus: CPU share of our monitor beside python-can's viewer and a bare Notifier.
 
-Each is a process on a terminal of its own, see `programs/watch.py`; what it writes is swallowed.
+Each runs in a process on a terminal of its own, see `programs/watch.py`; its output is thrown away.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TERMINAL = {"TERM": "xterm-256color", "LINES": "50", "COLUMNS": "160"}
 
 
 def on_terminal(reader: str, seconds: float) -> Figures:
-    """Run a reader in a process on a terminal of its own; raises Wrong if it told nothing."""
+    """Run a reader in a process on a terminal of its own; raises Wrong if it reported no figures."""
     import pty
 
     control, terminal = pty.openpty()
@@ -51,7 +51,7 @@ def on_terminal(reader: str, seconds: float) -> Figures:
 
 
 def _swallow(control: int) -> None:
-    """Read what a program writes to its terminal, so that it can go on."""
+    """Read and drop what a program writes to its terminal, so that it does not wait."""
     try:
         while os.read(control, 65536):
             pass

@@ -1,7 +1,7 @@
-"""Many nodes at once: twenty configured side by side, and a TPDO read at 100 Hz, beside stock canopen.
+"""Many nodes at once: twenty configured at the same time, and a TPDO read at 100 Hz, beside stock canopen.
 
-The nodes are simulated servo drives that answer 2 ms after they were asked, as drives on a bus do;
-one thread runs them all, whoever asks.
+The nodes are simulated servo drives that answer 2 ms after a request, as drives on a bus do; one thread runs them all,
+whichever master asks.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from eurobot_od.od.values import NMT_COB_ID, SDO_REQUEST_BASE, SYNC_COB_ID
 
 EDS = Path(__file__).parents[3] / "docs" / "servo.eds"
 ANSWER_DELAY = 0.002
-"""Seconds from a request to its answer: the frames of both, and a control loop of the drive between them."""
+"""Seconds from a request to its answer: both frames, and a control loop of the drive between them."""
 
 PATIENCE = 10.0
-"""Seconds that both masters wait for an answer: a busy machine is not a lost node."""
+"""Seconds that both masters wait for an answer; on a busy machine an answer may be late."""
 
 PERIOD = 0.01
 LOOK = 0.002
@@ -42,14 +42,16 @@ class Rack:
     """Drives on one bus, run by one thread."""
 
     def __init__(self, channel: str, devices: Mapping[int, SimulatedDevice]) -> None:
-        self._bus, self._devices = new_bus(channel), devices
+        self._bus = new_bus(channel)
+        self._devices = devices
         self._answers: list[tuple[float, int, Frame]] = []
-        self._numbers, self._runs = count(), True
+        self._numbers = count()
+        self._runs = True
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Switch all off."""
+        """Stop the thread and leave the bus."""
         self._runs = False
         self._thread.join()
         self._bus.shutdown()
@@ -84,7 +86,7 @@ class Rack:
 
 
 def files_of(folder: Path, servos: Mapping[int, Dictionary], velocity: int) -> dict[int, Path]:
-    """Write a DCF for each drive: another velocity, heartbeat time and gain than before, and a longer TPDO1."""
+    """Write a DCF for each drive with another velocity, heartbeat time and gain than before, and a longer TPDO1."""
     files = {node_id: folder / f"{velocity}_{node_id}.dcf" for node_id in servos}
     for node_id, servo in servos.items():
         mapping = {(0x1A00, 0): 3, (0x1A00, 1): 0x60410010, (0x1A00, 2): 0x606C0020, (0x1A00, 3): 0x60770010}
@@ -117,8 +119,9 @@ def _one_after_the_other(channel: str, files: Mapping[int, Path]) -> float:
 
 @contextmanager
 def configured(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Run the drives, and give both masters; every time there are other values to write."""
-    channel, velocities = new_channel(), count(1001)
+    """Run the drives, and yield both masters; each round writes other values."""
+    channel = new_channel()
+    velocities = count(1001)
     servo = Dictionary.load(EDS, 1)
     servos = {node_id: servo.renumbered(node_id) for node_id in range(1, scale.of(20, 2) + 1)}
     rack = Rack(channel, {node_id: SimulatedDevice(each) for node_id, each in servos.items()})
@@ -158,7 +161,8 @@ def _stock(channel: str, servo: Dictionary, number: int) -> Figures:
     node.tpdo.read()  # type: ignore[no-untyped-call]
     node.nmt.state = "OPERATIONAL"
     network.sync.start(PERIOD)
-    begun, times = time.process_time(), list[float]()
+    begun = time.process_time()
+    times = list[float]()
     while len(times) < number:
         node.tpdo[1].wait_for_reception(1.0)
         times.append(time.perf_counter())
@@ -170,9 +174,11 @@ def _stock(channel: str, servo: Dictionary, number: int) -> Figures:
 
 @contextmanager
 def read(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Run a drive, and give both masters; the CPU time is that of the drive, too, for both."""
-    channel, servo = new_channel(), Dictionary.load(EDS, 1)
-    rack, number = Rack(channel, {1: SimulatedDevice(servo)}), scale.of(200, 20)
+    """Run a drive, and yield both masters; for both, the CPU time includes that of the drive."""
+    channel = new_channel()
+    servo = Dictionary.load(EDS, 1)
+    rack = Rack(channel, {1: SimulatedDevice(servo)})
+    number = scale.of(200, 20)
     yield {"ours": lambda: _ours(channel, servo, number), "stock": lambda: _stock(channel, servo, number)}
     rack.stop()
 

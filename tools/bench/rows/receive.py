@@ -1,9 +1,9 @@
 """Frames on a live bus to listeners, compared with python-can's bare Notifier with an empty listener.
 
-Both wait at an empty queue, get all frames at once, and are measured until the last one is taken.
-So neither the sender nor the start of the reader is in the time. On a bus a frame is read right after it was made: so
-that it is in the processor's cache here, too, the same thousand come again and again. What it costs to read as many
-different ones, which nobody does who keeps up with the bus, is reported next to it.
+Both wait at an empty queue, receive all frames at once, and are measured until the last one is taken, so neither the
+sender nor the start of the reader counts. A program that keeps up with the bus reads a frame right after it was made,
+when it is still in the processor's cache: so the same thousand frames come again and again here. The cost of as many
+different ones is reported next to it.
 """
 
 from __future__ import annotations
@@ -35,18 +35,20 @@ WAITING = 20_000
 """Frames that wait at once."""
 
 DIFFERENT = 1000
-"""Of them, how many differ."""
+"""How many of them differ."""
 
 LOOK = 0.0005
-"""Seconds between two looks whether the queue is empty."""
+"""Seconds between two checks whether the queue is empty."""
 
 PATIENCE = 30.0
 """Seconds after which a queue that is not empty is a fault."""
 
 
 def received_gotos(number: int) -> list[can.Message]:
-    """Return a number of Goto XY frames with random values, as a bus gives them."""
-    binding, chance, channel = protocol().binding(GotoXY), random.Random(1), new_channel()
+    """Return a number of Goto XY frames with random values, as a bus delivers them."""
+    binding = protocol().binding(GotoXY)
+    chance = random.Random(1)
+    channel = new_channel()
     make = maker(binding)
     with new_bus(channel) as sender, new_bus(channel) as receiver:
         for _ in range(number):
@@ -58,17 +60,19 @@ Reader = Callable[[Any], AbstractContextManager[object]]
 
 
 def emptied(reader: Reader, frames: list[can.Message]) -> Figures:
-    """Measure how long a reader that waits takes for frames that come all at once; one frame's time.
+    """Return the time for one frame of a waiting reader when all frames come at once.
 
-    The garbage collector rests: it runs for messages that wait in thousands, not where a program reads its queue.
+    The garbage collector is off: it would run for messages that wait in thousands, which no program that reads its
+    queue has.
     """
     bus = new_bus(new_channel())
     with reader(bus), resting_collector():
-        begin = _give(bus.queue, frames)
+        begin = _put_all(bus.queue, frames)
         waiting = bus.queue.queue  # looking at it takes no lock from the reader
         while waiting and time.perf_counter() - begin < PATIENCE:
             time.sleep(LOOK)
-        seconds, left = time.perf_counter() - begin, len(waiting)
+        seconds = time.perf_counter() - begin
+        left = len(waiting)
     bus.shutdown()
     if left:
         raise Wrong(f"{left} of {len(frames)} frames were still waiting after {PATIENCE:g} s")
@@ -77,7 +81,7 @@ def emptied(reader: Reader, frames: list[can.Message]) -> Figures:
 
 @contextmanager
 def resting_collector() -> Iterator[None]:
-    """Have no garbage collected meanwhile."""
+    """Switch the garbage collector off meanwhile."""
     gc.disable()
     try:
         yield
@@ -85,8 +89,8 @@ def resting_collector() -> Iterator[None]:
         gc.enable()
 
 
-def _give(queue: Queue[Any], frames: list[can.Message]) -> float:
-    """Put all frames into a queue in one piece, and return when."""
+def _put_all(queue: Queue[Any], frames: list[can.Message]) -> float:
+    """Put all frames into a queue in one piece, and return the time."""
     with queue.mutex:
         queue.queue.extend(frames)
         queue.not_empty.notify()
@@ -94,7 +98,7 @@ def _give(queue: Queue[Any], frames: list[can.Message]) -> float:
 
 
 def nothing(_: object, __: float = 0.0) -> None:
-    """Hear a message."""
+    """Take a message and do nothing."""
 
 
 Register = Callable[[Gatekeeper], object]
@@ -104,7 +108,7 @@ KINDS: dict[str, Register] = {
     "node": lambda keeper: keeper.add_node(lambda: (protocol().cob_id(GotoXY),), nothing, "node"),
     "function": lambda keeper: keeper.add_function(GotoXY, nothing),
 }
-"""What hears Goto XY: a queue gets typed messages, a node frames; a function is called in a thread of its own."""
+"""Listeners on Goto XY: a queue gets typed messages, a node frames; a function is called in a thread of its own."""
 
 
 def live(register: Register, others: int, bus: Any) -> AbstractContextManager[object]:
@@ -123,7 +127,7 @@ def notifier(bus: Any) -> AbstractContextManager[object]:
 
 
 def check_messages(frames: list[can.Message]) -> None:
-    """Look whether queue, node and function get every frame, as what it is; raises Wrong."""
+    """Check that queue, node and function each get all frames in their form; raises Wrong."""
     keeper = Gatekeeper(protocol())
     queue = keeper.add_queue(GotoXY)
     heard: tuple[list[GotoXY], list[Frame]] = [], []

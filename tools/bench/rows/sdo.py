@@ -1,7 +1,7 @@
 """SDO transfers with a live device, and by a master, beside stock canopen's LocalNode and its client.
 
-There is one object, in one EDS, on one in-process bus; devices are asked by the same client, and clients ask the same
-device. Stock canopen's LocalNode has no blocks.
+All use one object of one EDS on one in-process bus; both devices are asked by the same client, and both clients ask the
+same device. Stock canopen's LocalNode has no block transfers.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from eurobot_od.sdo.client import Transfer, block_download, block_upload, downlo
 NODE = 5
 NUMBER, FILE = (0x2000, 0), (0x2001, 0)
 REPEATED = 200
-"""So often is what takes one exchange done."""
+"""How many times a transfer of one exchange is repeated."""
 
 EDS = """\
 [DeviceInfo]
@@ -63,7 +63,7 @@ Write = Callable[[bytes], object]
 
 @contextmanager
 def our_device(channel: str, eds: Path) -> Iterator[None]:
-    """Run a device of ours."""
+    """Run our device."""
     with Live.node(new_bus(channel), Node(Dictionary.load(eds, NODE))):
         yield
 
@@ -89,7 +89,7 @@ def stock_network(channel: str) -> Iterator[canopen.Network]:
 
 @contextmanager
 def our_client(channel: str) -> Iterator[Mapping[str, tuple[Read, Write]]]:
-    """Yield reading and writing by each kind of transfer."""
+    """Yield the functions that read and write by each kind of transfer."""
     with Master(new_bus(channel)) as master:
         node = master.node(NODE)
 
@@ -109,7 +109,7 @@ def our_client(channel: str) -> Iterator[Mapping[str, tuple[Read, Write]]]:
 
 @contextmanager
 def stock_client(channel: str) -> Iterator[Mapping[str, tuple[Read, Write]]]:
-    """Yield reading and writing by each kind of transfer."""
+    """Yield the functions that read and write by each kind of transfer."""
     with stock_network(channel) as network:
         sdo = network.add_node(NODE, canopen.ObjectDictionary()).sdo  # type: ignore[no-untyped-call]
 
@@ -133,7 +133,7 @@ CLIENTS = {"our client": our_client, "canopen's client": stock_client}
 
 
 def timed(moved: Callable[[], object], wanted: bytes, read: Read) -> Figures:
-    """Time what moves an object, and see that it has been moved."""
+    """Time the transfers of an object, and check that it arrived."""
     begin = time.perf_counter()
     moved()
     seconds = time.perf_counter() - begin
@@ -144,9 +144,10 @@ def timed(moved: Callable[[], object], wanted: bytes, read: Read) -> Figures:
 
 @contextmanager
 def opened(kind: str, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Run both devices, each on a bus of its own, and give every client's transfers with each."""
+    """Run both devices, each on a bus of its own, and yield each client's transfers with each."""
     size = scale.of({"segmented": 7_000, "block": 70_000}.get(kind, 4), 28 if kind != "expedited" else 4)
-    content, times = bytes(range(256)) * (size // 256) + bytes(range(size % 256)), 1 if size > 4 else REPEATED
+    content = bytes(range(256)) * (size // 256) + bytes(range(size % 256))
+    times = 1 if size > 4 else REPEATED
     found: dict[str, Contender] = {}
     with ExitStack() as stack:
         eds = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "device.eds"

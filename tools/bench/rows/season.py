@@ -1,7 +1,7 @@
-"""Logs into a season beside other programs' ways: text by cantools, Parquet by hand; and memory over the length.
+"""Logs into a season, compared with other programs: text by cantools, Parquet by hand; and memory over the length.
 
-The traffic is random (see `traffic`). After every run of ours all frames must be in the season, and the
-values of a message must be those that `Protocol` decodes (the tests of `season` prove it for all of them).
+The traffic is random (see `traffic`). After each of our runs all frames must be in the season, and the values of a
+message must be those that `Protocol` decodes (the tests of `season` prove it for all messages).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def archived(log: Path, count: int) -> Figures:
 
 
 def by_hand(program: str, log: Path, dbc: Path) -> Figures:
-    """Have a peer write its files."""
+    """Write the files with a peer."""
     with tempfile.TemporaryDirectory() as folder:
         return run([PYTHON, PROGRAMS / program, log, dbc, folder])
 
@@ -48,7 +48,7 @@ COUNT = "SELECT cob_id, count(*) FROM {} GROUP BY cob_id"
 
 
 def counted(log: Path) -> Mapping[str, Contender]:
-    """Return who counts the frames of a season: ours, and DuckDB by itself."""
+    """Return what counts the frames of a season: our command, and DuckDB by itself."""
     folder = log.with_suffix(".season")
     files = COUNT.format(f"'{folder}/frames/*.parquet'")
     alone = f"import duckdb; print(duckdb.sql({files!r}))"
@@ -60,7 +60,7 @@ def counted(log: Path) -> Mapping[str, Contender]:
 
 @contextmanager
 def opened(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Write both logs, and give the programs."""
+    """Write both logs, and yield the programs."""
     missing = [name for name in ("polars", "duckdb", "pyarrow") if find_spec(name) is None]
     if missing:
         raise NotHere(f"{', '.join(missing)} not installed")

@@ -1,7 +1,7 @@
 """A full SocketCAN bus: frames lost and CPU share of our live operation, compared with python-can's bare Notifier.
 
-The sockets are real, and the sender is a process of its own (`programs/send_paced.py`). Each is measured for some
-seconds, in turns. `vcan0` carries 100 % of 1 Mbit/s, although it has no bit rate: the sender counts the bits.
+The sockets are real, and the sender is a process of its own (`programs/send_paced.py`). The readers are measured in
+turns for some seconds each. `vcan0` carries 100 % of 1 Mbit/s although it has no bit rate: the sender counts the bits.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from eurobot_od.robot.gatekeeper import Gatekeeper
 CHANNEL = "vcan0"
 BITRATE = 1_000_000
 BUFFER = 4 << 20
-"""Bytes that a socket may hold: some 10 000 frames."""
+"""Bytes that a socket may hold: about 10 000 frames."""
 
 SO_RCVBUFFORCE = 33
-"""Linux's option for a greater buffer than everybody may have; for root."""
+"""Linux's option for a larger buffer than ordinary users may have; for root."""
 
 QUIET = 0.3
-"""Seconds without a frame after which none is expected any more."""
+"""Seconds without a frame after which no more are expected."""
 
 Count = Callable[[], int]
-"""Tells how many frames came so far."""
+"""Returns how many frames have come so far."""
 
 
 def new_bus() -> Any:
-    """Open the bus, with a buffer that outlasts a burst."""
+    """Open the bus, with a buffer large enough for a burst."""
     bus: Any = can.Bus(interface="socketcan", channel=CHANNEL)
     try:
         bus.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, BUFFER)
@@ -72,14 +72,15 @@ def notifier() -> Iterator[Count]:
 
 
 def listened(reader: Callable[[], AbstractContextManager[Count]], shortest: int, seconds: int) -> Figures:
-    """Measure a reader while the sender fills the bus, until all is quiet."""
+    """Measure a reader while the sender fills the bus, until no more frames come."""
     command = [PYTHON, str(PROGRAMS / "send_paced.py"), CHANNEL, str(BITRATE), str(seconds), str(shortest)]
     with reader() as count:
         begin = time.process_time()
         with started(command, ENVIRONMENT) as process:
             out, said = process.communicate()
         _wait_until_quiet(count)
-        cpu, came = time.process_time() - begin, count()
+        cpu = time.process_time() - begin
+        came = count()
     if process.returncode:
         raise Wrong(f"the sender failed: {said.strip().rpartition(chr(10))[2]}")
     sent = json.loads(out)
@@ -117,4 +118,4 @@ def _full(messages: str, shortest: int) -> Series:
 
 
 SERIES = (_full("messages of 8 bytes", 8), _full("all messages alike", 0))
-"""Some 8000 and 16 000 frames a second."""
+"""About 8000 and 16 000 frames a second."""

@@ -1,7 +1,7 @@
-"""Start-up of every command that runs without a bus partner, as whole processes, beside canopen loading the same files.
+"""Start-up of each command that runs without a bus partner, as whole processes, beside canopen loading the same files.
 
-The table says which EDS files a command needs; the peer is canopen's `import_od` of just those. That
-a command opens no other is counted too.
+The table says which EDS files a command needs; the peer is canopen's `import_od` of just those. The files that a
+command opens beyond them are counted too.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ ALL = ("core", NODE, "navigation")
 class Command(NamedTuple):
     """A command by name, and the nodes whose EDS files it needs; `{...}` among its words are files of `made_files`.
 
-    One that goes on until it is ended counts until its first line. `wanted` is the ratio to canopen's time.
+    One that `goes_on` until it is ended is measured until its first line. `wanted` is the limit of its ratio to
+    canopen's time.
     """
 
     name: str
@@ -90,12 +91,12 @@ FILES = {
     "output": "output",
     "picture": "field.svg",
 }
-"""What is made, and under which name."""
+"""Makes the text of each file, by its name."""
 
 
 @contextmanager
 def made_files() -> Iterator[dict[str, Path]]:
-    """Make the files that the commands are given."""
+    """Make the files that the commands read."""
     eds = dialects.folder() / f"{NODE}.eds"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -120,7 +121,7 @@ def eds_files(nodes: Sequence[str]) -> list[Path]:
 
 
 def peer(nodes: Sequence[str]) -> str:
-    """Name the contender that loads the EDS files of nodes with canopen."""
+    """Return the name of the contender that loads the EDS files of nodes with canopen."""
     return f"canopen, {len(nodes)} EDS"
 
 
@@ -129,7 +130,7 @@ def peer(nodes: Sequence[str]) -> str:
 
 @contextmanager
 def bare(_: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Yield what needs no canopen, and a Python that does nothing."""
+    """Yield the commands that need no canopen, and a Python that does nothing."""
     with made_files() as files:
         yield {
             "pass": partial(run, [PYTHON, "-c", "pass"]),
@@ -140,7 +141,7 @@ def bare(_: Scale) -> Iterator[Mapping[str, Contender]]:
 
 @contextmanager
 def beside_canopen(_: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Yield canopen loading the files, and the commands."""
+    """Yield canopen that loads the files, and the commands."""
     needs = dict.fromkeys(command.needs for command in COMMANDS)
     loading = {peer(nodes): partial(run, [PYTHON, "-c", LOADING, *eds_files(nodes)]) for nodes in needs}
     with made_files() as files:
@@ -161,12 +162,12 @@ LIBRARY = 500
 SCANNED = "".join(
     f"({sub}.0) can0 601#401810{sub:02X}00000000\n({sub}.1) can0 581#431810{sub:02X}01000000\n" for sub in (1, 2, 3)
 )
-"""A log in which node 1 says that its vendor-ID, product code and revision are 1."""
+"""A log in which node 1 answers that its vendor-ID, product code and revision are 1."""
 
 
 @contextmanager
 def library(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Yield a log decoded by a file that is named, and by the same one of a library, whose index is made beforehand."""
+    """Yield a log decoded with a named file, and with the same file from a library, whose index is made beforehand."""
     with tempfile.TemporaryDirectory() as name, variable_set("XDG_CACHE_HOME", name):
         makers, log = Path(name, "makers"), Path(name, "scan.log")
         makers.mkdir()
@@ -185,7 +186,7 @@ def library(scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 @contextmanager
 def variable_set(name: str, value: str) -> Iterator[None]:
-    """Set an environment variable, which programs that are started inherit."""
+    """Set an environment variable, which started programs inherit."""
     before = os.environ.get(name)
     os.environ[name] = value
     try:
@@ -201,7 +202,8 @@ def variable_set(name: str, value: str) -> Iterator[None]:
 @contextmanager
 def loading(scale: Scale) -> Iterator[Mapping[str, Contender]]:
     """Yield both readers of an EDS file."""
-    file, times = eds_files([NODE])[0], scale.of(10, 1)
+    file = eds_files([NODE])[0]
+    times = scale.of(10, 1)
     yield {
         "ours": partial(timed, partial(Dictionary.load, file), times),
         "import_od": partial(timed, partial(canopen.import_od, str(file)), times),
@@ -209,7 +211,7 @@ def loading(scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 
 def timed(load: Callable[[], object], times: int) -> Figures:
-    """Load a file so many times, and give the time of one."""
+    """Load a file a number of times, and return the time of one."""
     begin = time.perf_counter()
     for _ in range(times):
         load()
@@ -221,7 +223,7 @@ def timed(load: Callable[[], object], times: int) -> Figures:
 
 @contextmanager
 def opening(_: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Yield for each command the count of EDS and DCF files that it opens beyond those it needs or is given."""
+    """Yield for each command the count of EDS and DCF files that it opens beyond those it needs or was given."""
     with made_files() as files:
         yield {each.name: partial(not_needed, each, files) for each in ENDING}
 
@@ -244,9 +246,7 @@ def opened(command: Command, files: Mapping[str, Path]) -> set[str]:
 
 
 BARE_PYTHONS = 8.0
-"""How many times as long as a bare Python a command may take which starts without canopen: 80 ms more, where that takes
-11 ms.
-"""
+"""How many times as long as a bare Python (11 ms) a command may take that starts without canopen: 80 ms more."""
 
 SERIES = (
     Series(
