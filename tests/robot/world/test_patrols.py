@@ -67,7 +67,7 @@ def test_yellow_plays_against_the_mirror_image() -> None:
     assert red.pose.y == yellow.pose.y
 
 
-def test_a_teammate_is_never_careless() -> None:
+def test_a_confederate_is_never_careless() -> None:
     patrols = [
         Patrol.of(source, FACTS, TeamColour.RED, random.Random(seed)) for source in FACTS.others for seed in range(100)
     ]

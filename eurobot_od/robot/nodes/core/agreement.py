@@ -1,9 +1,9 @@
-"""Whether another node reads frames as the core does, asked by SDO at each node check and after each loss.
+"""Checks by SDO, at each node check and after each loss, that another node reads frames as the core does.
 
 Both have the fingerprints of all messages (see `od.fingerprints`): one number is read, and only if it differs the
-others, to say which messages it is. A node that says other numbers, or none, is not driven. One that answers no SDO
-cannot be asked: the nodes of 2014 have none, and their dialect says so in the setting `Nodes without SDO`; in any other
-dialect such a node is not driven either.
+others, to name the messages that differ. A node with other numbers, or none, is not driven. One that answers no SDO
+cannot be asked: the nodes of 2014 have none, and their dialect states that in the setting `Nodes without SDO`; in any
+other dialect such a node is not driven either.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.sdo.client import TransferError, download, upload
 
 CHANNEL_NAME = "SDO client parameter {}"
-"""ParameterName of the record that says how to reach a node by SDO."""
+"""ParameterName of the record with the identifiers for a node's SDO server."""
 
 QUESTIONS = 3
 """How often a node is asked before it counts as one without SDO: a single answer may be lost."""
@@ -36,7 +36,7 @@ NAMED = 3
 
 
 class SdoClientParameter(NamedTuple):
-    """How a device reaches another one by SDO (CiA 301, 7.5.2.34)."""
+    """The identifiers by which a device reaches another one by SDO (CiA 301, 7.5.2.34)."""
 
     request: int
     answer: int
@@ -44,7 +44,7 @@ class SdoClientParameter(NamedTuple):
 
     @classmethod
     def to(cls, node: str, device: Device) -> SdoClientParameter | None:
-        """Return how to reach a node, None if the device's EDS does not say."""
+        """Return the parameter for a node, None if the device's EDS has none."""
         try:
             index, _ = device.dictionary.address(CHANNEL_NAME.format(node))
         except DictionaryError:
@@ -68,9 +68,9 @@ class SdoClientParameter(NamedTuple):
 
 
 def number_in(answer: Frame, address: Address) -> int | None:
-    """Return the number in the answer to a request for an object, None if it says something else."""
-    # Only one answer is awaited and only the question is sent, so the transfer needs no time and goes no further: a
-    # node that would send its number in segments, or an odd answer, has not told it.
+    """Return the number in the answer to a request for an object, None if the answer has none."""
+    # Only one request is sent and one answer awaited, so the transfer needs no time and ends here: a node that would
+    # send its number in segments, or sends a wrong answer, gives none.
     question = upload(address, inf)
     question.start(0.0)
     question.receive(answer.data, 0.0)
@@ -81,22 +81,27 @@ def number_in(answer: Frame, address: Address) -> int | None:
 
 
 class NodeMismatch(RemoteError):
-    """A node does not read frames as the core does, or cannot say that it does; nothing is driven.
+    """A node does not read frames as the core does, or cannot answer whether it does; nothing is driven.
 
-    `what` says why. The dialect of a node that says a number for all messages gets its name where the error is turned
+    `what` is the reason. If the node has a number for all messages, its dialect is named only where the error is turned
     into text, not where it is raised: finding it reads EDS files, and the core runs on the thread that receives frames.
     """
 
     def __init__(self, node: str, node_id: int, what: str, of_all: int | None = None) -> None:
         super().__init__(node, node_id, what, of_all)
-        self.node, self.node_id, self.what, self.of_all = node, node_id, what, of_all
+        self.node = node
+        self.node_id = node_id
+        self.what = what
+        self.of_all = of_all
 
     def __str__(self) -> str:
         return f"{self.node} (node {self.node_id}) {self.what}{_dialect(self.of_all)}; nothing is driven"
 
 
 def _dialect(of_all: int | None) -> str:
-    """Name the dialect with a fingerprint of all messages; nothing if there is none."""
+    """Return the name of the dialect with a fingerprint of all messages, as a part of a sentence; empty if there is
+    none.
+    """
     loaded = ((name, next(iter(dialects.load_all(name)))) for name in dialects.names() if of_all is not None)
     known = [name for name, dictionary in loaded if dictionary.default((FINGERPRINTS, OF_ALL)) == of_all]
     return f" (its EDS is that of the dialect {known[0]})" if known else ""
@@ -126,14 +131,14 @@ def compare(core: CoreSettings, node: str) -> Script[None]:
 
 def _number(core: CoreSettings, channel: SdoClientParameter, address: Address) -> Script[int | None]:
     """Ask for a number; None if the node has another answer. Raises NoAnswer."""
-    # A node that may have no SDO is not waited for as one that has: the startup has its times.
+    # A node that may have no SDO is asked only once: the document limits the time of the startup.
     attempts = 1 if core.trusts_without_sdo else QUESTIONS
     answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, attempts)
     return number_in(answer, address)
 
 
 def _what_differs(core: CoreSettings, channel: SdoClientParameter) -> Script[str]:
-    """Name the messages that differ, as far as the node answers; nothing if it maps its own as we do."""
+    """Return the names of the messages that differ, as far as the node answers; empty if it maps its own as we do."""
     try:
         return (yield from _messages_that_differ(core, channel))
     except NoAnswer:
@@ -175,7 +180,7 @@ OTHER_END = {PdoDirection.RPDO: PdoDirection.TPDO, PdoDirection.TPDO: PdoDirecti
 
 
 def _bits(core: CoreSettings, channel: SdoClientParameter, ours: Pdo) -> Script[str]:
-    """Say which bits of a message differ, by the mapping that the node has now."""
+    """Return which bits of a message differ, by the mapping that the node has now."""
     first = OTHER_END[ours.direction].value
     cob_ids = yield from _numbers(core, channel, lambda n: (first + n, COB_ID))
     index = next((first + n for n, each in enumerate(cob_ids) if identifier(each) == ours.cob_id), None)

@@ -23,27 +23,27 @@ LEAVING = "the core is being switched off"
 
 
 class CallingNode(RobotNode):
-    """A node whose calls are flows; `is_leaving` is True once nothing new may begin."""
+    """A node whose calls are flows; `is_leaving` is True once no new call may begin."""
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None, facts: Facts | None = None) -> None:
         super().__init__(dictionary, store=store, facts=facts)
-        self._flows: dict[Flow[Any], bool] = {}  # those that run, and whether somebody has called for them
+        self._flows: dict[Flow[Any], bool] = {}  # the running flows, and whether each is a call
         self._told: defaultdict[type[Message], list[Callable[[Any], object]]] = defaultdict(list)
         self.is_leaving = self._is_off = False
 
     @property
     def open_calls(self) -> int:
-        """The number of calls that have not ended, without the flows that nobody has called for."""
+        """The number of calls that have not ended, without flows that the core began itself."""
         return sum(self._flows.values())
 
     def reset(self) -> None:
-        """Give up whatever is going on, as after power-on."""
+        """End all flows, as after power-on."""
         self.end_all("the core was reset")
         super().reset()
         self.is_leaving = self._is_off = False
 
     def switched_off(self) -> None:
-        """End all calls, as nobody else would."""
+        """End all calls, which no tick would end any more."""
         with self.guard:
             self.is_leaving = self._is_off = True
             self.end_all(LEAVING)
@@ -71,7 +71,7 @@ class CallingNode(RobotNode):
         with self.guard:
             self._flows[flow] = is_called
             self.soon(flow.go_on)
-            if self._is_off:  # no tick will come: it would wait for ever
+            if self._is_off:  # without another tick it would wait for ever
                 self.end(flow, StateError(LEAVING))
         flow.call.add_done_callback(settled)
         return flow
@@ -96,13 +96,13 @@ class CallingNode(RobotNode):
 
     def end_all(self, why: str) -> None:
         """End all flows."""
-        while self._flows:  # one that ends may begin another, such as the watch over a goto that is given up
+        while self._flows:  # a flow that ends may begin another, such as the watch after an ended goto
             self.end(next(reversed(self._flows)), StateError(why))
 
     # Messages
 
     def on(self, message: type[MessageT], function: Callable[[MessageT], object]) -> Callable[[], None]:
-        """Have a function called with each message of a type; return a function that ends that.
+        """Call a function with each message of a type from now on; return a function that ends that.
 
         It is called on the core's thread, which waits for it, so it has to be quick. Raises StateError if the core has
         no RPDO for such a message.
@@ -120,16 +120,17 @@ class CallingNode(RobotNode):
 
     def answered(self, answer: Message | Frame) -> None:
         """Pass a message or an SDO answer to the flows that wait for it."""
-        # A copy: a flow that gets its answer may end. All of them hear it, as two may have asked the same.
+        # A copy: a flow that gets its answer may end. All flows get it, as two may have asked the same.
         for flow in list(self._flows):
             flow.heard(answer, self.now)
 
 
 class SingleFlow(Generic[Result]):
-    """The place for the one flow of its kind in a node; `is_called` tells whether somebody has called for it."""
+    """The place for the one flow of its kind in a node; `is_called` tells whether it counts as an open call."""
 
     def __init__(self, node: CallingNode, *, is_called: bool = True) -> None:
-        self._node, self._is_called = node, is_called
+        self._node = node
+        self._is_called = is_called
         self._flow: Flow[Result] | None = None
 
     @property

@@ -1,14 +1,14 @@
 """The core node: checks the nodes, configures the start, polls positions, sends the drive to places, stops it.
 
-Theory of operation. What takes time is a flow (see `device.timers`): `check_nodes`, `configure_start`, `goto`,
-`position` and the stops each begin one and return its call at once. The flow takes its first step in the next `tick`,
-and every further one when its answer comes or its wait ends. So any number of flows run at the same time without
+Theory of operation. Each task that takes time is a flow (see `device.timers`): `check_nodes`, `configure_start`,
+`goto`, `position` and the stops each begin one and return its call at once. The flow takes its first step in the next
+`tick`, and each further one when its answer comes or its wait ends. So any number of flows run at the same time without
 threads of their own: a strategy may ask for the position while its goto is under way. There is only one goto, one start
 configuration and one watched stop at a time, though; a newer one ends the older one with an error thrown into its flow.
 
-Calls come from any thread. Under the node's guard nothing is received and no other call begins, so a test and what
-follows from it must be under the guard together. Otherwise an Emergency Shutdown from another thread could come in
-between, and the goto would drive after it.
+Calls come from any thread. Under the node's guard no frame is received and no other call begins, so a test and its
+consequence must be under the guard together. Otherwise an Emergency Shutdown from another thread could come in between,
+and the goto would drive after it.
 """
 
 from __future__ import annotations
@@ -64,17 +64,17 @@ CALLS: Mapping[type[Message], str] = {
     messages.EmergencyStop: "emergency_stop",
     messages.EmergencyShutdown: "emergency_shutdown",
 }
-"""The messages that are sent by a call, which sees to their results."""
+"""The messages that only a call may send, because it watches their results."""
 
 ANSWER_WAIT = 0.5
-"""Seconds to answer a message of a team's own, by default."""
+"""Default wait for the answer to a message of a team's own, in seconds."""
 
 
 class Core(CoreSettings):
     """The core node (document 2.1 to 2.3, 4.2.2, 5).
 
     `observe` is called with each goto and each task, and its call, when it begins; `at_match_end` when a match is over
-    and a stop has gone out; each of `told` with what the strategy says.
+    and a stop has been sent; each of `told` with each text of the strategy.
     """
 
     def __init__(
@@ -87,7 +87,8 @@ class Core(CoreSettings):
         facts: Facts | None = None,
     ) -> None:
         super().__init__(dictionary, store=store, facts=facts)
-        self.sensor, self.actuators = sensor, actuators
+        self.sensor = sensor
+        self.actuators = actuators
         self.observe: Callable[[messages.GotoXY | str, Call[Any]], None] = lambda _what, _call: None
         self.at_match_end: Callable[[], object] = lambda: None
         self.told: list[Callable[[str], object]] = []
@@ -97,7 +98,8 @@ class Core(CoreSettings):
             self.on(confirm, lambda heard: self.readiness.confirms.add(type(heard)))
 
     def _forget(self) -> None:
-        self.configuration, self.readiness = None, Readiness(self.parts)
+        self.configuration = None
+        self.readiness = Readiness(self.parts)
         self._stops = stops = Stops(self)
         self._clock = clock = MatchClock(self, self._match_ended)
         self._distrust = distrust = Distrust(self, stops)
@@ -105,12 +107,13 @@ class Core(CoreSettings):
         self._positions = positions = Positions(self, stops, losses, distrust)
         self._startup = startup = Startup(self, stops, losses, positions, distrust)
         self._resumption = Resumption(self, stops, clock, losses, positions, startup)
-        self._lookout, self._tasks = Lookout(self, stops), Tasks(self, clock)
+        self._lookout = Lookout(self, stops)
+        self._tasks = Tasks(self, clock)
         self._gotos = Gotos(self, stops, clock, startup, self._resumption, self._lookout, distrust)
         self._orders = Orders(self, clock, startup, self._resumption, self.goto)
 
     def reset(self) -> None:
-        """Give up whatever is going on and forget everything, as after power-on; a goto under way is stopped.
+        """End all calls and forget everything, as after power-on; a goto under way is stopped.
 
         After an NMT reset the drive is asked for what it remembers of the match; the next goto begins with a recovery.
         """
@@ -119,7 +122,7 @@ class Core(CoreSettings):
         self._forget()
         if driving:
             self._stops.halt(messages.StopDrive())
-        if self._has_begun:  # by NMT, and not by power-on: nobody is going to start this core up
+        if self._has_begun:  # by NMT and not by power-on: no strategy is going to start this core up
             self._resumption.begin_recall()
         self._has_begun = True
 
@@ -140,7 +143,7 @@ class Core(CoreSettings):
 
     @property
     def match_over(self) -> bool:
-        """Whether a match has ended, and no other one was started."""
+        """Whether a match has ended and no other one was started."""
         return self._clock.is_over
 
     @property
@@ -203,7 +206,7 @@ class Core(CoreSettings):
             return self.begin(recovery.recall(self)).call
 
     def recover(self) -> Call[messages.KalmanPositionResponse]:
-        """Let the robot go on after an Emergency Shutdown, or after this core has begun again; return where it is.
+        """Recover after an Emergency Shutdown, or after a restart of this core; return where the robot is.
 
         A core that remembers nothing asks the drive for the start configuration, the place and the match clock. Then
         the nodes are checked and configured. A drive that knows its place is told to keep it (object 0x210A); any other
@@ -231,7 +234,7 @@ class Core(CoreSettings):
 
         It ends as TIMED_OUT at the latest `timeout` seconds after its first transmission (None: the setting
         `Time-out`). A goto that is under way ends as REPLACED. The drive is stopped unless the goto arrived, was
-        replaced, or was given up by the drive; also if the call is cancelled.
+        replaced, or was ended by the drive; also if the call is cancelled.
 
         If a node has been lost since the last goto, the drive is stopped, and both nodes are checked and configured
         again first. That takes until they answer, at most all attempts of the checks and the configuration. Raises
@@ -267,8 +270,8 @@ class Core(CoreSettings):
     def act(self, task: str) -> Call[int]:
         """Do a task where the robot stands; the result is in points, or in pieces of fruit.
 
-        Raises StateError if there is nothing to do it with, and if a newer task, an Emergency Shutdown or the end of
-        the match comes before it is done; UnknownName.
+        Raises StateError without actuators for it, and if a newer task, an Emergency Shutdown or the end of the match
+        comes before it is done; UnknownName.
         """
         with self.guard:
             self.check_present()
@@ -277,9 +280,9 @@ class Core(CoreSettings):
         return call
 
     def stop(self) -> Call[Standstill]:
-        """Brake and forget the goto (document 2.1).
+        """Brake and end the goto (document 2.1).
 
-        The stop leaves now, whether or not anybody awaits the call. The result comes once the robot is seen to stand;
+        The stop is sent now, whether or not the call is awaited. The result comes once the robot is seen to stand;
         NotStanding if that takes longer than the setting `Standstill wait`: then Emergency Shutdown is sent until it
         does. StateError if a goto or a start configuration comes before. Several stops in a row are watched as one.
         """
@@ -298,7 +301,7 @@ class Core(CoreSettings):
             return self._stops.stop(messages.EmergencyShutdown())
 
     def send(self, message: Message) -> None:
-        """Send a message of the robot's table, such as a team's own, without waiting for anything.
+        """Send a message of the robot's table, such as a team's own, without waiting.
 
         Raises StateError if the core has no TPDO for it, if it is a message that a call sends and watches, such as a
         goto, or if the core is being switched off; FieldError.
@@ -308,9 +311,9 @@ class Core(CoreSettings):
             super().send(message)
 
     def say(self, words: object) -> None:
-        """Say something to whoever watches: a line of the match's timeline, and a caption on its field.
+        """Show a text to the spectators: a line of the match's timeline, and a caption on its field.
 
-        Nothing of it is on the bus.
+        It is not sent on the bus.
         """
         for each in self.told:
             each(one_line(str(words)))
@@ -331,7 +334,7 @@ class Core(CoreSettings):
     ) -> Call[MessageT]:
         """Wait up to `timeout` seconds for the next message of a type, or for the next one of which `where` is true.
 
-        Nothing is sent. Raises StateError if the core has no RPDO for such a message; what `where` raises; NoAnswer.
+        Sends no message. Raises StateError if the core has no RPDO for such a message; the errors of `where`; NoAnswer.
         """
         with self.guard:
             self.device.pdo_service.check_received(message)
@@ -347,7 +350,7 @@ class Core(CoreSettings):
                 heard: MessageT = yield Ask(None, message, max(end - self.now, 0.0), 1)
                 if where is None or where(heard):
                     return heard
-        except NoAnswer:  # its time would be what was left after the last one
+        except NoAnswer:  # which has only the time left after the last message
             raise NoAnswer(
                 "", message.__name__ if where is None else f"{message.__name__} as wanted", 1, timeout
             ) from None
@@ -376,16 +379,16 @@ class Core(CoreSettings):
         """Raise StateError for a message that only its own call may send, because it watches the result."""
         self.check_present()
         if call := CALLS.get(type(message)):
-            raise StateError(f"{type(message).__name__} is sent by core.{call}(), which sees to what comes of it")
+            raise StateError(f"{type(message).__name__} is sent by core.{call}(), which watches its result")
 
-    # What happens to it
+    # Events
 
     def heartbeat_lost(self, node_id: int) -> None:
-        """Stop the drive if it is silent, or if the navigation is silent before the match."""
+        """Stop the drive if its heartbeat is missing, or that of the navigation before the match."""
         self._losses.silent(node_id)
 
     def booted(self, node_id: int) -> None:
-        """Have a node that has booted configured before the next goto; a drive that has booted has lost its goto."""
+        """Configure a node that has booted before the next goto; a drive that has booted has lost its goto."""
         self._losses.booted(node_id)
 
     def halted(self) -> None:
@@ -404,7 +407,9 @@ class Core(CoreSettings):
         self.at_match_end()
 
     def _application(self, dictionary: Dictionary) -> Application:
-        """Return what the application gives the objects; the core listens for others who speak in its name."""
+        """Return the application's functions for the objects; the core also watches for frames that others send in its
+        name.
+        """
         return super()._application(dictionary)._replace(overheard=lambda frame: self._distrust.overheard(frame))
 
     def _told_position(self, position: messages.PositionResponse) -> None:

@@ -1,4 +1,4 @@
-"""What nobody has asked for stops the robot: what others send in the core's name, confirms, places that jump."""
+"""Stops the robot after frames that the core has not asked for: commands in its name, confirms, places that jump."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from eurobot_od.robot.nodes.core.stops import Stops
 
 
 class Distrust:
-    """Stops for what the core has not asked for, and says why, once for each reason."""
+    """Stops the robot for frames that the core has not asked for, with one warning for each reason."""
 
     def __init__(self, core: CoreSettings, stops: Stops) -> None:
-        self._core, self._stops = core, stops
+        self._core = core
+        self._stops = stops
         self._warned: set[str] = set()
 
     def stop(self, why: str) -> None:
-        """Stop for what the core has not asked for; the next goto begins with a recovery."""
+        """Stop for a frame that the core has not asked for; the next goto begins with a recovery."""
         if why not in self._warned:
             self._warned.add(why)
             self._core.alarm(why)
@@ -28,7 +29,7 @@ class Distrust:
         self._stops.lose(why)
 
     def overheard(self, frame: Frame) -> None:
-        """Take in a frame that somebody else has sent under an identifier of the core's."""
+        """Process a frame that another node has sent under an identifier of the core's."""
         protocol = self._core.device.protocol
         try:
             message = protocol.decode(*frame)

@@ -1,6 +1,7 @@
-"""What the core must not believe: confirms that it has not asked for, places that the robot cannot have driven to.
+"""Decides what the core must not believe: confirms that it has not asked for, places that the robot cannot have
+reached.
 
-Rule of this file: numbers and times in, a verdict out; what follows from it is the core's.
+Rule of this file: numbers and times in, a verdict out; the consequences are the core's.
 """
 
 from __future__ import annotations
@@ -11,23 +12,26 @@ from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.nodes.estimate import TOP_SPEED
 
 DOUBLED = 0.02
-"""A bus may bring a frame twice, the second one within this time, s."""
+"""Longest time between two copies of a frame that a bus may deliver twice, in s."""
 
 LARGEST_DEVIATIONS = 180.0
-"""How far two right positions may be apart because of their deviations, mm: a drive that knows its place worse than to
-90 mm stands, and each of the two may be off by that much."""
+"""Largest distance in mm between two right positions because of their deviations: a drive stands if its deviation is
+over 90 mm, and each of the two may be off by that much.
+"""
 
 
 class GotoConfirms:
-    """The confirms of one goto: there are as many at most as the goto was sent times, every `wait` s from `started`."""
+    """The confirms of one goto: at most as many as the goto was sent, each `wait` s from `started`."""
 
     def __init__(self, started: float, wait: float, transmissions: int) -> None:
-        self._started, self._wait, self._transmissions = started, wait, transmissions
+        self._started = started
+        self._wait = wait
+        self._transmissions = transmissions
         self._confirmed: float | None = None
         self._sent = self._heard = 0
 
     def is_asked_for(self, now: float) -> bool:
-        """Take in a confirm; return whether the goto explains it."""
+        """Count a confirm; return whether the goto explains it."""
         if self._confirmed is None:  # from now on the goto is not sent again
             self._sent = min(1 + int((now - self._started) / self._wait), self._transmissions)
             self._confirmed = now
@@ -38,7 +42,7 @@ class GotoConfirms:
 
 
 def jumps(before: Place, after: Place, seconds: float) -> bool:
-    """Return whether no robot can have driven from one place to the other in that time; unknown places do not count."""
+    """Return whether no robot can have driven from one place to the other in that time; False for unknown places."""
     if before[0] is None or before[1] is None or after[0] is None or after[1] is None:
         return False
     way = math.hypot(after[0] - before[0], after[1] - before[1])

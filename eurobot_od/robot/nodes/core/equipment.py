@@ -1,8 +1,8 @@
 """The robot's equipment besides the bus: its distance sensor (document 4.2.2 Obstacle) and its actuators.
 
-The sensor is read while a goto is under way, as nobody reports when something comes into sight, and the robot stops for
-what it drives into, as the document demands. This is in the core and not in the strategy: a strategy that hangs, or was
-written in a hurry, must not drive into anybody.
+The sensor is read while a goto is under way, as no message reports an obstacle, and the robot stops for what it would
+drive into, as the document demands. This is in the core and not in the strategy: a strategy that hangs, or was written
+in a hurry, must not drive into an obstacle.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ from eurobot_od.robot.nodes.node import Approach, Detection
 
 
 class Lookout:
-    """Reads the distance sensor, and stops for what the robot drives into."""
+    """Reads the distance sensor, and stops for what the robot would drive into."""
 
     def __init__(self, core: CoreSettings, stops: Stops) -> None:
-        self._core, self._stops = core, stops
+        self._core = core
+        self._stops = stops
         self._next: Timer | None = None
 
     def begin(self) -> None:
-        """Begin to look ahead, for a goto that begins now."""
+        """Begin to read the sensor, for a goto that begins now."""
         self._look(Approach(), self._core.now)
 
     def end(self) -> None:
-        """Look ahead no longer."""
+        """Stop reading the sensor."""
         if self._next is not None:
             self._next.cancel()
 
     def _look(self, approach: Approach, now: float) -> None:
-        """Read the sensor again and again, until the robot drives into something."""
+        """Read the sensor again and again, until the robot would drive into something."""
         self.end()
         sensor, distance = self._core.sensor, self._core.stop_distance
         if sensor is None or not distance:
@@ -59,16 +60,17 @@ class Tasks:
     """Does one task at a time with the robot's actuators."""
 
     def __init__(self, core: CoreSettings, clock: MatchClock) -> None:
-        self._core, self._clock = core, clock
+        self._core = core
+        self._clock = clock
         self._running: SingleFlow[int] = SingleFlow(core)
 
     def begin(self, task: str) -> Call[int]:
-        """Begin a task, and give up the one before."""
+        """Begin a task, and end the one before."""
         self.end("replaced by a newer task")
         return self._running.begin(self._do(task))
 
     def end(self, why: str) -> None:
-        """Give up the task that is being done."""
+        """End the task under way."""
         self._running.end(StateError(why))
 
     def _do(self, task: str) -> Script[int]:

@@ -1,7 +1,7 @@
-"""What the core's flows are made of: startup, goto, stop (document 2.1 to 2.3, 4.2.2, 5.1); see also `recovery`.
+"""The scripts of the core's flows: startup, goto, stop (document 2.1 to 2.3, 4.2.2, 5.1); see also `recovery`.
 
-Confirms of the start configuration have one identifier and may merge on the wire, so one of them may be anybody's. That
-is why a configuration ends with a second check of both nodes.
+Confirms of the start configuration have one identifier and may merge on the wire, so a single confirm may come from
+either node. That is why a configuration ends with a second check of both nodes.
 
 A node is driven only if it reads frames as the core does (see `agreement`).
 """
@@ -28,14 +28,14 @@ from eurobot_od.robot.nodes.node import Component
 
 
 CONFIRMING = 0.01
-"""How often it is looked whether a team's own node has confirmed, s."""
+"""Seconds between two checks whether a team's own node has confirmed."""
 
 CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Enemy 2 diameter")
 """The sub-indices of the object `Start configuration`, in the order of the message's fields."""
 
 
 def check_nodes(core: CoreSettings, without: Collection[str] = ()) -> Script[dict[str, float]]:
-    """Check the nodes, but those to do `without`; return the seconds that each took to answer.
+    """Check the nodes, except those in `without`; return the seconds that each took to answer.
 
     Raises NoAnswer, NodeMismatch.
     """
@@ -63,7 +63,7 @@ def _check_of(core: CoreSettings, node: str, part: Component) -> Ask:
 
 
 def channel_to(core: CoreSettings, node: str) -> SdoClientParameter:
-    """Return how the core reaches a node by SDO; raises StateError if its EDS does not say."""
+    """Return the identifiers by which the core reaches a node by SDO; raises StateError if its EDS has none."""
     channel = SdoClientParameter.to(node, core.device)
     if channel is None:
         raise StateError(f"the core cannot ask the {node} by SDO: name it in `asks` of the core in the protocol table")
@@ -76,7 +76,7 @@ def configure(core: CoreSettings, configuration: messages.StartConfigurationSet)
     Raises NoAnswer, NodeMismatch.
     """
     yield START
-    # Until the confirm, nobody knows which configuration the nodes use.
+    # Until the confirm it is unknown which configuration the nodes use.
     core.readiness.configured = False
     core.readiness.confirms.clear()
     wait, transmissions = core.configuration_wait, core.configuration_transmissions
@@ -89,7 +89,7 @@ def configure(core: CoreSettings, configuration: messages.StartConfigurationSet)
         if confirm not in core.readiness.confirms:
             # By SDO, as a second Start Configuration Set would have the drive start over once more.
             yield from tell(core, node, configuration)
-    # One confirm may be anybody's, and two equal ones merge on the wire, so both nodes are asked once more.
+    # A confirm may come from either node, and two equal ones merge on the wire, so both nodes are checked once more.
     yield from check_nodes(core, core.without)
     core.readiness.configured = True
     return confirmed
@@ -110,7 +110,7 @@ def take_back(core: CoreSettings, node: str, configuration: messages.StartConfig
 
 
 def tell_others(core: CoreSettings, configuration: messages.StartConfigurationSet) -> Script[None]:
-    """Configure all nodes that take a start configuration but the drive."""
+    """Configure all nodes that take a start configuration, except the drive."""
     if "navigation" not in core.without:
         # No SDO, or a file that has the configuration in other pieces.
         with suppress(NoAnswer, StateError, DictionaryError):
@@ -120,11 +120,12 @@ def tell_others(core: CoreSettings, configuration: messages.StartConfigurationSe
 
 
 def tell(core: CoreSettings, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
-    """Configure one node alone; raises NoAnswer, and StateError if there is no way to it by SDO.
+    """Configure one node alone; raises NoAnswer, and StateError if the core cannot reach it by SDO.
 
-    A Start Configuration Set would take the drive's estimate back to its start place, so each sub-index is written.
+    A Start Configuration Set would reset the drive's estimate to its start place, so each sub-index is written.
     """
-    channel, protocol = channel_to(core, node), core.device.protocol
+    channel = channel_to(core, node)
+    protocol = core.device.protocol
     _, raw = protocol.unpack(*protocol.encode(configuration))
     for name, field in zip(CONFIGURED, configuration._fields):
         order = channel.order(core.device.dictionary, f"Start configuration.{name}", raw[field])
@@ -132,10 +133,10 @@ def tell(core: CoreSettings, node: str, configuration: messages.StartConfigurati
 
 
 class GotoReport(NamedTuple):
-    """The result of a goto, and `why` if the outcome does not say it.
+    """The result of a goto, and `why` if the outcome does not explain it.
 
     Times are in seconds from its first transmission; `confirmed` is None if it was never confirmed. `deviation` is how
-    well a drive that has arrived knows its place, as a standard deviation in mm; None if it does not say.
+    well a drive that has arrived knows its place, as a standard deviation in mm; None if it does not report that.
     """
 
     goto: messages.GotoXY
@@ -147,7 +148,7 @@ class GotoReport(NamedTuple):
 
 
 class End(NamedTuple):
-    """How a goto has ended, and why if the outcome does not say it."""
+    """The outcome of a goto, and the reason if the outcome does not explain it."""
 
     outcome: Outcome
     why: str = ""
@@ -156,8 +157,8 @@ class End(NamedTuple):
 def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
     """Ask for the state of a confirmed goto until it has ended; raises NoAnswer.
 
-    It has arrived when the drive says so and is at the goto's place. Answers that there is no goto, or that another one
-    has arrived, are tolerated a few times in a row: the drive may have heard a request before its goto.
+    It has arrived when the drive reports so and is at the goto's place. A few answers in a row that there is no goto,
+    or that another one has arrived, are accepted: the drive may have received a request before its goto.
     """
     yield Pause(core.first_state_request)
     odd: list[str] = []
@@ -182,8 +183,9 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
 
 
 def why_not_possible(facts: Facts, goto: messages.GotoXY) -> str:
-    """Return what a drive probably has against a goto: its answer has one code for all reasons."""
-    goal, field = Point(goto.x, goto.y), facts.field
+    """Return the probable reason of a drive that refuses a goto: its answer has one code for all reasons."""
+    goal = Point(goto.x, goto.y)
+    field = facts.field
     if not goto.speed:
         return "at speed 0 no place is reached"
     if not field.contains(goal):
@@ -213,7 +215,7 @@ class Standstill(NamedTuple):
 
 
 class NotStanding(RemoteError):
-    """The robot was not seen to stand, whatever was sent; `seconds` is for how long the core has tried."""
+    """The robot was not seen to stand, whatever was sent; `seconds` is how long the core has tried."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -222,7 +224,7 @@ class NotStanding(RemoteError):
 
 
 def is_driving(state: messages.GotoStateResponse) -> bool:
-    """Return whether an answer to a state request says that the drive carries out a goto."""
+    """Return whether the answer to a state request reports a goto under way."""
     return isinstance(state.time, int) and not isinstance(state.time, GotoFault) and state.time > 0
 
 
@@ -243,7 +245,7 @@ def until_standing(
 
 
 def _standing_place(core: CoreSettings) -> Script[messages.KalmanPositionResponse | None]:
-    """Look at the drive for two stop periods; return where it stands, None if it moves or does not answer."""
+    """Watch the drive for two stop periods; return where it stands, None if it moves or does not answer."""
     period = core.stop_period
     ask_position = Ask(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, period, 1)
     yield Pause(period)

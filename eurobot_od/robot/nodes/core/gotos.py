@@ -1,4 +1,4 @@
-"""One goto at a time, the newest wins (document 2.1): it waits for lost nodes, is sent, and watched to its end."""
+"""Runs one goto at a time, the newest (document 2.1): it waits for lost nodes, is sent, and is watched to its end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from eurobot_od.robot.nodes.node import DEVIATION, UNKNOWN
 
 
 class Gotos:
-    """Sends the drive to places; `deviation` is how well it knew the last one, mm, None if it has not said."""
+    """Sends the drive to places; `deviation` is that of the last place in mm, None if the drive has not reported it."""
 
     def __init__(
         self,
@@ -33,8 +33,13 @@ class Gotos:
         lookout: Lookout,
         distrust: Distrust,
     ) -> None:
-        self._core, self._stops, self._clock, self._startup = core, stops, clock, startup
-        self._resumption, self._lookout, self._distrust = resumption, lookout, distrust
+        self._core = core
+        self._stops = stops
+        self._clock = clock
+        self._startup = startup
+        self._resumption = resumption
+        self._lookout = lookout
+        self._distrust = distrust
         self.deviation: int | None = None
         self._confirms: GotoConfirms | None = None
 
@@ -50,14 +55,15 @@ class Gotos:
             late.set_exception(StateError("no goto after the match"))
             return late
         if self._resumption.is_due and self._stops.is_commanding:
-            self._stops.stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
+            self._stops.stop(messages.StopDrive(), Outcome.REPLACED)  # the drive is not watched meanwhile
         self._stops.goto.end(GotoEnded(Outcome.REPLACED))
-        # From now on there is something to stop, even if nobody ever hears of this goto again.
-        call, self._stops.latest = self._stops.goto.begin(self._goto(goto, timeout)), messages.StopDrive()
+        # From now on a stop is needed, even if this goto is never awaited.
+        call = self._stops.goto.begin(self._goto(goto, timeout))
+        self._stops.latest = messages.StopDrive()
         return call
 
     def _check_may_drive(self) -> None:
-        """Raise StateError if a goto must not be sent, and say what is missing."""
+        """Raise StateError if a goto must not be sent, with what is missing."""
         if self._stops.shut_down:
             raise StateError("no goto after an emergency shutdown: `await core.recover()` ends it")
         is_ready = self._resumption.is_due or self._clock.is_over
@@ -69,7 +75,7 @@ class Gotos:
             yield START
             if self._resumption.is_recalling:
                 yield from self._resumption.until_recalled()
-            self._check_may_drive()  # what was asked for may have been answered before this step, by nothing
+            self._check_may_drive()  # the questions before may have got no answer
             if self._clock.is_over:  # as the drive remembers
                 raise StateError("no goto after the match")
             yield from self._resumption.before_goto()
@@ -78,12 +84,15 @@ class Gotos:
         return (yield from self._drive(goto, self._core.goto_timeout if timeout is None else timeout))
 
     def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
-        core, stops = self._core, self._stops
+        core = self._core
+        stops = self._stops
         stops.goto_begins()
-        for frame in core.device.error_control.first_heartbeat():  # from now on the drive has to miss us
+        for frame in core.device.error_control.first_heartbeat():  # from now on the drive has to watch this core
             core.put(frame)
-        started, confirmed = core.now, None
-        self.deviation, self._confirms = None, GotoConfirms(started, core.confirm_wait, core.transmissions)
+        started = core.now
+        confirmed = None
+        self.deviation = None
+        self._confirms = GotoConfirms(started, core.confirm_wait, core.transmissions)
         limit = core.at(started + timeout, self._run_out_of_time)
         # From the start, not from the confirm: the drive may be rolling while its confirm is lost.
         self._lookout.begin()
@@ -93,9 +102,9 @@ class Gotos:
             end = yield from flows.until_ended(core, goto)
             if end.outcome is Outcome.ARRIVED:
                 self.deviation = yield from self._ask_deviation()
-        except GotoEnded as ended:  # whoever ended it has dealt with the drive
+        except GotoEnded as ended:  # the code that ended it has stopped the drive
             end = ended.end
-        except BaseException:  # no answer, or nobody waits for the goto any more
+        except BaseException:  # no answer, or the call was cancelled
             stops.halt(messages.StopDrive())
             raise
         else:
@@ -111,7 +120,7 @@ class Gotos:
         self._stops.stop(messages.StopDrive(), Outcome.TIMED_OUT)
 
     def _ask_deviation(self) -> Script[int | None]:
-        """Ask the drive how well it knows its place, mm; None if it does not know, or does not say."""
+        """Ask the drive for the deviation of its place in mm; None if it does not know or report it."""
         channel = SdoClientParameter.to("drive", self._core.device)
         if channel is None or not self._startup.tells_deviation:
             return None
@@ -125,7 +134,7 @@ class Gotos:
         return None if deviation == UNKNOWN else deviation
 
     def confirmed(self) -> None:
-        """Take in a confirm of the drive; stop if no goto explains it."""
+        """Process a confirm of the drive; stop if no goto explains it."""
         confirms = self._confirms if self._stops.is_commanding else None
         if confirms is not None and not confirms.is_asked_for(self._core.now):
             self._distrust.stop("the drive has confirmed a goto that the core did not send")

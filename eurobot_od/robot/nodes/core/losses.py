@@ -1,7 +1,7 @@
-"""Nodes that are lost: those that stop the robot, and those that it does without in a match.
+"""Lost nodes: those that stop the robot, and those without which it goes on in a match.
 
-In a match the robot does without the navigation as long as it can: the drive goes by its wheels, and stops by itself
-when its place is too uncertain. Meanwhile a flow asks for the navigation, and takes it back when it answers.
+In a match the robot goes on without the navigation as long as it can: the drive computes its place from its wheels, and
+stops by itself when that is too uncertain. Meanwhile a flow asks for the navigation, and uses it again when it answers.
 """
 
 from __future__ import annotations
@@ -26,16 +26,18 @@ it hangs it may still send heartbeats."""
 
 
 class Lost(NamedTuple):
-    """A team's own node was lost: what flows hear that wait for it."""
+    """A team's own node was lost: the answer to flows that wait for it."""
 
     node: str
 
 
 class Losses:
-    """What becomes of a match when a node is lost."""
+    """Decides how a match goes on when a node is lost."""
 
     def __init__(self, core: CoreSettings, stops: Stops, clock: MatchClock) -> None:
-        self._core, self._stops, self._clock = core, stops, clock
+        self._core = core
+        self._stops = stops
+        self._clock = clock
         self._readiness = core.readiness
         self._heard = 0.0
         self._missing: SingleFlow[None] = SingleFlow(core, is_called=False)
@@ -52,19 +54,19 @@ class Losses:
         return lost.node
 
     def silent(self, node_id: int) -> None:
-        """Stop the drive if it is silent, or if the navigation is silent before the match."""
+        """Stop the drive if its heartbeat is missing, or that of the navigation before the match."""
         why = f"node {node_id} has fallen silent"
         if not self._goes_on_without(node_id, why):
             self._stops.lose(why)
 
     def booted(self, node_id: int) -> None:
-        """Have a node that has booted configured before the next goto; a drive that has booted has lost its goto."""
+        """Configure a node that has booted before the next goto; a drive that has booted has lost its goto."""
         why = f"node {node_id} has booted"
         if self._goes_on_without(node_id, why):
             return
         self._readiness.lost = why
         # A booting navigation forgets nothing that the drive needs; a drive forgets goto, place and configuration, and
-        # a node of a team's what it was told.
+        # a team's own node its configuration.
         if self._stops.is_commanding and self._node(node_id) not in ("", "navigation"):
             self._stops.lose(why)
 
@@ -78,7 +80,7 @@ class Losses:
         return ""
 
     def _goes_on_without(self, node_id: int, why: str) -> bool:
-        """Cancel a node's check, and tell who waits for its loss; return whether the robot goes on without it."""
+        """End the check of a node and the calls that wait for its loss; return whether the robot goes on without it."""
         node = self._node(node_id)
         self._readiness.checked.discard(node)
         if node in self._core.COMPONENTS:
@@ -100,17 +102,17 @@ class Losses:
     def _take_back(self, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
         try:
             yield from flows.take_back(self._core, node, configuration)
-            self.heard_navigation()  # one that is back gets its time to be heard
+            self.heard_navigation()  # its time of silence begins again
             self._core.alarm(f"the {node} is back")
         except NodeMismatch as error:
             self._core.alarm(str(error))
-            # A node that maps differently is of no use: the next goto begins with the checks, which say so.
+            # A node that maps differently is of no use: the next goto begins with the checks, which report that.
             self._readiness.lost = str(error)
         finally:
             self._readiness.absent.pop(node, None)
 
     def match_ended(self) -> None:
-        """Ask no longer for nodes that are absent; the next goto recovers the navigation first."""
+        """Stop asking for absent nodes; the next goto recovers the navigation first."""
         if "navigation" in self._readiness.absent:
             self._readiness.lost = "the navigation is lost"
         for flow in tuple(self._readiness.absent.values()):
@@ -119,7 +121,7 @@ class Losses:
     # The navigation, which may hang and still send heartbeats
 
     def heard_navigation(self) -> None:
-        """Note that the navigation is there, so that it has SILENCE to be heard again."""
+        """Note the time of the navigation's last message, from which SILENCE counts."""
         self._heard = self._core.now
 
     def look_for_navigation(self) -> None:

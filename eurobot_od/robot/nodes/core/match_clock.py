@@ -19,7 +19,8 @@ class MatchClock:
     """Calls `ended` at the `end` of a match, which is None before the first; `is_over` from then on."""
 
     def __init__(self, core: CoreSettings, ended: Callable[[], object]) -> None:
-        self._core, self._ended = core, ended
+        self._core = core
+        self._ended = ended
         self.is_over = False
         self.end: float | None = None
         self._timer: Timer | None = None
@@ -36,27 +37,28 @@ class MatchClock:
         return self.end is not None and not self.is_over
 
     def start(self, seconds: float) -> None:
-        """Start a match that lasts as long, from the next `tick` on."""
+        """Start a match of so many seconds, from the next `tick` on."""
         self.is_over = False
         self._core.soon(lambda now: self._end_at(now + seconds))
         self.tell_drive()
 
     def recall(self, time_left: float) -> None:
-        """Go on with a match that has as many seconds left; with none it is over."""
+        """Continue a match with so many seconds left; with none it is over."""
         self.is_over = time_left == 0
         self._end_at(self._core.now + time_left)
 
     def _end_at(self, end: float) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._timer, self.end = self._core.at(end, self._end), end
+        self._timer = self._core.at(end, self._end)
+        self.end = end
 
     def _end(self, _: float) -> None:
         self.is_over = True
         self._ended()
 
     def tell_drive(self) -> None:
-        """Have the drive keep the time of the match, for a core that begins again."""
+        """Send the drive the time of the match, which it keeps for a core that begins again."""
         self._telling.end(StateError("replaced by a newer clock"))
         self._telling.begin(self._tell_time_left())
 

@@ -1,6 +1,6 @@
-"""Gotos and start configurations that a user writes into the core's objects by SDO, such as by the page.
+"""Gotos and start configurations that a user writes into the core's objects by SDO, for example on the page.
 
-The core carries them out and watches them as those of a strategy. Nobody awaits them: what fails is told to a person.
+The core carries them out and watches them like those of a strategy. They are not awaited: a failure is an alarm.
 """
 
 from __future__ import annotations
@@ -32,7 +32,11 @@ class Orders:
         resumption: Resumption,
         goto: Callable[..., Call[GotoReport]],
     ) -> None:
-        self._core, self._clock, self._startup, self._resumption, self._goto = core, clock, startup, resumption, goto
+        self._core = core
+        self._clock = clock
+        self._startup = startup
+        self._resumption = resumption
+        self._goto = goto
 
     def goto(self, goto: messages.GotoXY, shut_down: bool) -> None:
         """Carry out a goto; raises Refused after an Emergency Shutdown, and while the core is being switched off."""
@@ -42,15 +46,16 @@ class Orders:
 
     def _go(self, goto: messages.GotoXY) -> Script[None]:
         yield START
-        startup, resumption = self._startup.running, self._resumption
+        startup = self._startup.running
+        resumption = self._resumption
         if self._core.configuration is None and startup.call is None and not resumption.is_recalling:
-            resumption.begin_recall()  # somebody else may have configured the start
+            resumption.begin_recall()  # another core may have configured the start
         while startup.call is not None or resumption.is_recalling:
             yield Pause(self._core.state_request_period)
         self._tell_failure_of(self._goto(*goto))
 
     def start(self, configuration: messages.StartConfigurationSet) -> None:
-        """Configure the start: in a match where the robot is, which has left its start place.
+        """Configure the start; in a match at the robot's present place, as it has left its start place.
 
         Raises Refused for a contradictory configuration, and while the core is being switched off.
         """
@@ -71,7 +76,7 @@ class Orders:
 
 
 def _failure(ended: Future[Any]) -> str:
-    """Return why an order was not carried out; empty if it was, or if a newer one took its place."""
+    """Return why an order was not carried out; empty if it was, or if a newer one replaced it."""
     if ended.cancelled():
         return ""
     if (error := ended.exception()) is not None:

@@ -1,7 +1,7 @@
-"""Where robots are, as far as the core is told: it asks for positions again and again, and keeps what it hears.
+"""The positions of all robots, which the core asks for periodically.
 
-A drive that has booted says "unknown", and once it is configured its start place. So `place`, where the drive was last
-really seen, is kept apart from the sightings; while it `is_astray` its answers do not replace that place.
+A drive that has booted answers "unknown", and once it is configured its start place. So `place`, where the drive was
+last really seen, is kept apart from the sightings; while it `is_astray` its answers do not replace that place.
 """
 
 from __future__ import annotations
@@ -24,18 +24,21 @@ from eurobot_od.robot.nodes.estimate import DriveAnswer, SecondDriveDetector, Si
 OFFSETS = {
     each: seconds(f"Position polling.{each.record.replace('position', 'offset')}") for each in messages.POSITIONS
 }
-"""The setting with the offset at which each position is asked for, again and again."""
+"""The setting with the offset of each position's requests."""
 
 
 class Positions:
-    """Where robots were seen, and the requests that ask for that.
+    """The last known positions of robots, and the periodic requests for them.
 
-    `sightings` are the last ones by response type, `tracks` what is believed of them. `place` is where the drive was
-    last seen, at the time `seen_at`. It `has_jumped` if it said a place that it cannot have driven to.
+    `sightings` are the last ones by response type, `tracks` the tracks made from them. `place` is where the drive was
+    last seen, at the time `seen_at`. It `has_jumped` if it reported a place that it cannot have driven to.
     """
 
     def __init__(self, core: CoreSettings, stops: Stops, losses: Losses, distrust: Distrust) -> None:
-        self._core, self._stops, self._losses, self._distrust = core, stops, losses, distrust
+        self._core = core
+        self._stops = stops
+        self._losses = losses
+        self._distrust = distrust
         self.sightings: dict[type[messages.PositionResponse], Sighting] = {}
         self.tracks: defaultdict[Source | OutOfRange, Track] = defaultdict(Track)
         self.place: Place | None = None
@@ -47,7 +50,7 @@ class Positions:
     # Asking
 
     def ask_from(self, begin: float, configuration: messages.StartConfigurationSet) -> None:
-        """Ask for the positions of all robots that a start configuration names, again and again."""
+        """Ask periodically for the positions of all robots that a start configuration names."""
         self._series += 1  # an earlier series of requests ends by itself
         # With the 2014 robot's offsets, so that not all answers come at once.
         for position, offset in OFFSETS.items():
@@ -65,10 +68,10 @@ class Positions:
         again = due + self._core.polling_period
         self._core.at(again, partial(self._ask, request, series))
 
-    # Hearing
+    # Receiving
 
     def heard(self, position: messages.PositionResponse) -> None:
-        """Take in a position."""
+        """Process a received position."""
         if isinstance(position, messages.KalmanPositionResponse):
             self._look_for_jump(position)
         sighting = self.sightings[type(position)] = Sighting(position, self._core.now)
@@ -78,12 +81,13 @@ class Positions:
             # While the drive is astray its answer may be its start place, which must not replace where it was really
             # seen.
             if position.x is not None and not self.is_astray and not self.has_jumped:
-                self.place, self.seen_at = position[:3], self._core.now
+                self.place = position[:3]
+                self.seen_at = self._core.now
         else:
             self._losses.heard_navigation()
 
     def heard_state(self, state: messages.GotoStateResponse) -> None:
-        """Take in what the drive says of its goto."""
+        """Process the drive's report on its goto."""
         self._look_for_second_drive(state)
 
     def _look_for_second_drive(self, answer: DriveAnswer) -> None:
@@ -91,7 +95,7 @@ class Positions:
             self._core.alarm(f"two drives answer, and differ; switch one of them off: {two}")
 
     def _look_for_jump(self, position: messages.KalmanPositionResponse) -> None:
-        """Stop if the drive says a place that it cannot have driven to."""
+        """Stop if the drive reports a place that it cannot have driven to."""
         before = self.sightings.get(messages.KalmanPositionResponse)
         if before is None or self.is_astray or not self._stops.is_commanding:
             return

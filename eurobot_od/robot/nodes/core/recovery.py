@@ -1,4 +1,4 @@
-"""Where the robot is after something was lost: a node, the core's own memory, or the drive's (see `flows`).
+"""Finds the robot's place after a loss: of a node, of the core's own memory, or of the drive's (see `flows`).
 
 Rule of this file: ask before telling. The drive has the start configuration, the place and the match clock, and nothing
 is sent that could make it forget them.
@@ -42,7 +42,7 @@ class Memory(NamedTuple):
 
 
 NOTHING_TO_GO_BACK_TO = "there is nothing to go back to: call check_nodes() and configure_start()"
-"""The drive knows no place, so that nobody can go on from one."""
+"""The drive knows no place from which the robot could go on."""
 
 
 def recall(core: CoreSettings) -> Script[Memory | None]:
@@ -83,7 +83,7 @@ def _asked_drive(core: CoreSettings, name: str) -> Script[int | None]:
     if channel is None:
         return None
     address = core.device.dictionary.address(name)
-    # A drive of which a setting says that it may have no SDO is not waited for as one that has.
+    # A drive that may have no SDO, by a setting, is asked only once.
     attempts = 1 if core.trusts_without_sdo else core.transmissions
     answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, attempts)
     return number_in(answer, address)
@@ -103,30 +103,30 @@ def tell_drive(core: CoreSettings, name: str, value: int, attempts: int) -> Scri
 
 
 ANY_ANGLE = 180.0
-"""Two headings are never further apart than this, degrees."""
+"""Largest angle between two headings, in degrees."""
 
 AT_START = 50.0
-"""A configured drive may not have been seen by the navigation yet if it is this near its start place, mm.
-"""
+"""A configured drive this near to its start place, in mm, may not have been seen by the navigation yet."""
 
 LOOKS = 3
-"""How often the navigation is asked for a drive that has booted. It believes the navigation when two positions agree,
-and one of them may be unknown or wrong."""
+"""How often the navigation is asked for the place of a drive that has booted: the drive believes it when two positions
+agree, and one of them may be unknown or wrong.
+"""
 
 LOST_PLACE = "the drive has lost its place"
 
 
 def keep_place(core: CoreSettings) -> Script[None]:
-    """Have the drive keep the place that it knows when it is configured next; one without SDO will start over.
+    """Make the drive keep its known place at the next configuration; one without SDO will start over.
 
     So will any other one if the core's setting `Keep place` is 0.
 
-    Raises NoAnswer if the drive does not answer at all: configured now, it might forget what it knows.
+    Raises NoAnswer if the drive does not answer at all: configured now, it might forget its place.
     """
     yield START
     what = KeepPlace.KEEP if core.keeps_place else KeepPlace.START_OVER
     if not (yield from tell_drive(core, KEEP_PLACE, what, core.transmissions)):
-        yield from drive_position(core)  # raises NoAnswer: a drive that is not there is not one without SDO
+        yield from drive_position(core)  # raises NoAnswer: a missing drive is not a drive without SDO
 
 
 def _is_confirmed(core: CoreSettings, since: float) -> Script[bool]:
@@ -138,7 +138,7 @@ def _is_confirmed(core: CoreSettings, since: float) -> Script[bool]:
 
 
 class PlaceLost(StateError):
-    """The drive is not where it was last seen, and the navigation does not see it where it says that it is."""
+    """The drive is not where it was last seen, and the navigation sees it somewhere else than it reports."""
 
 
 def find_place(
@@ -147,7 +147,7 @@ def find_place(
     start: Place,
     displacement: float,
 ) -> Script[messages.KalmanPositionResponse]:
-    """Have the navigation look where the drive is, and check that it is where it was last seen (`there`), if it was.
+    """Ask the navigation for the drive's place, and check that it is where it was last seen (`there`), if it was.
 
     Raises NoAnswer; PlaceLost if the drive is farther than the `displacement` in mm away, or so near its `start` place
     that it may just have begun there, and no position of the navigation has agreed with it since.
@@ -155,7 +155,7 @@ def find_place(
     began = core.now
     for _ in range(LOOKS):
         core.offer(messages.NaviPositionRequest())
-        # The drive hears the answers itself (document 4.2.2 Navigation), so there is nothing to wait for here.
+        # The drive receives the answers itself (document 4.2.2 Navigation), so none is awaited here.
         yield Pause(core.state_request_period)
     here = yield from drive_position(core)
     if there is None:

@@ -1,7 +1,7 @@
-"""How the core goes on after a loss: in the next goto, by `recover()`, or after its own NMT reset.
+"""Continues after a loss: in the next goto, by `recover()`, or after the core's own NMT reset.
 
 A node that was lost may have forgotten everything. So the next goto begins with its recovery: checks, a configuration
-if the drive has forgotten its own, and a look at whether the drive is where it was last seen.
+if the drive has forgotten its own, and a comparison of the drive's place with the last one seen.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from eurobot_od.robot.nodes.core.stops import Stops
 
 
 class Resumption:
-    """Has the robot go on after a loss; `is_recalling` tells whether the drive is being asked after an NMT reset.
+    """Continues after a loss; `is_recalling` tells whether the drive is being asked after an NMT reset.
 
-    `is_unanswered` tells whether it was asked so and has not answered at all: then each goto asks it again.
+    `is_unanswered` tells whether it was asked and has not answered at all: then each goto asks it again.
     """
 
     def __init__(
@@ -35,8 +35,12 @@ class Resumption:
         positions: Positions,
         startup: Startup,
     ) -> None:
-        self._core, self._stops, self._clock = core, stops, clock
-        self._losses, self._positions, self._startup = losses, positions, startup
+        self._core = core
+        self._stops = stops
+        self._clock = clock
+        self._losses = losses
+        self._positions = positions
+        self._startup = startup
         self._recalling: SingleFlow[None] = SingleFlow(core, is_called=False)
         self.is_unanswered = False
 
@@ -56,7 +60,7 @@ class Resumption:
         self._recalling.begin(self._recall())
 
     def end_recall(self) -> None:
-        """Ask no further: a start configuration says more than the drive remembers."""
+        """End that question: a start configuration replaces what the drive remembers."""
         self.is_unanswered = False
         self._recalling.end(StateError("replaced by a newer start configuration"))
 
@@ -66,7 +70,7 @@ class Resumption:
         return self._startup.running.begin(self._recover_all(self._startup.end_watch()))
 
     def before_goto(self) -> Script[None]:
-        """Check the nodes again after one was lost, and make sure that the drive knows where it is."""
+        """Check the nodes again after one was lost, and make sure that the drive knows its place."""
         configuration = self._core.configuration
         if not self.is_due or configuration is None:
             return
@@ -84,8 +88,8 @@ class Resumption:
         core = self._core
         yield from flows.check_nodes(core, core.without)
         here = yield from flows.drive_position(core)
-        # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
-        # its place is left alone, or told to keep it.
+        # Once configured, a drive assumes its start place until the navigation reports another: one that still knows
+        # its place is not configured, or told to keep it.
         if here.x is None:
             yield from self._startup.configure(configuration)
         elif not core.readiness.configured:
@@ -103,7 +107,7 @@ class Resumption:
         try:
             here = yield from recovery.find_place(self._core, there, start, displacement)
         except recovery.PlaceLost:
-            self._core.readiness.lost = recovery.LOST_PLACE  # so that the next goto looks again
+            self._core.readiness.lost = recovery.LOST_PLACE  # so that the next goto tries again
             raise
         positions.is_astray = positions.has_jumped = False
         return here
@@ -118,7 +122,8 @@ class Resumption:
         # Kept, although the configuration forgets it: the robot has not been moved to its start.
         there = self._positions.place
         yield from self._startup.configure_all(configuration, watched, in_place=True)
-        self._positions.place, self._positions.is_astray = there, True
+        self._positions.place = there
+        self._positions.is_astray = True
         return (yield from self._find_place(configuration, there))
 
     def until_recalled(self) -> Script[None]:
@@ -128,7 +133,7 @@ class Resumption:
             yield Pause(self._core.state_request_period)
 
     def _recall(self) -> Script[None]:
-        """Take over what the drive remembers of the start and of the match; the next goto begins with a recovery."""
+        """Restore what the drive remembers of the start and of the match; the next goto begins with a recovery."""
         memory = yield from recovery.recall(self._core)
         self.is_unanswered = False
         if memory is None:

@@ -1,4 +1,4 @@
-"""What the core's parts share: its settings, and what has to be there before a goto."""
+"""What the core's parts share: its settings, and the conditions for a goto."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from eurobot_od.robot.nodes.node import KEEP_PLACE, NODES, Actuators, Component,
 
 
 class Readiness:
-    """What has to be there before the first goto: all `nodes` checked, a start configuration confirmed.
+    """The conditions for the first goto: all `nodes` checked, a start configuration confirmed.
 
     `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since.
-    `configured` tells whether the latest start configuration was confirmed, `confirms` by which messages of a team's.
-    `absent` are the nodes that are lost in a match and that the robot does without, each with the flow that asks for
-    it. `lost` says why the next goto begins with a recovery, '' if it does not.
+    `configured` tells whether the latest start configuration was confirmed, `confirms` by which messages of a team's
+    own nodes. `absent` are the nodes lost in a match without which the robot goes on, each with the flow that asks for
+    it. `lost` is the reason why the next goto begins with a recovery, '' if it does not.
     """
 
     def __init__(self, nodes: Iterable[str]) -> None:
@@ -31,7 +31,7 @@ class Readiness:
         self.lost = ""
 
     def missing(self) -> str:
-        """Say what is missing and what to call, '' if nothing is."""
+        """Return what is missing and which call provides it, '' if nothing is."""
         unchecked = [f"the {node}" for node in self.nodes if node not in {*self.checked, *self.absent}]
         texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
         texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
@@ -39,11 +39,11 @@ class Readiness:
 
 
 class CoreSettings(CallingNode):
-    """What the core's parts and scripts share: its settings, and what a goto still needs.
+    """What the core's parts and scripts share: its settings, and the conditions for a goto.
 
-    A setting that a master writes counts from the next question on. `COMPONENTS` are a team's own nodes that are part
+    A setting that a master writes applies from the next question on. `COMPONENTS` are a team's own nodes that are part
     of the start, by the names of their EDS files. `configuration` is the start configuration, None before the first was
-    confirmed; `readiness` says what a goto still needs. `sensor` and `actuators` are the robot's equipment besides the
+    confirmed; `readiness` has the conditions for a goto. `sensor` and `actuators` are the robot's equipment besides the
     bus, None if it has none.
     """
 
@@ -83,7 +83,7 @@ class CoreSettings(CallingNode):
 
     @property
     def without(self) -> tuple[str, ...]:
-        """The nodes that are lost in a match, and that the robot does without until they answer again."""
+        """The nodes lost in a match, without which the robot goes on until they answer again."""
         return tuple(sorted(self.readiness.absent))
 
     @property
@@ -97,5 +97,5 @@ class CoreSettings(CallingNode):
         return [(node, confirm) for node, confirm in own if confirm is not None]
 
     def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
-        """Ask the drive as often, and wait as long, as the settings of the goto handshake say."""
+        """Return the question to the drive, with number and wait from the settings of the goto handshake."""
         return Ask(request, answer, self.state_answer_wait, self.transmissions)

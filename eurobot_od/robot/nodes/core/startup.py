@@ -1,7 +1,7 @@
-"""The start configuration (document 2.3, 5.1): how it is set, and what it takes back.
+"""Sets the start configuration (document 2.3, 5.1).
 
-The confirm of a start configuration after an Emergency Shutdown is answered with the shutdown: it is an older one's,
-and has ended the safe state.
+The confirm of a start configuration after an Emergency Shutdown is answered with the shutdown: it belongs to an older
+configuration, and has ended the safe state.
 """
 
 from __future__ import annotations
@@ -23,19 +23,23 @@ from eurobot_od.robot.nodes.node import KEEP_PLACE, KeepPlace
 
 
 class Startup:
-    """Sets the start configuration, one at a time: `running` is the flow that does, or that recovers it.
+    """Sets the start configuration, one at a time: `running` is the flow that sets or recovers it.
 
     `is_recovering` tells whether a goto that waits for lost nodes sets it meanwhile. `tells_deviation` is whether the
-    drive may say how well it knows its place: it has done so when it was last asked, or was not asked since.
+    drive may report how well it knows its place: it did when it was last asked, or has not been asked since.
     """
 
     def __init__(
         self, core: CoreSettings, stops: Stops, losses: Losses, positions: Positions, distrust: Distrust
     ) -> None:
-        self._core, self._stops, self._losses = core, stops, losses
-        self._positions, self._distrust = positions, distrust
+        self._core = core
+        self._stops = stops
+        self._losses = losses
+        self._positions = positions
+        self._distrust = distrust
         self.running: SingleFlow[Any] = SingleFlow(core)
-        self.is_recovering, self.tells_deviation = False, True
+        self.is_recovering = False
+        self.tells_deviation = True
         self._asked_until = 0.0
 
     def begin(self, configuration: messages.StartConfigurationSet, in_place: bool = False) -> Call[float]:
@@ -43,7 +47,7 @@ class Startup:
 
         The robot is at its start place, or `in_place`: where the drive knows that it is.
         """
-        # The older one first: as it fails, it goes back to stopping.
+        # The older one first: when it fails, its stop goes on.
         self.running.end(StateError("replaced by a newer start configuration"))
         if self._stops.is_commanding:
             self._stops.stop(messages.StopDrive(), Outcome.STOPPED, "a new start configuration")
@@ -66,7 +70,7 @@ class Startup:
             if in_place:
                 yield from recovery.keep_place(self._core)
             elif self._losses.is_in_match or "drive" in self._core.readiness.checked:
-                # The caller has put the robot at its start place; in a match the drive would not believe it.
+                # The caller has put the robot at its start place; in a match the drive would keep its own.
                 yield from recovery.tell_drive(self._core, KEEP_PLACE, KeepPlace.START_OVER, 1)
             seconds = yield from self.configure(configuration)
         except BaseException:  # nothing has changed
@@ -82,9 +86,11 @@ class Startup:
 
         Positions are asked for from then on.
         """
-        core, readiness = self._core, self._core.readiness
+        core = self._core
+        readiness = self._core.readiness
         asked: float = yield START
-        before, readiness.lost = readiness.lost, ""  # a node that is lost from here on may not have heard of it
+        before = readiness.lost
+        readiness.lost = ""  # a node that is lost from here on may not have received it
         try:
             confirmed = yield from flows.configure(core, configuration)
         except BaseException:
@@ -92,19 +98,20 @@ class Startup:
             raise
         finally:  # confirms may come late, and two nodes confirm
             self._asked_until = core.now + core.configuration_wait * core.configuration_transmissions
-        core.configuration, self.tells_deviation = configuration, True
+        core.configuration = configuration
+        self.tells_deviation = True
         self._stops.configured()
         self._positions.ask_from(confirmed + core.polling_start_delay, configuration)
         return confirmed - asked
 
     def confirmed(self) -> messages.EmergencyShutdown | None:
-        """Take in a confirm; return what answers it, if the core has not asked for it."""
+        """Process a confirm; return the message that answers it, if the core has not asked for it."""
         is_running = self.running.call is not None
         if self._stops.shut_down and not is_running and self._stops.is_shutdown_ours:
             # A start configuration from before a shutdown, confirmed after it, has ended the safe state.
             return messages.EmergencyShutdown()
         is_asked = is_running or self.is_recovering or self._core.now <= self._asked_until
         if self._core.configuration is not None and not is_asked:
-            self._stops.shut_down = False  # the one before this core's time
+            self._stops.shut_down = False  # the one before this core began
             self._distrust.stop("somebody else has configured the start")
         return None

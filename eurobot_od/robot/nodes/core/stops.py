@@ -1,14 +1,14 @@
-"""Stops that are seen to work, and the goto that they end (document 2.1, 4.2.2 Obstacle and Emergency mushroom).
+"""Stops the robot until it is seen to stand, and ends its goto (document 2.1, 4.2.2 Obstacle and Emergency mushroom).
 
-The robot stands whenever nobody can command it. A goto is left alone only if it arrived, was replaced, or was given up
-by the drive itself. If anything else ends it (no answer, a caller who has gone, a lost node), Stop Drive is sent. A
-stop leaves at once, ends the goto, and is repeated by a flow of its own until the robot is seen to stand; if it is not,
+The robot stands whenever no core commands it. A goto needs no stop only if it arrived, was replaced, or was ended by
+the drive itself. If anything else ends it (no answer, a cancelled call, a lost node), Stop Drive is sent. A stop is
+sent at once, ends the goto, and is repeated by a flow of its own until the robot is seen to stand; if it is not,
 Emergency Shutdown is sent until it is. Only a goto or a start configuration ends that watch: a goto when it is really
 sent, and a configuration that fails resumes it.
 
-A stop has a lower identifier, so it overtakes a goto that still waits in a mailbox: the drive then hears the stop first
-and the goto after it. And a drive that was away may take up a goto that was given up long ago. That is why a confirm,
-or the state of a goto under way, is answered with a stop when there is no goto any more.
+A stop has a lower identifier, so it overtakes a goto that still waits in a mailbox: the drive then receives the stop
+first and the goto after it. And a drive that was away may begin a goto that ended long ago. That is why a confirm, or
+the state of a goto under way, is answered with a stop when there is no goto any more.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class GotoEnded(Exception):
 class Stops:
     """The stops of a core, and the `goto` that is under way.
 
-    `latest` is the stop that the drive gets if it moves without a goto; None if it was never sent anywhere. `shut_down`
-    tells whether it is an Emergency Shutdown, and `is_shutdown_ours` whether this core has sent that.
+    `latest` is the stop for a drive that moves without a goto; None if it was never sent anywhere. `shut_down` tells
+    whether it is an Emergency Shutdown, and `is_shutdown_ours` whether this core has sent that.
     """
 
     def __init__(self, core: CoreSettings) -> None:
@@ -72,21 +72,21 @@ class Stops:
             if call is None:
                 self._endless_watch.end(StateError("watched anew"))
                 call = self._watch.begin(self._see_standing(self._core.standstill_wait))
-            return shielded(call)  # a stop is not taken back because nobody waits for it
+            return shielded(call)  # cancelling the call does not end the stop
 
     def lose(self, why: str) -> None:
-        """Have the next goto begin with a recovery, and stop a drive that was ever sent anywhere."""
+        """Begin the next goto with a recovery, and stop a drive that was ever sent anywhere."""
         self._core.readiness.lost = why
         if self.latest is not None:
             self.stop(messages.StopDrive(), Outcome.LOST, why)
 
     def stop_late_goto(self) -> None:
-        """Stop again if the drive carries out a goto that has ended: the stop overtook it, or it was given up."""
+        """Stop again if the drive carries out a goto that has ended, because the stop overtook it or it came late."""
         if not self.is_commanding and self.latest is not None:
             self.halt(self.latest)
 
     def recall(self, shut_down: bool) -> None:
-        """Take over from a core before this one that the drive was sent somewhere, or is shut down."""
+        """Restore from the drive that a core before this one sent it somewhere, or shut it down."""
         self.shut_down = shut_down
         self.latest = messages.EmergencyShutdown() if shut_down else messages.StopDrive()
 
@@ -131,7 +131,7 @@ class Stops:
         return watched
 
     def configuration_failed(self, watched: bool) -> None:
-        """Go on with the watch that the start configuration has ended: what had to be stopped still has to be."""
+        """Resume the watch that the start configuration has ended: the robot still has to stop."""
         if self.shut_down:
             self._keep_stopping()
         elif watched:

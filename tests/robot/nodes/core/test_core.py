@@ -139,7 +139,7 @@ WATCHED = [GOTO, RED, StopDrive(), EmergencyStop(Obstacle.ENEMY), EmergencyShutd
 
 @pytest.mark.parametrize("message", WATCHED, ids=lambda message: type(message).__name__)
 def test_what_a_call_watches_is_not_sent_past_it(alone: Bench, message: Message) -> None:
-    with pytest.raises(StateError, match=r"is sent by core\.\w+\(\), which sees to what comes of it"):
+    with pytest.raises(StateError, match=r"is sent by core\.\w+\(\), which watches its result"):
         alone.core.send(message)
     with pytest.raises(StateError, match="is sent by core"):
         alone.core.ask(message, GotoConfirm)
