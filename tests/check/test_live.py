@@ -79,7 +79,8 @@ class Unplugged(can.BusABC):
 
     def __init__(self, *, receiving: bool, sending: Exception | None) -> None:
         super().__init__("unplugged")
-        self._receiving, self._sending = receiving, sending
+        self._receiving = receiving
+        self._sending = sending
         self._down = threading.Event()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:

@@ -27,7 +27,9 @@ class AtOnce:
 
     def __init__(self, device: SimulatedDevice, late: Callable[[Frame], float] = lambda _: 0.0) -> None:
         self.trace = Trace()
-        self._device, self._late, self._loop = device, late, asyncio.get_running_loop()
+        self._device = device
+        self._late = late
+        self._loop = asyncio.get_running_loop()
 
     async def begin(self) -> None:
         self._heard(self._device.start(self.trace.now))

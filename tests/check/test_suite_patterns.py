@@ -103,7 +103,8 @@ def test_a_pattern_names_the_differences_of_a_frame(pattern: Pattern, data: str,
 
 
 def test_a_field_may_be_compared_with_a_saved_value() -> None:
-    pattern, frame = state(speed="{seen}"), Frame(STATE.cob_id, bytes.fromhex("000201"))
+    pattern = state(speed="{seen}")
+    frame = Frame(STATE.cob_id, bytes.fromhex("000201"))
     assert pattern.mismatches(frame, {"seen": 258}) == []
     assert [f"{each.what}: {each.words}" for each in pattern.mismatches(frame, {"seen": 1})] == [
         "speed: expected {seen} = 1, came 258"

@@ -10,5 +10,5 @@ from tests.kit import plant
 
 @pytest.fixture(autouse=True)
 def _line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the command line take the packaging line for its robot, in processes of their own too."""
+    """Use the packaging line as the robot of the command line, in processes of their own too."""
     monkeypatch.setenv(ROBOTS.variable, str(plant.HERE))

@@ -17,7 +17,7 @@ PATIENCE = 60.0
 
 @contextmanager
 def serve_bus(name: str) -> Iterator[str]:
-    """Serve a bus to other processes, on this machine only and on a free port; gives its channel."""
+    """Serve a bus to other processes, on this machine only and on a free port; yields its channel."""
     server = RemoteServer("127.0.0.1", 0, interface="virtual", channel=name)
     thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)
     thread.start()

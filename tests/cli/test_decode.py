@@ -333,7 +333,8 @@ def test_statistics_name_errors(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_statistics_compare_with_the_network_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file, folder = tmp_path / "good.log", plant.FILES.folder()
+    file = tmp_path / "good.log"
+    folder = plant.FILES.folder()
     file.write_text("\n".join(GOOD))
     said = []
     for words in ([], ["--network", str(folder.parent / "network.yaml")], ["--network", str(folder)]):

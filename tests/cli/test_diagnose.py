@@ -117,8 +117,9 @@ def test_wrong_input_is_a_line(
 
 @contextmanager
 def traffic(data: bytes, identifier: int, channel_name: str = "", **settings: Any) -> Iterator[str]:
-    """A bus on which a frame, with one time stamp for ever, is sent again and again."""
-    name, done = channel_name or channel(), threading.Event()
+    """A bus on which a frame is sent again and again, always with the same time stamp."""
+    name = channel_name or channel()
+    done = threading.Event()
     message = can.Message(timestamp=1.0, arbitration_id=identifier, data=data, is_extended_id=False)
 
     def send() -> None:

@@ -59,9 +59,16 @@ def complaint(done: subprocess.CompletedProcess[str]) -> str:
 READ_ONLY = pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder in which not even root can write")
 
 
+def name_of(words: str) -> str:
+    """Return the name of the file that a command writes."""
+    if "field" in words:
+        return "out.svg"
+    return "out.log" if "--log" in words else "out"
+
+
 def check_full_disk(words: str, folder: Path, content: str = LOG) -> None:
     """Check that a command which cannot write all of its file leaves the former one."""
-    file = folder / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
+    file = folder / name_of(words)
     file.write_text(FORMER)
     assert f"{file}: File too large" in complaint(run(words, file, folder, 100, content))
     if "--log" not in words:  # a log is written as it comes
@@ -70,8 +77,8 @@ def check_full_disk(words: str, folder: Path, content: str = LOG) -> None:
 
 
 def check_read_only(words: str, folder: Path, content: str = LOG) -> None:
-    """Check that a command which cannot make its file says so."""
-    file = Path("/proc/self") / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
+    """Check that a command which cannot make its file names it."""
+    file = Path("/proc/self") / name_of(words)
     assert str(file) in complaint(run(words, file, folder, 1 << 30, content))
 
 

@@ -35,7 +35,7 @@ def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def bus() -> Iterator[tuple[str, ...]]:
-    """Two nodes of one product, one of another, and one of which no file knows; gives the options of their bus."""
+    """Two nodes of one product, one of another, and one without a file; yields the options of their bus."""
     channel = new_channel()
     texts = {5: device_text(), 6: device_text(), 7: device_text(product=OTHER_PRODUCT, name="Level")}
     texts[8] = device_text(product=0x9999)
@@ -403,7 +403,8 @@ def test_emcy_has_the_error_names_of_the_library_file(capsys: pytest.CaptureFixt
     servo = (DOCS / "servo.eds").read_bytes()
     (library / "servo.eds").write_bytes(servo)
     (library / "servo.device.yaml").write_text("emcy: {0xFF01: gearbox jammed}\n")
-    device, channel = SimulatedDevice(Dictionary.read(servo, Path("servo.eds"), 9)), new_channel()
+    device = SimulatedDevice(Dictionary.read(servo, Path("servo.eds"), 9))
+    channel = new_channel()
     device.raise_error(0xFF01, "gearbox")
     with Live.node(open_bus(channel), device):
         said = run(capsys, "emcy", "9", "--library", "makers", *ALONE, "-i", "virtual", "-c", channel)

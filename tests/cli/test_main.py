@@ -262,13 +262,14 @@ def test_numbers_of_thousands_of_digits_are_refused_in_one_line(
 
 
 def functions_of(command: Command) -> Iterable[Callable[..., Any]]:
-    """The functions of a command, one for each of its forms."""
+    """Yield the functions of a command, one for each of its forms."""
     return command.functions.values() if isinstance(command, Forms) else [command]
 
 
 def options(function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
     """Yield the help and the default of each option of a function, those of its groups too."""
-    hints, texts = get_type_hints(function, include_extras=True), parameter_help(function)
+    hints = get_type_hints(function, include_extras=True)
+    texts = parameter_help(function)
     for name, parameter in signature(function).parameters.items():
         hint = Hint.of(hints[name], Parser("of"))
         if is_dataclass(hint.kind):

@@ -113,7 +113,8 @@ def test_a_dumb_terminal_gets_plain_lines(log: Path) -> None:
 
 def _until(terminal: int, expected: bytes) -> bytes:
     """Read from a terminal until something was shown."""
-    seen, until = b"", time.monotonic() + 10
+    seen = b""
+    until = time.monotonic() + 10
     while expected not in seen and time.monotonic() < until:
         if select.select([terminal], [], [], 0.1)[0]:
             seen += os.read(terminal, 1 << 16)

@@ -157,7 +157,8 @@ def eds(tmp_path: Path) -> str:
 def test_a_device_from_its_file_has_the_values_that_it_is_given(
     capsys: pytest.CaptureFixture[str], shared_bus: str, eds: str, tmp_path: Path
 ) -> None:
-    bus, values = ("-i", "remote", "-c", shared_bus), tmp_path / "values.yaml"
+    bus = ("-i", "remote", "-c", shared_bus)
+    values = tmp_path / "values.yaml"
     values.write_text("Channel.Entry 1: 17\n", encoding="ascii")
     given = ("--set", "Channel.Entry 4=a=b", "--set", "0x2100=-3", "--values", str(values))
     with node("--eds", eds, "--node-id", "7", *given, *bus) as device:
@@ -242,7 +243,8 @@ def test_what_is_for_one_device_needs_its_name(
 def test_all_devices_of_a_network_run_in_one_process_and_are_booted(
     capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path
 ) -> None:
-    file, bus = tmp_path / "network.yaml", ("-i", "remote", "-c", shared_bus)
+    file = tmp_path / "network.yaml"
+    bus = ("-i", "remote", "-c", shared_bus)
     file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}\nmaster: PC\n")
     with node("--network", str(file), *bus) as devices:
         assert "io (node-ID 5), gate (node-ID 6)" in line(devices, "2 devices on ")
@@ -284,7 +286,8 @@ def test_a_device_that_cannot_run_is_one_line(
 
 @pytest.mark.posix
 def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixture[str], shared_bus: str) -> None:
-    bus, motor = ("-i", "remote", "-c", shared_bus), f"5={Path(__file__).parents[2] / 'docs' / 'motor.eds'}"
+    bus = ("-i", "remote", "-c", shared_bus)
+    motor = f"5={Path(__file__).parents[2] / 'docs' / 'motor.eds'}"
     with node("--eds", motor, *bus) as device:
         line(device, "(node-ID 5)")
         said = run(capsys, "pdo", "5", "--eds", motor, *bus)

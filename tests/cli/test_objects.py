@@ -52,7 +52,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 
 @pytest.fixture
 def lift(run: Run) -> Iterator[str]:
-    """Our lift with a quick heartbeat; gives the channel."""
+    """A lift with a quick heartbeat; yields the channel."""
     with line("lift") as channel:
         run(channel, "write", "2", "0x1017", "10")
         yield channel
@@ -309,8 +309,9 @@ MOVED = (
 
 @pytest.fixture
 def moved(tmp_path: Path) -> Iterator[tuple[str, str]]:
-    """A device with its SDO server elsewhere; gives its channel and its file."""
-    file, channel = tmp_path / "moved.eds", new_channel()
+    """A device with its SDO server elsewhere; yields its channel and its file."""
+    file = tmp_path / "moved.eds"
+    channel = new_channel()
     file.write_text(MOVED)
     with can.Bus(channel, interface="virtual") as bus, Live.node(bus, SimulatedDevice.load(file, 5)):
         yield channel, str(file)

@@ -60,7 +60,8 @@ def test_a_download(
 def test_an_empty_file_is_no_program(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    device, empty = FlashDevice(), tmp_path / "empty.bin"
+    device = FlashDevice()
+    empty = tmp_path / "empty.bin"
     empty.touch()
     assert program(capsys, monkeypatch, device, "9", str(empty)).status == 2
     assert device.commands == []
@@ -69,7 +70,8 @@ def test_an_empty_file_is_no_program(
 def test_the_device_of_another_eds_is_left_alone(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, file: Path
 ) -> None:
-    device, lift = FlashDevice(), plant.FILES.folder() / "lift.eds"
+    device = FlashDevice()
+    lift = plant.FILES.folder() / "lift.eds"
     done = program(capsys, monkeypatch, device, "9", str(file), "--eds", str(lift))
     assert done.status == 1
     assert "lift.eds is for another device" in done.err

@@ -210,7 +210,8 @@ def test_archive_prints_a_line_for_each_log(log: str, tmp_path: Path, capsys: py
 
 def test_requests_of_several_answering_nodes_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("duckdb", reason="the extra `season` is not installed")
-    log, season = tmp_path / "start.log", str(tmp_path / "season")
+    log = tmp_path / "start.log"
+    season = str(tmp_path / "season")
     log.write_text("(1.000000) can0 481#1901\n(1.001000) can0 483#\n(1.002000) can0 483#\n")
     run(capsys, "archive", str(log), "-o", season)
     said = run(capsys, "query", season, "--report", "answers", "--csv").out.splitlines()

@@ -22,7 +22,7 @@ WEIGHED = "Weight Response  weight=12.5 kg, temperature=21.5 degC"
 
 @contextmanager
 def hearing(bus: can.BusABC, heard: Callable[[can.Message], None]) -> Iterator[None]:
-    """Have a function called with what comes on a bus; python-can's notifier is not a context manager before 4.6."""
+    """Call a function with each frame on a bus; python-can's notifier is not a context manager before 4.6."""
     notifier = can.Notifier(bus, [heard])
     try:
         yield
@@ -99,7 +99,7 @@ def test_a_dialect_gives_the_bits(capsys: pytest.CaptureFixture[str], wire: can.
 
 @pytest.fixture
 def lift(wire: can.BusABC) -> Iterator[can.BusABC]:
-    """A lift that runs on the bus; its boot-up has been heard."""
+    """A lift that runs on the bus and has booted."""
     bus = open_bus("virtual", CHANNEL)
     with Live.node(bus, plant.NODES["lift"](plant.load("lift"))):
         assert wire.recv(5.0) is not None

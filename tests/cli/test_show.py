@@ -57,7 +57,8 @@ def test_a_picture_shows_each_bit_where_it_is(capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize("name", PROTOCOLS["plain"].names())
 @pytest.mark.parametrize("protocol", PROTOCOLS.values())
 def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol: Protocol, name: str) -> None:
-    lines, layout = list(picture(protocol.binding(name))), protocol.binding(name).layout
+    lines = list(picture(protocol.binding(name)))
+    layout = protocol.binding(name).layout
     cells = [cell.strip() for line in lines if line.startswith("byte ") for cell in line.split("|")[1:-1]]
     drawn = [cell for cell in cells if cell != "."]
     assert len(cells) == 8 * layout.length

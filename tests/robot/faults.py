@@ -88,6 +88,7 @@ def frozen(which: type[Message], anew: type[Message]) -> Mixin:
     """Have the first frame leave the node again and again, until a message comes that starts all over."""
 
     def again(node: Node, frame: Frame) -> Iterable[Frame]:
+        """Send the first frame again and again, until a message comes that restarts the node."""
         return [vars(node).setdefault("first", frame)]
 
     def forget(node: Node, message: Message, healthy: Callable[[Message], None]) -> None:
@@ -98,7 +99,7 @@ def frozen(which: type[Message], anew: type[Message]) -> Mixin:
 
 
 def both(one: Mixin, other: Mixin) -> Mixin:
-    """Have two things wrong at once."""
+    """Combine two faults."""
     return type("Both", (one, other), {})
 
 
@@ -201,7 +202,7 @@ class SourceUnseen(Core):
 
 
 def _ask_on(core: Core, stop: Frame) -> Iterable[Frame]:
-    """Send a stop, and go on asking for the state of the goto as if there had been none."""
+    """Send a stop, and keep asking for the state of the goto."""
     for count in range(1, 15):
         core.at(core.now + count * 0.1, lambda _: core.offer(GotoStateRequest()))
     return [stop]

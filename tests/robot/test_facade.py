@@ -55,7 +55,8 @@ class Partners:
     def running(self) -> Iterator[Partners]:
         with ExitStack() as stack:
             stack.enter_context(FrameReader(open_bus(self.channel), self._seen, time.monotonic))
-            for node in (self.drive, self.navigation) if self.present else ():
+            nodes = (self.drive, self.navigation) if self.present else ()
+            for node in nodes:
                 stack.enter_context(Live.node(open_bus(self.channel), node))
             yield self
 

@@ -324,7 +324,7 @@ GOING = GotoXY(2000, 1750, 0, 60)
 
 
 def stopped_with(name: str) -> Bench:
-    """Have a core with a fault send a drive off, and stop it."""
+    """Send a drive off and stop it, by a core with a fault."""
     bench = Bench()
     bench.replace("core", PLUGINS.faulty(Core, name)(DICTIONARIES["core"]))
     bench.run(0.1)

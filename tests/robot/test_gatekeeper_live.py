@@ -24,7 +24,8 @@ def driver() -> Iterator[Driver]:
 
 
 def test_a_frame_that_the_driver_refuses_is_dropped_after_50_ms_and_reported(driver: Driver) -> None:
-    clock, reports = Clock(), Reports()
+    clock = Clock()
+    reports = Reports()
     driver.error = can.CanOperationError("transmit buffer full")
     with Live(driver, Gatekeeper(PROTOCOL, report=reports), clock=clock) as live:
         for message in URGENT:  # three find a mailbox, the fourth waits for one

@@ -30,7 +30,7 @@ def submit(boxes: Mailboxes, now: float, *texts: str, stay: Stay = Stay.SHORT) -
 
 
 def sent(boxes: Mailboxes, now: float) -> list[str]:
-    """Let the controller send everything, one frame at a time, and return it in the order on the wire."""
+    """Send all frames of the controller, one at a time, and return them in the order on the wire."""
     order: list[str] = []
     boxes.load(now)
     while (frame := boxes.urgent()) is not None:

@@ -15,7 +15,9 @@ class Wire:
     """A node that says what it is told, beside a silent one, on a bus that is idle at 0.1 s."""
 
     def __init__(self) -> None:
-        self.network, self.node, self.frames = Simulation(), RobotNode(DICTIONARIES["core"]), list[Frame]()
+        self.network = Simulation()
+        self.node = RobotNode(DICTIONARIES["core"])
+        self.frames = list[Frame]()
         for node in (self.node, RobotNode(DICTIONARIES["drive"])):
             self.network.attach(node)
         self.network.run(0.1)

@@ -18,7 +18,9 @@ UNPLUGGED = OSError(100, "Network is down")
 def test_a_core_checks_its_nodes_ends_its_goto_with_the_bus_and_recovers_before_the_next(
     request: pytest.FixtureRequest,
 ) -> None:
-    cable, reports, core = Cable(request.node.name), Reports(), Core(dialects.load("core"))
+    cable = Cable(request.node.name)
+    reports = Reports()
+    core = Core(dialects.load("core"))
     with (
         Live.node(VirtualBus(cable.channel), Drive(dialects.load("drive"))),
         Live.node(VirtualBus(cable.channel), Navigation(dialects.load("navigation"))),

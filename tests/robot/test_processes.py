@@ -51,7 +51,8 @@ async def play(core):
 
 @pytest.mark.long
 def test_a_match_that_a_core_leads_goes_on_when_the_bus_server_is_restarted(tmp_path: Path) -> None:
-    file, port = tmp_path / "mine.py", free_port()
+    file = tmp_path / "mine.py"
+    port = free_port()
     file.write_text(MATCH, encoding="utf-8")
     with bus_server(port) as first, process(*EUROBOT_OD, "world", "--listen", "127.0.0.1:0") as world:
         where = re.search(r"world on (\S+);", world.line("Ctrl-C ends it"))
@@ -131,7 +132,9 @@ def test_a_core_that_is_killed_is_noticed_in_its_heartbeat_time_and_the_drive_st
 @pytest.mark.long
 def test_a_drive_that_is_killed_and_restarted_is_checked_configured_and_joins_by_itself() -> None:
     port = free_port()
-    server, navigation, drive = bus_server(port), node("navigation", *shared(port)), node("drive", *shared(port))
+    server = bus_server(port)
+    navigation = node("navigation", *shared(port))
+    drive = node("drive", *shared(port))
     with server, navigation, drive as killed, process(*strategy(port)) as core, joined(port) as bus:
         core.line("goto")
         wait_for(bus, PROTOCOL.cob_id(GotoConfirm))

@@ -186,7 +186,7 @@ def test_goto_may_leave_out_its_barriers(protocol: Protocol) -> None:
 
 
 def raw_values(protocol: Protocol, message: Message) -> dict[str, int]:
-    """Give the raw values that a message came from, those that are flagged too."""
+    """Return the raw values of a message, flagged ones included."""
     binding = protocol.binding(type(message))
     if binding.layout.fields[:2] == ("x", "y") and message[:3] == (None, None, None):
         message = message._replace(x=0xFF, y=0xFF)

@@ -66,7 +66,9 @@ def assert_equal_to_protocol(season: Path, frames: Iterable[Timed], network: Dec
         found = table(season, file)
         wanted = expected[name]
         assert len(found) == len(wanted), name
-        for column in wanted[0] if wanted else ():
+        if not wanted:
+            continue
+        for column in wanted[0]:
             values = [row[column] for row in wanted]
             assert (found[column].to_list() if column in found.columns else [None] * len(found)) == values, name
 
@@ -84,7 +86,7 @@ def cells(binding: Binding, field: str, value: Any) -> dict[str, Any]:
 
 
 def random_frames(count: int, protocol: Protocol, seed: int = 1) -> list[Timed]:
-    """Give frames with random data of mostly fitting lengths, for all messages and for identifiers of none."""
+    """Yield frames with random data, mostly of fitting lengths, for all messages and for unknown identifiers."""
     chance = random.Random(seed)
     bindings = protocol.bindings
     found: list[Timed] = []
@@ -101,7 +103,8 @@ def _mostly_codes(binding: Binding, chance: random.Random, length: int) -> bytes
     """Return data whose fields are often at the edges of their ranges, or codes."""
     word = 0
     for field, limits in binding.limits.items():
-        kind, raws = binding.kinds[field], binding.layout.raws[field]
+        kind = binding.kinds[field]
+        raws = binding.layout.raws[field]
         codes = [*kind.named_values(), kind.unknown_as_a_whole, limits.low, limits.high, limits.high + 1, raws[-1]]
         word |= binding.layout.place(field, chance.choice([raw for raw in codes if raw is not None]))
     full = word.to_bytes(binding.layout.length, binding.layout.byte_order)

@@ -179,7 +179,9 @@ def test_logs_archived_in_parallel_give_the_same_season(tmp_path: Path) -> None:
 
 
 def test_two_copies_of_a_log_archived_in_parallel_are_one_run(log: Path, tmp_path: Path) -> None:
-    season, copy, other = tmp_path / "season", tmp_path / "copy.log", list[Archived]()
+    season = tmp_path / "season"
+    copy = tmp_path / "copy.log"
+    other = list[Archived]()
     shutil.copy(log, copy)
 
     def meanwhile(_: int) -> None:
@@ -231,7 +233,8 @@ def test_a_parquet_file_is_complete_only_with_head_foot_and_description(
 
 def test_the_pages_have_checksums_that_other_readers_can_verify(log: Path) -> None:
     file = min((archived(log, NETWORK) / "frames").iterdir())
-    times, content = pq.ParquetFile(file).metadata.row_group(0).column(2), bytearray(file.read_bytes())
+    times = pq.ParquetFile(file).metadata.row_group(0).column(2)
+    content = bytearray(file.read_bytes())
     content[times.data_page_offset + times.total_compressed_size - 1] ^= 1  # of the last time
     file.write_bytes(content)
     with pytest.raises(OSError, match="CRC"):
@@ -292,7 +295,8 @@ def test_files_are_on_the_disk_before_they_are_moved_into_place(
 ) -> None:
     synced: set[int] = set()
     placed: list[bool] = []
-    fsync, replace = os.fsync, Path.replace
+    fsync = os.fsync
+    replace = Path.replace
 
     def sync(descriptor: int) -> None:
         fsync(descriptor)
@@ -344,7 +348,8 @@ def servo_log(file: Path, lines: str, channel: str = "can0", other: str = "") ->
 
 def test_messages_are_decoded_by_the_mapping_in_force(tmp_path: Path) -> None:
     """Each frame as `decode` has it, on each channel; a mapping without frames leaves no table behind."""
-    network, season = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), plant.CATALOGUE), tmp_path / "season"
+    network = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), plant.CATALOGUE)
+    season = tmp_path / "season"
     Archiver(season, network)(servo_log(tmp_path / "boot.log", f"{REMAP} {REMAPPED}"))
     rows = table(season, "servo_tpdo1").select("velocity_actual_value", "statusword").rows()
     assert rows == [(1000, 0x237)]
@@ -359,7 +364,8 @@ def test_messages_are_decoded_by_the_mapping_in_force(tmp_path: Path) -> None:
 
 
 def test_runs_with_and_without_a_remap_are_one_season(tmp_path: Path) -> None:
-    network, folder = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), plant.CATALOGUE), tmp_path / "season"
+    network = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), plant.CATALOGUE)
+    folder = tmp_path / "season"
     for name, lines in (("a", BY_FILE), ("b", f"{REMAP} {REMAPPED}"), ("c", BY_FILE)):
         Archiver(folder, network)(servo_log(tmp_path / f"{name}.log", f"{lines} 70{name}#05"))
     assert Season.open(folder).sql("SELECT count(*) FROM servo_tpdo1").item() == 3

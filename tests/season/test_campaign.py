@@ -118,7 +118,8 @@ def counting(done: list[int], number: int) -> Square:
 
 
 def test_an_interrupted_campaign_does_only_what_is_left(tmp_path: Path) -> None:
-    folder, done = tmp_path / "squares", list[int]()
+    folder = tmp_path / "squares"
+    done = list[int]()
     run = campaign.run(partial(counting, done), range(20), HERE, kept(folder))
     for _ in range(7):
         next(run)
@@ -137,7 +138,8 @@ def test_an_interrupted_campaign_does_only_what_is_left(tmp_path: Path) -> None:
 
 @pytest.mark.posix
 def test_a_block_whose_file_is_damaged_is_done_again(tmp_path: Path) -> None:
-    folder, done = tmp_path / "squares", list[int]()
+    folder = tmp_path / "squares"
+    done = list[int]()
     list(campaign.run(square, range(4), HERE, kept(folder)))
     first, second, *_ = files = sorted(folder.glob("*.parquet"))
     os.mkfifo(folder / "x.parquet")  # to read it would never end

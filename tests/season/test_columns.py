@@ -118,7 +118,8 @@ def test_scaled_values_and_codes_are_the_protocol_s(tmp_path: Path) -> None:
 
         value: Annotated[int | Reading, Quantity("mm", within=(0, 50), codes=Reading)]
 
-    text, file = DEVICE_TYPE, tmp_path / "sensor.eds"
+    text = DEVICE_TYPE
+    file = tmp_path / "sensor.eds"
     for number, name in enumerate(("Tenths", "Whole")):
         text += variable(f"{0x2000 + number:X}", "value", "INTEGER8", more="LowLimit=-30\nHighLimit=60\n")
         text += pdo(0x1800 + number, f"0x{0x2000 + number:04X}0008", cob_id=f"0x{0x181 + number:X}", name=name)
@@ -144,7 +145,8 @@ def _is_nan(protocol: Protocol, timed: Timed) -> bool:
 @pytest.mark.parametrize("dialect", plant.DIALECTS)
 def test_defects_are_the_same_as_the_decoder_s(dialect: str, tmp_path: Path) -> None:
     network = network_of(dialect)
-    decode, frames = Decoder(network.dictionaries, plant.CATALOGUE), random_frames(5000, protocol_of(network), seed=2)
+    decode = Decoder(network.dictionaries, plant.CATALOGUE)
+    frames = random_frames(5000, protocol_of(network), seed=2)
     season = archived(write_log(tmp_path / "random.log", frames), network)
     wanted = [
         (number, damage.value, text)

@@ -84,7 +84,8 @@ def test_more_logs_are_appended_and_packed_with_the_others_once_they_are_many(pa
 def test_each_log_is_there_once_wherever_packing_is_interrupted(
     singly: Path, monkeypatch: pytest.MonkeyPatch, removed: int
 ) -> None:
-    expected, count = rows_of(singly), 0
+    expected = rows_of(singly)
+    count = 0
 
     def remove(season: Path, name: str) -> None:
         nonlocal count

@@ -29,7 +29,8 @@ class Checkout:
     """A repository with a pyproject.toml and a virtual environment that has the pip above."""
 
     def __init__(self, root: Path) -> None:
-        self.root, self.calls = root, root / "calls"
+        self.root = root
+        self.calls = root / "calls"
         self.calls.touch()
         self.change("one")
         venv.create(environment.FOLDER, with_pip=False)
@@ -39,12 +40,12 @@ class Checkout:
         (self.root / "pyproject.toml").write_text(text)
 
     def pip(self, status: int, error: str = "no room") -> None:
-        """Let pip end with this status, and say so if it is an error."""
+        """Make pip end with this status, with a message if it is an error."""
         packages = next(environment.FOLDER.rglob("site-packages"))
         (packages / "pip.py").write_text(PIP.format(calls=str(self.calls), status=status, error=error))
 
     def installed(self) -> list[str]:
-        """Give what pip was asked to install."""
+        """Return what pip was asked to install."""
         return [line.split(" --editable ")[1] for line in self.calls.read_text().splitlines()]
 
 

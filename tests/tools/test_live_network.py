@@ -17,8 +17,10 @@ CHECK, CHECKED = 0x303, 0x283
 
 def test_frames_for_a_frozen_node_wait_until_it_goes_on() -> None:
     network = LiveNetwork()
-    station, peer = network.attach(plant.NODES["scale"](plant.load("scale"))), CutBus(network)
-    until, guard = network.now + 0.3, station.node.guard
+    station = network.attach(plant.NODES["scale"](plant.load("scale")))
+    peer = CutBus(network)
+    until = network.now + 0.3
+    guard = station.node.guard
     assert isinstance(guard, type(RLock()))
 
     async def program() -> float:

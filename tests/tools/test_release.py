@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Give a copy of the files that say the version."""
+    """A copy of the files that have the version."""
     for name in ("pyproject.toml", "CITATION.cff"):
         (tmp_path / name).write_text((ROOT / name).read_text("utf-8"), encoding="utf-8")
     (tmp_path / "CHANGELOG.md").write_text("# Changelog\n\n## Unreleased\n\n- News.\n\n## 0.9.0 (2025-01-01)\n")
@@ -50,7 +50,8 @@ def test_links_of_the_readme_become_absolute() -> None:
 
 
 def test_the_small_distribution_asks_for_this_one() -> None:
-    said, ours = tomllib.loads(release.small_project())["project"], release.project()
+    said = tomllib.loads(release.small_project())["project"]
+    ours = release.project()
     assert said["dependencies"] == [f"eurobot-od=={ours['version']}"]
     assert {*said["optional-dependencies"]} == {*EXTRAS}
     assert said["urls"]["Homepage"] == ours["urls"]["Homepage"]

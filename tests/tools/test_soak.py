@@ -75,7 +75,7 @@ LINES = ("last 2, overflow 0, missed 0", "numbers 3..5 missing", "last 8, overfl
 
 @pytest.fixture
 def role() -> Iterator[Role]:
-    """A process that says what a node of the soak does, sees the numbers 0 to 8 but for some, and ends."""
+    """A process that prints what a node of the soak does, sees the numbers 0 to 8 except some, and ends."""
     role = Role("node", sys.executable, "-c", f"print({chr(10).join(LINES)!r})")
     role.program.wait()
     yield role
@@ -149,8 +149,12 @@ class Past(Soak):
     """A soak that is over: one role, and numbers of which one second each was the time of sending."""
 
     def __init__(self, role: Role, *records: FaultRecord) -> None:
-        self.records, self.wrong, self.sent_at = list(records), [], [float(n) for n in range(9)]
-        self.roles, self.monitor, self.stands = {}, role, []
+        self.records = list(records)
+        self.wrong = []
+        self.sent_at = [float(n) for n in range(9)]
+        self.roles = {}
+        self.monitor = role
+        self.stands = []
 
 
 @pytest.mark.parametrize(("records", "complaints"), RECORDS.values(), ids=RECORDS)

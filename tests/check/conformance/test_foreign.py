@@ -148,7 +148,12 @@ class Commanding(Leaving, SimulatedDevice):
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:
         booted = error_control(NODE_ID, NmtState.INITIALISING)
-        return [each for frame in frames for each in ([Frame(0, b"\0\0"), frame] if frame == booted else [frame])]
+        sent = []
+        for frame in frames:
+            if frame == booted:
+                sent.append(Frame(0, b"\0\0"))
+            sent.append(frame)
+        return sent
 
 
 class OwnError(SimulatedDevice):
@@ -301,7 +306,8 @@ def stubborn(fault: type[SimulatedDevice]) -> type[SimulatedDevice]:
 
     class Stubborn(fault):  # type: ignore[misc, valid-type]
         def receive(self, frame: Frame, now: float) -> list[Frame]:
-            before, history = dict(self.device.objects.values), self.device.emergencies.history
+            before = dict(self.device.objects.values)
+            history = self.device.emergencies.history
             frames: list[Frame] = super().receive(frame, now)
             if frame.cob_id == NMT_COB_ID and frame.data[0] in RESETS:
                 self.device.objects.values |= before
@@ -347,8 +353,10 @@ def test_a_device_whose_0x1011_does_nothing_is_restored(chapter: str) -> None:
 def test_an_interrupt_at_any_frame_restores_all_values(chapter: str, number: int) -> None:
     """The device keeps all over resets: only what is written back is as it was."""
     (asked,) = suites(MODULE, Tier.REVERSIBLE, chapter)
-    device, interrupt = stubborn(SimulatedDevice).load(MODULE, NODE_ID), Interrupt()
-    before, seen = kept(device), list[StepResult]()
+    device = stubborn(SimulatedDevice).load(MODULE, NODE_ID)
+    interrupt = Interrupt()
+    before = kept(device)
+    seen = list[StepResult]()
 
     def show(step: StepResult) -> None:
         seen.append(step)
@@ -363,8 +371,10 @@ def test_an_interrupt_at_any_frame_restores_all_values(chapter: str, number: int
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_restores_all_values(end: signal.Signals) -> None:
     (asked,) = suites(MODULE, Tier.REVERSIBLE, "pdo")
-    device, interrupt = stubborn(SimulatedDevice).load(MODULE, NODE_ID), Interrupt()
-    before, differs = kept(device), list[bool]()
+    device = stubborn(SimulatedDevice).load(MODULE, NODE_ID)
+    interrupt = Interrupt()
+    before = kept(device)
+    differs = list[bool]()
 
     def show(_: StepResult) -> None:
         differs.append(kept(device) != before)

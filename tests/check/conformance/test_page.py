@@ -101,8 +101,9 @@ def asked_by(several: Iterable[Suite]) -> dict[str, list[StepName]]:
     def walk(steps: Iterable[Step], before: str) -> None:
         for each in steps:
             name = StepName.of(f"{before}{each.name}")
-            for number in name.numbers if name else ():
-                asked[number] += [name] if name else []
+            if name:
+                for number in name.numbers:
+                    asked[number].append(name)
             walk(getattr(each.action, "steps", ()), f"{before}{each.name}: ")
 
     for each in several:
@@ -151,7 +152,8 @@ def pattern(recorded: str) -> re.Pattern[str]:
 @cache
 def stored() -> Run:
     """A device that stores and restores its communication by itself."""
-    text, entry = MODULE.read_text(encoding="latin-1"), re.compile(r"\[10(1[01])sub1\]\n(.*?)\n\n", re.DOTALL)
+    text = MODULE.read_text(encoding="latin-1")
+    entry = re.compile(r"\[10(1[01])sub1\]\n(.*?)\n\n", re.DOTALL)
     second = entry.sub(lambda found: f"{found[0]}[10{found[1]}sub2]\n{found[2]}\n\n", text)
     for index in ("1010", "1011"):
         head = re.search(rf"\[{index}\]\n.*?\n\n.*?\n\n", second, re.DOTALL)
@@ -296,7 +298,8 @@ MAKERS_ONLY = {"2.4", "2.29", "2.30", "4.4"}
 
 
 def test_115_numbers_pass_on_a_device_that_is_guarded_and_each_has_sent_the_frames_of_the_tool() -> None:
-    run, found = asked_for_everything(MODULE), passed(asked_for_everything(MODULE))
+    run = asked_for_everything(MODULE)
+    found = passed(asked_for_everything(MODULE))
     assert page.score(page.results_of(run.results, [])) == "115 of 127 tests executed: 115 ok, 12 skipped"
     makers = [asked_for_everything(file) for file in (IO_MODULE, AXIS_DRIVE)]
     asked = [(run, found - {page.LINT}), *((each, MAKERS_ONLY & passed(each)) for each in makers)]
@@ -340,7 +343,8 @@ def made() -> str:
         often = (f"{len(run.bus[number].questions)}{word}" for word, run, numbers in devices if number in numbers)
         asked_by_us = next(often, found[number].why)
         if number == page.LINT:
-            ours, asked_by_us = "`lint`", "1"
+            ours = "`lint`"
+            asked_by_us = "1"
         rows.append(f"| {number} | {what} | {ours} | {tiers} | {asked_by_us} |\n")
     head = "| CTT | it asks | our clause | tier | asked |\n|---|---|---|---|---|\n"
     return f"{BEGIN}On one device, which is guarded: {page.score(judged)}.\n\n{head}{''.join(rows)}{END}"

@@ -71,7 +71,8 @@ def test_moves_stay_within_speed_and_distance() -> None:
 
     done = list(steps(suite(), Watched))
     assert {each.status for each in done} == {Status.PASSED}
-    turn, rpm = 4096, 4096 / 60
+    turn = 4096
+    rpm = 4096 / 60
     assert max(speeds) <= LIMITS.velocity * rpm * 1.02
     assert max(places) <= LIMITS.distance + turn  # and what profile velocity needs to be reached, and to stop
 

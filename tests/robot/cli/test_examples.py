@@ -47,7 +47,8 @@ def examples() -> Iterator[tuple[str, str]]:
     """Yield each command with an example of it."""
     for command in (*cli.COMMANDS, *plugin.COMMANDS):
         found = cli.find(command, "eurobot2014" if command in plugin.COMMANDS else None)
-        for each in found.functions.values() if isinstance(found, Forms) else [found]:
+        functions = found.functions.values() if isinstance(found, Forms) else [found]
+        for each in functions:
             for example in EXAMPLE.findall(each.__doc__ or ""):
                 yield command, example
 

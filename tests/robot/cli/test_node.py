@@ -59,7 +59,8 @@ class Pipe(io.StringIO):
 
 
 def test_each_line_is_there_for_another_program_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    pipe, channel = Pipe(), new_channel()
+    pipe = Pipe()
+    channel = new_channel()
     monkeypatch.setattr(sys, "stdout", pipe)
     others = Drive(dialects.load("drive")), Navigation(dialects.load("navigation"))
     with ExitStack() as stack:

@@ -47,7 +47,8 @@ def test_a_person_reads_timeline_and_summary(capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.long
 def test_a_reader_that_leaves_ends_neither_the_match_nor_its_log(tmp_path: Path) -> None:
-    words, log = [*SCRIPT, *SHORT, "--log", "match.log"], tmp_path / "match.log"
+    words = [*SCRIPT, *SHORT, "--log", "match.log"]
+    log = tmp_path / "match.log"
     unbuffered = os.environ | {"PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(
         words, cwd=tmp_path, env=unbuffered, stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -210,7 +211,9 @@ def test_what_a_strategy_prints_does_not_get_into_the_json(
 def test_a_strategy_that_raises_ends_the_match_with_log_and_picture(
     capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    file, log, picture = mine(RAISES), tmp_path / "mine.log", tmp_path / "mine.svg"
+    file = mine(RAISES)
+    log = tmp_path / "mine.log"
+    picture = tmp_path / "mine.svg"
     words = ["--enemies", "0", "--strategy", str(file), "--log", str(log), "--field", str(picture)]
     said = run(capsys, "match", "--for", "4", *words)
     assert said.status == 1
@@ -421,10 +424,8 @@ def test_strategies_are_compared_side_by_side(
 def test_the_matches_of_a_seed_are_one_page(
     capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    talks, page = (
-        mine('async def play(core):\n    core.say("here")\n').rename(tmp_path / "talks.py"),
-        tmp_path / "two.html",
-    )
+    talks = mine('async def play(core):\n    core.say("here")\n').rename(tmp_path / "talks.py")
+    page = tmp_path / "two.html"
     words = ["--seeds", "7-7", "--jobs", "1", "--for", "3", "--field", str(page)]
     said = run(capsys, "match", "--compare", str(talks), str(mine("async def play(core):\n    pass\n")), *words)
     assert said.out.splitlines()[-1] == f"{page}: seed 7, at which the points differ most"

@@ -23,7 +23,8 @@ def command(
     folder: Path, words: Sequence[str], program: str = "eurobot_od", **variables: str
 ) -> subprocess.CompletedProcess[str]:
     """Run a command in a folder, in a process of its own: a robot's modules are imported into it."""
-    line, environment = [sys.executable, "-m", program, *words], ENVIRONMENT | variables
+    line = [sys.executable, "-m", program, *words]
+    environment = ENVIRONMENT | variables
     return subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE)
 
 

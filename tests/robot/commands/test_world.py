@@ -67,7 +67,7 @@ def served() -> Iterator[Scene]:
 
 
 def lead(served: Scene, folder: Path, strategy: str, duration: str) -> subprocess.CompletedProcess[str]:
-    """Have a core play a match by a strategy, to its end."""
+    """Play a match by a strategy with a core, to its end."""
     file = folder / "mine.py"
     file.write_text(strategy, encoding="utf-8")
     with node("core", "--strategy", str(file), "--for", duration, *served.options) as core:

@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
 
 @contextmanager
 def running(folder: Path) -> Iterator[str]:
-    """Compile the firmware and run it; give the terminal that it is at."""
+    """Compile the firmware and run it; yields its terminal."""
     words = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-Os", "drive.c", "board.c", "-o", "firmware"]
     subprocess.run(words, cwd=folder, check=True)
     with subprocess.Popen([folder / "firmware"], stdout=subprocess.PIPE, text=True) as firmware:

@@ -58,7 +58,8 @@ def field_name(parameter_name: str) -> str:
 
 
 def run(od: Any, entry: int) -> Run:
-    name, bits = od[entry >> 16][entry >> 8 & 0xFF].name, entry & 0xFF
+    name = od[entry >> 16][entry >> 8 & 0xFF].name
+    bits = entry & 0xFF
     part = re.fullmatch(r"(.+) \(\d+:(\d+)\)", name)
     return Run(field_name(part[1]), int(part[2]), bits) if part else Run(field_name(name), 0, bits)
 
@@ -81,7 +82,8 @@ def pack(runs: list[Run], fields: dict[str, int]) -> str:
 
 
 def unpack(runs: list[Run], data: str) -> dict[str, int]:
-    word, fields = int.from_bytes(bytes.fromhex(data), "little"), dict.fromkeys((each.field for each in runs), 0)
+    word = int.from_bytes(bytes.fromhex(data), "little")
+    fields = dict.fromkeys((each.field for each in runs), 0)
     for field, low, bits in runs:
         fields[field] |= (word & (1 << bits) - 1) << low
         word >>= bits
@@ -152,7 +154,8 @@ def touched_and_typed(od: Any) -> Iterator[tuple[str, int, int]]:
         offset = 0
         for n in range(1, record[0].default + 1):
             entry = record[n].default
-            variable, bits = od[entry >> 16][entry >> 8 & 0xFF], entry & 0xFF
+            variable = od[entry >> 16][entry >> 8 & 0xFF]
+            bits = entry & 0xFF
             touched = (offset + bits - 1) // 8 - offset // 8 + 1
             if len(variable) != touched * 8:
                 yield variable.qualname, touched, len(variable) // 8

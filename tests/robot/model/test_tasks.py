@@ -29,13 +29,16 @@ def test_a_robot_has_room_at_every_place(team: TeamColour) -> None:
 def test_a_fire_is_where_its_task_looks(team: TeamColour) -> None:
     bodies = {each.name: each for each in standing(FACTS.barriers)}
     for name in sorted(bodies.keys() & FACTS.tasks(team).keys()):
-        task, thing = FACTS.tasks(team)[name], bodies[name]
+        task = FACTS.tasks(team)[name]
+        thing = bodies[name]
         assert math.dist(task.pose.point, thing.point) < FACTS.body.radius + thing.radius + 60, name
         assert abs(task.pose.bearing(thing.point) - task.at.angle) < 3, name
 
 
 def test_yellow_plays_the_mirror_image() -> None:
-    red, yellow, width = FACTS.tasks(TeamColour.RED), FACTS.tasks(TeamColour.YELLOW), FACTS.field.width
+    red = FACTS.tasks(TeamColour.RED)
+    yellow = FACTS.tasks(TeamColour.YELLOW)
+    width = FACTS.field.width
     assert red.keys() == yellow.keys()
     mirrored = {(round(width - task.at.x), task.at.y, (180 - task.at.angle) % 360) for task in red.values()}
     assert {(task.at.x, task.at.y, task.at.angle) for task in yellow.values()} == mirrored

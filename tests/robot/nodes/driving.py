@@ -39,7 +39,7 @@ def gaps(times: list[float]) -> list[float]:
 
 
 def goto(bench: Bench) -> Future[GotoReport]:
-    """Have the core begin with a goto."""
+    """Begin a goto of the core."""
     as_if_started(bench.core)
     call = bench.core.goto(*GOTO)
     bench.run(0.002)
@@ -77,7 +77,7 @@ def drive_off(bench: Bench, goto: GotoXY = FAR, seconds: float = 2.0) -> Future[
 
 
 def nmt(bench: Bench, command: NmtCommand, node_id: int) -> None:
-    """Have a master, which is not a node of this bus, send an NMT command to one node."""
+    """Send an NMT command to one node, as a master that is not a node of this bus."""
     for station in bench.stations.values():
         station.controller.receive(Frame(NMT_COB_ID, bytes([command, node_id])), bench.now)
 
@@ -123,7 +123,8 @@ class TrueRobot:
     """Wheels that know where the robot really is, and beacons that see it there if they are `clear`."""
 
     def __init__(self, pose: Pose) -> None:
-        self.pose, self.clear = pose, True
+        self.pose = pose
+        self.clear = True
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         self.pose = self.pose.moved(command.speed * dt, command.turn * dt)

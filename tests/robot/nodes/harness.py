@@ -30,7 +30,7 @@ TUNING = Drive(DICTIONARIES["drive"]).estimate.tuning._replace(latency=0.0)
 
 
 def as_if_started(core: Core) -> None:
-    """Have a core send gotos as if its nodes had been checked and configured: for a test in which nobody answers."""
+    """Return a core that sends gotos as if its nodes had been checked and configured, for tests without answers."""
     core.readiness.checked |= {"drive", "navigation"}
     core.readiness.configured = True
 
@@ -95,7 +95,7 @@ class Bench(bench.Bench):
         return self.drive.estimate.pose
 
     def configure(self) -> None:
-        """Have the core configure the start for a red team with everyone there; stand-ins confirm it."""
+        """Configure the start of a red team with all robots; stand-ins confirm it."""
         self.core.configure_start(*RED)
         self.run(0.005)
         for name, node in self.nodes.items():
@@ -110,11 +110,11 @@ class Bench(bench.Bench):
         super().attach(name, node)
 
     def check(self) -> None:
-        """Have stand-ins answer the node checks."""
+        """Answer the node checks from stand-ins."""
         for name, answer in (("drive", CheckDriveResponse()), ("navigation", CheckNaviResponse())):
             if isinstance(self.nodes[name], Peer):
                 self.say(name, answer)
 
     def arrive(self, place: GotoXY) -> None:
-        """Have a stand-in drive say that it has arrived, at a place."""
+        """Report from a stand-in drive that it has arrived at a place."""
         self.say("drive", GotoStateResponse(0), KalmanPositionResponse(*place[:3], Source.INTERNAL))

@@ -55,7 +55,8 @@ class TrueWheels(Wheels):
 
     def __init__(self, chance: random.Random, noise: float) -> None:
         super().__init__()
-        self._chance, self._random = chance, noise
+        self._chance = chance
+        self._random = noise
         self._scale, self._bias = chance.gauss(1.0, noise / 2), chance.gauss(1.0, noise / 5)
         self.path = [START]
 
@@ -119,7 +120,7 @@ class Seat:
         return self.drive.estimate.pose
 
     def write(self, setting: str, value: int) -> Seat:
-        """Give a setting a value."""
+        """Write a value into a setting."""
         objects = self.drive.device.objects
         objects.put(objects.dictionary.address(setting), value)
         return self
@@ -311,7 +312,8 @@ class SlippingWheels(Wheels):
 
     def __init__(self, every: int) -> None:
         super().__init__()
-        self._steps, self._every = 0, every
+        self._steps = 0
+        self._every = every
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         self._steps += 1
@@ -377,7 +379,7 @@ def test_the_remaining_time_is_told_at_once_and_comes_true() -> None:
 
 
 def told_and_true(seed: int, noise: float, beacons: float) -> Iterator[list[tuple[float, float]]]:
-    """Drive to places at random; yield for each the remaining times told every 100 ms, and the true ones, s."""
+    """Drive to random places; yield for each the remaining times reported every 100 ms, and the true ones, in s."""
     chance = random.Random(seed)
     wheels = TrueWheels(chance, noise)
     seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons))
@@ -485,7 +487,8 @@ def shut_down() -> Seat:
 
 def test_after_a_shutdown_gotos_are_not_confirmed_and_nothing_moves() -> None:
     seat = shut_down()
-    confirms, steps = seat.confirms, len(seat.wheels.commands)
+    confirms = seat.confirms
+    steps = len(seat.wheels.commands)
     seat.say(GOTO).run(2.0)
     assert (seat.confirms, len(seat.wheels.commands)) == (confirms, steps)
     assert seat.drive.goto is None

@@ -108,7 +108,8 @@ def test_an_outlier_is_refused() -> None:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_outliers_at_random_never_move_it(seed: int) -> None:
-    chance, estimate = random.Random(seed), settled()
+    chance = random.Random(seed)
+    estimate = settled()
     for number in range(1000):
         fix = Fix(chance.uniform(0, 3000), chance.uniform(0, 2000), chance.uniform(0, 360))
         estimate.corrected(fix, 0.6 * number)
@@ -119,7 +120,8 @@ def test_outliers_at_random_never_move_it(seed: int) -> None:
 @pytest.mark.parametrize("age", [0.5, 1.0, 2.0])
 def test_a_position_that_is_late_is_refused_at_speed(age: float) -> None:
     """Issue 16: a navigation position 2 s late misled the drive."""
-    estimate, way = settled(), [START]
+    estimate = settled()
+    way = [START]
     for number in range(300):
         way.append(way[-1].moved(8.0, 0.0))
         estimate.moved(Odometry(8.0, 0.0), number / 100)
@@ -145,7 +147,8 @@ def test_a_robot_that_is_not_seen_any_more_knows_its_place_worse_than_its_wheels
 @pytest.mark.parametrize("heading", [True, False])
 @pytest.mark.parametrize("speed", [0.0, 4.0, 8.0])
 def test_it_recovers_from_a_displacement_of_a_metre_within_two_seconds(speed: float, heading: bool) -> None:
-    estimate, truth = settled(), START._replace(x=2000.0, angle=START.angle - 40.0 * heading)
+    estimate = settled()
+    truth = START._replace(x=2000.0, angle=START.angle - 40.0 * heading)
     for number in range(200):
         truth = truth.moved(speed, 0.3)
         estimate.moved(Odometry(speed, 0.3), number / 100)
@@ -175,7 +178,8 @@ def test_a_position_that_came_twice_is_one() -> None:
 
 
 def test_a_place_that_is_repeated_while_the_wheels_move_is_not_believed() -> None:
-    estimate, way = settled(), START
+    estimate = settled()
+    way = START
     for number in range(400):
         odometry = Odometry(8.0 if number < 100 else 0.0, 0.0)
         way = way.moved(*odometry)
@@ -187,7 +191,8 @@ def test_a_place_that_is_repeated_while_the_wheels_move_is_not_believed() -> Non
 
 @pytest.mark.parametrize("speed", [50.0, 100.0])
 def test_a_robot_that_is_pushed_on_and_on_is_followed(speed: float) -> None:
-    estimate, off = settled(), []
+    estimate = settled()
+    off = []
     for number in range(1, 21):
         place = Fix(START.x + speed * 0.6 * number, START.y, START.angle)
         estimate.corrected(place, 0.6 * number)
@@ -213,7 +218,8 @@ def test_a_position_that_does_not_agree_begins_the_count_anew(other: Fix, believ
 
 @pytest.mark.parametrize(("told", "off"), [(0.3, (0.0, 0.5)), (0.15, (10.0, 60.0)), (0.0, (20.0, 150.0))])
 def test_positions_of_a_known_latency_do_not_pull_a_moving_robot_back(told: float, off: tuple[float, float]) -> None:
-    estimate, way = settled(), [START]
+    estimate = settled()
+    way = [START]
     estimate.tuning = TUNING._replace(latency=told, gate=1.0)
     for number in range(400):
         way.append(way[-1].moved(3.0, 0.5))
@@ -225,7 +231,8 @@ def test_positions_of_a_known_latency_do_not_pull_a_moving_robot_back(told: floa
 
 
 def test_a_first_position_of_a_known_latency_is_moved_along() -> None:
-    estimate, way = Estimate(TUNING._replace(latency=0.3)), [START]
+    estimate = Estimate(TUNING._replace(latency=0.3))
+    way = [START]
     for number in range(100):
         way.append(way[-1].moved(3.0, 0.5))
         estimate.moved(Odometry(3.0, 0.5), number / 100)
@@ -263,7 +270,8 @@ def tour(seed: int, noise: float, squares: Squares) -> None:
     scale, bias = chance.gauss(1.0, 0.01), chance.gauss(1.0, 0.004)
     begin = Pose(1500.0, 1000.0, 0.0)
     truth = Pose(chance.gauss(begin.x, 3.0), chance.gauss(begin.y, 3.0), chance.gauss(begin.angle, 0.5))
-    estimate, reckoned = Estimate(TUNING._replace(navigation=noise), begin), begin
+    estimate = Estimate(TUNING._replace(navigation=noise), begin)
+    reckoned = begin
     for number in range(1, 4501):
         odometry = Odometry(6.0, 0.0) if number % 150 < 100 else Odometry(0.0, 2.7)
         truth = truth.moved(scale * odometry.distance, bias * odometry.turn)

@@ -104,7 +104,8 @@ class Textbook:
             x, y, heading, scale = state
             return driven([x, y, heading, scale], Odometry(-since.distance, -since.turn))[:parts]
 
-        jacobi, expected = jacobian(seen, self.state), seen(self.state)
+        jacobi = jacobian(seen, self.state)
+        expected = seen(self.state)
         innovation = [fix.x - expected[0], fix.y - expected[1]]
         innovation += [] if fix.angle is None else [turn(expected[2], fix.angle)]
         across = product(self.covariance, transposed(jacobi))
@@ -120,7 +121,8 @@ class Textbook:
 def test_it_agrees_with_a_filter_of_numerical_jacobians(seed: int) -> None:
     chance = random.Random(seed)
     tuning = TUNING._replace(navigation=chance.uniform(0.0, 60.0), navigation_angle=chance.uniform(0.0, 5.0))
-    belief, other = begun(tuning=tuning), Textbook(begun(tuning=tuning))
+    belief = begun(tuning=tuning)
+    other = Textbook(begun(tuning=tuning))
     for number in range(40):
         odometry = Odometry(chance.uniform(-60.0, 60.0), chance.choice([0.0, chance.uniform(-30.0, 30.0)]))
         belief = belief.moved(odometry, tuning)
@@ -152,7 +154,8 @@ def wandered(seed: int, tuning: Tuning, positions: int) -> float:
     """Drive with wheels and beacons that are off as the tuning says; return how surprised the filter is in the end."""
     chance = random.Random(seed)
     truth = near(START, tuning.placement_variances, chance)
-    belief, scale = begun(tuning=tuning), chance.gauss(1.0, tuning.scale)
+    belief = begun(tuning=tuning)
+    scale = chance.gauss(1.0, tuning.scale)
     for number in range(1, 20 * positions + 1):
         odometry = Odometry(chance.uniform(0.0, 20.0), chance.uniform(-6.0, 6.0))
         metres, turns = odometry.distance / 1000, abs(odometry.turn) / 360
@@ -196,7 +199,8 @@ def test_the_chance_of_a_distance(values: int, chance: float, distance: float) -
 
 @pytest.mark.parametrize("heading", [True, False])
 def test_as_many_right_positions_are_refused_as_the_gate_says(heading: bool) -> None:
-    chance, gate = random.Random(1), 0.9
+    chance = random.Random(1)
+    gate = 0.9
     refused = 0
     for _ in range(1000):
         truth = near(START, TUNING.placement_variances, chance)
@@ -225,7 +229,8 @@ def test_a_position_weighs_as_much_as_it_is_sure(variances: Variances, fix: Fix,
 
 
 def test_it_learns_what_the_wheels_report_wrong() -> None:
-    belief, truth = begun(), START
+    belief = begun()
+    truth = START
     for number in range(1, 201):
         belief = belief.moved(Odometry(50.0, 9.0), TUNING)
         truth = truth.moved(50.0 * 0.97, 9.0)

@@ -52,7 +52,8 @@ def drive(
     motion: Motion, start: Pose, disturb: Callable[[Pose], Pose] = undisturbed
 ) -> Iterator[tuple[Pose, WheelCommand]]:
     """Yield the pose after each step and the command that led there, until the motion has arrived."""
-    pose, chassis = start, IdealChassis()
+    pose = start
+    chassis = IdealChassis()
     for _ in range(PATIENCE):
         command = motion.step(pose, DT)
         pose = pose.moved(*chassis.advance(command, DT))
@@ -234,7 +235,9 @@ def test_one_jump_aside_shortly_before_the_goal_is_driven_again(left: float, asi
 def test_arrives_with_slipping_wheels_and_noisy_navigation(seed: int) -> None:
     """Wheels 2 % short, navigation off by 5 mm and 1 degree as in document Table 2, every 100 ms."""
     generator = random.Random(seed)
-    estimate, truth, goal = Estimate(TUNING, START), START, Point(2500.0, 400.0)
+    estimate = Estimate(TUNING, START)
+    truth = START
+    goal = Point(2500.0, 400.0)
     motion = Motion(LIMITS, [goal], 180.0, 100)
     for number in range(PATIENCE):
         assert estimate.pose is not None
@@ -400,7 +403,8 @@ def test_no_way(start: Point, goal: Point, barriers: Barriers, clearances: Clear
 
 
 def test_a_leg_meets_a_disc_if_any_of_its_points_is_inside() -> None:
-    disc, generator = Disc(Point(0.0, 500.0), 100.0, toll=0.0), random.Random(1)
+    disc = Disc(Point(0.0, 500.0), 100.0, toll=0.0)
+    generator = random.Random(1)
     met = []
     for _ in range(300):
         start, end = (Point(generator.uniform(-300.0, 300.0), generator.uniform(200.0, 800.0)) for _ in range(2))
@@ -447,7 +451,8 @@ def test_way_points_stay_off_the_edge() -> None:
 
 def test_the_way_round_one_disc_is_hardly_longer_than_the_tangents() -> None:
     start, goal = Point(400.0, 400.0), Point(1400.0, 400.0)
-    radius, half = USUAL.kinds["fire"], 500.0
+    radius = USUAL.kinds["fire"]
+    half = 500.0
     tangents = 2 * math.sqrt(half**2 - radius**2)
     arc = 2 * radius * math.asin(radius / half)
     found = length(start, find_route(start, goal, flags(Passage.FORCED, "fire 5"), USUAL))

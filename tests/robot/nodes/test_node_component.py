@@ -102,7 +102,8 @@ class Robot:
     def __init__(self, files: dict[str, Dictionary], part: Component, arm: bool = True) -> None:
         own: dict[str, Any] = {"CATALOGUE": CATALOGUE, "COMPONENTS": {"arm": part}}
         self.core: Core = type("Core", (Core,), own)(files["core"])
-        self.arm, self.network = Arm(files["arm"]), Simulation()
+        self.arm = Arm(files["arm"])
+        self.network = Simulation()
         self.frames: list[Frame] = []
         self.network.observers.append(lambda _, frame: self.frames.append(frame))
         nodes = (self.core, Drive(files["drive"]), Navigation(files["navigation"]), *([self.arm] if arm else ()))

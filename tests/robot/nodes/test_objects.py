@@ -253,7 +253,8 @@ def test_a_command_that_would_not_act_is_an_abort_and_changes_nothing(
     for each in before:
         master.command(each) if isinstance(each, NmtCommand) else master.say(each)
     address = master.device.dictionary.address(LAST[dialect] if name == LAST["canopen"] else name)
-    state, kept = knowledge(master), master.read(*address)
+    state = knowledge(master)
+    kept = master.read(*address)
     master.sent()
     assert master.refused(address, value, master.size(address)) == code, why
     assert master.answers() == []
@@ -302,7 +303,8 @@ def emergencies(master: Master) -> list[bytes]:
 def test_a_contradictory_configuration_is_refused_and_told_once(
     role: str, numbers: tuple[int, int, int, int], why: str
 ) -> None:
-    master, wrong = Master(role), StartConfigurationSet(TeamColour.RED, *numbers)
+    master = Master(role)
+    wrong = StartConfigurationSet(TeamColour.RED, *numbers)
     master.say(RED)
     master.sent()
     assert master.say(wrong, wrong) == [], why
@@ -372,13 +374,15 @@ class Field:
 
     def __init__(self, dialect: str) -> None:
         self.protocol = EurobotProtocol.of(dialects.load("drive", dialect))
-        self.drive, self._master, self._network = Witness(dialect), Peer(DICTIONARIES["core"]), Simulation()
+        self.drive = Witness(dialect)
+        self._master = Peer(DICTIONARIES["core"])
+        self._network = Simulation()
         for node in (self.drive, self._master):
             self._network.attach(node)
         self.say(NOTHING, self.protocol.encode(RED), self.protocol.encode(GOTO))
 
     def say(self, *frames: Frame) -> None:
-        """Have the master send frames, one every ms."""
+        """Send the master's frames, one every ms."""
         for frame in frames:
             self._master.say(frame)
             self.run(0.001)
@@ -448,7 +452,8 @@ def live_drive(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     """Yield a live drive, and stock canopen's node for it, on an in-process bus."""
     monkeypatch.setattr("canopen.sdo.client.SdoClient.RESPONSE_TIMEOUT", PATIENCE)
     buses = (can.Bus(interface="virtual", channel=request.node.name) for _ in range(2))
-    drive, network = Drive(DICTIONARIES["drive"]), canopen.Network(next(buses))
+    drive = Drive(DICTIONARIES["drive"])
+    network = canopen.Network(next(buses))
     network.NOTIFIER_CYCLE = 0.05
     with Live.node(next(buses), drive), network.connect():
         yield drive, network.add_node(2, str(DICTIONARIES["drive"].file))

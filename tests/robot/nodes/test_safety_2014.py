@@ -92,7 +92,9 @@ def test_a_goto_arrives(robot: Robot2014) -> None:
 
 @pytest.mark.parametrize("lost", [0, 1, 3])
 def test_stops_are_seen_to_work(robot: Robot2014, lost: int) -> None:
-    goto, left, stop = robot.drive_off(), [lost], PROTOCOL.encode(StopDrive())
+    goto = robot.drive_off()
+    left = [lost]
+    stop = PROTOCOL.encode(StopDrive())
 
     def disturb(_: float, frame: Frame) -> tuple[float, ...]:
         if frame != stop or not left[0]:

@@ -31,7 +31,8 @@ class Bench:
     def __init__(self, count: int) -> None:
         self.reports: list[Report] = []
         self.boxes = Mailboxes(self.reports.append, count, WAIT)
-        self.count, self.now = count, 0.0
+        self.count = count
+        self.now = 0.0
         self.submitted: list[Frame] = []
         self.waiting: dict[Frame, float] = {}
         """Until when each frame may wait: without end if a mailbox was free for it."""

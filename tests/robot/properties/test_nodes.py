@@ -76,7 +76,8 @@ def is_frame(frame: Frame) -> bool:
 @pytest.mark.parametrize("role", ROLES)
 @given(steps=st.lists(st.tuples(pauses, st.one_of(frames, writes)), max_size=20))
 def test_no_frame_brings_a_node_down(role: str, steps: list[tuple[float, Frame]]) -> None:
-    node, now = ROLES[role](DICTIONARIES[role]), 0.0
+    node = ROLES[role](DICTIONARIES[role])
+    now = 0.0
     node.start(now)
     for pause, frame in steps:
         now += pause
@@ -91,7 +92,8 @@ def test_no_frame_brings_a_node_down(role: str, steps: list[tuple[float, Frame]]
 def test_no_order_of_calls_and_frames_brings_the_core_down(
     steps: list[tuple[float, Callable[[Core], object] | Frame]],
 ) -> None:
-    core, now = Core(DICTIONARIES["core"]), 0.0
+    core = Core(DICTIONARIES["core"])
+    now = 0.0
     core.start(now)
     for pause, step in steps:
         now += pause
@@ -107,7 +109,8 @@ class Ride:
     """A drive at the red team's start place, and how far its wheels have gone."""
 
     def __init__(self) -> None:
-        self.wheels, self.now = Wheels(), 0.0
+        self.wheels = Wheels()
+        self.now = 0.0
         self.drive = Drive(DICTIONARIES["drive"], self.wheels)
         self.sent = self.drive.start(0.0)
         self.say(RED)

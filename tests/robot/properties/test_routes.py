@@ -113,7 +113,8 @@ def test_there_and_back_are_equally_long(start: Point, goal: Point, barriers: Ba
 
 def estimates_until_arrival(motion: Motion, pose: Pose) -> tuple[Pose, list[float]]:
     """Drive without disturbance; return where the robot ends and the remaining times before each step and after."""
-    chassis, estimates = IdealChassis(), [motion.remaining(pose)]
+    chassis = IdealChassis()
+    estimates = [motion.remaining(pose)]
     while not motion.arrived and len(estimates) < SLOWEST:
         pose = pose.moved(*chassis.advance(motion.step(pose, DT), DT))
         estimates.append(motion.remaining(pose))

@@ -59,7 +59,8 @@ def test_the_path_is_our_robots_and_scores_keep_their_robot() -> None:
 
 
 def test_places_are_poses_in_metres() -> None:
-    drawn, time = drawings(EurobotProtocol.load()), {"sec": 1, "nsec": 500_000_000}
+    drawn = drawings(EurobotProtocol.load())
+    time = {"sec": 1, "nsec": 500_000_000}
     goto = drawn["Goto XY"].of(GotoXY(1500, 500, 90, 75), time)
     assert goto is not None
     assert (goto["timestamp"], goto["pose"]["position"]) == (time, {"x": 1.5, "y": 0.5, "z": 0.0})

@@ -136,7 +136,8 @@ def test_team() -> None:
 
 
 def test_what_the_world_knows_has_the_clock_of_the_messages() -> None:
-    touch, score = TouchMark(101.0, Point(5, 6), "ours touched fire 1", True), Score(102.0, OURS, "tree 1", 3)
+    touch = TouchMark(101.0, Point(5, 6), "ours touched fire 1", True)
+    score = Score(102.0, OURS, "tree 1", 3)
     said = Caption(103.0, OURS, "done")
     recording = record([(100.0, ONE)], Truth([PathPoint(100.5, 1, 2, 3)], [touch], [score], [said]))
     assert recording.truth.path == [(0.5, 1, 2, 3)]

@@ -59,13 +59,16 @@ def test_a_row_that_is_full_begins_anew() -> None:
 
 
 def test_a_disc_keeps_its_place_when_the_goto_ends() -> None:
-    scene, one, two = MatchScene(FACTS), goto(1, 1000, 500), goto(2, 1000, 500)
+    scene = MatchScene(FACTS)
+    one = goto(1, 1000, 500)
+    two = goto(2, 1000, 500)
     before = discs(scene, one, two)
     assert discs(scene, goto(1, 1000, 500, ended=3.0, outcome=Outcome.ARRIVED)) == [before[0]] * 2
 
 
 def test_a_stop_stands_where_the_robot_was_or_nowhere() -> None:
-    scene, stop = MatchScene(FACTS), RecordedStop("A", 6.0, "Emergency Stop: enemy", PathPoint(6, 700, 1950, None))
+    scene = MatchScene(FACTS)
+    stop = RecordedStop("A", 6.0, "Emergency Stop: enemy", PathPoint(6, 700, 1950, None))
     (item,) = scene.stop(stop)
     assert (place_of(item), item.begin, item.end) == ((700, 50 + SIGN), 6.0, None), (
         "below: above it there is the border"
@@ -87,10 +90,10 @@ def test_no_sign_covers_the_name_of_a_start_zone(kind: str, scale: float) -> Non
     covered = []
     for x, y in [(x, y) for x in range(0, int(WIDTH) + 1, 60) for y in range(int(HEIGHT) - 700, int(HEIGHT) - 40, 20)]:
         stop = RecordedStop("A", 6.0, "Emergency Stop: enemy", PathPoint(6, x, y, None))
-        scene, place = MatchScene(FACTS), (x, HEIGHT - y)
-        (item,) = (
-            each for each in (scene.goto(goto(1, x, y)) if kind == "goto" else scene.stop(stop)) if each.layer == MARKS
-        )
+        scene = MatchScene(FACTS)
+        place = (x, HEIGHT - y)
+        items = scene.goto(goto(1, x, y)) if kind == "goto" else scene.stop(stop)
+        (item,) = (each for each in items if each.layer == MARKS)
         sign = [here + scale * (there - here) for here, there in zip(place, place_of(item))]
         for left, top, leftwards, width in names:
             begin = left - width if leftwards else left

@@ -39,7 +39,8 @@ def lucky(name: str, least: int = 1) -> Game:
     ],
 )
 def test_a_task_is_done_where_the_robot_is(off: Pose, done: bool, why: str) -> None:
-    task, game = TASKS["mammoth"], lucky("mammoth")
+    task = TASKS["mammoth"]
+    game = lucky("mammoth")
     pose = Pose(*(exact + by for exact, by in zip(task.pose, off)))
     assert (game.finish(OURS, task, pose, 1.0) > 0) is done, why
 

@@ -18,7 +18,7 @@ TRIANGLE = (Point(100, 100), Point(400, 100), Point(400, 500))
 
 
 def walk(patrol: Patrol, seconds: float) -> Pose:
-    """Let a patrol go unhindered."""
+    """Move a patrol without obstacles."""
     for _ in range(round(seconds / 0.01)):
         patrol.advance(patrol.pose.point, 0.01)
         patrol.gone_on()

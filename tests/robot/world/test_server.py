@@ -104,7 +104,8 @@ def test_a_web_page_does_not_move_a_robot(begins: bytes) -> None:
 
 @pytest.mark.parametrize("cut", [1, 3, 4, 5, 15, 60])
 def test_a_web_page_does_not_move_a_robot_in_two_segments_either(cut: int) -> None:
-    served, asked = Served(), b"POST / HTTP/1.1\r\nHost: 127.0.0.1:2015\r\nContent-Type: text/plain\r\n\r\n" + MOVE
+    served = Served()
+    asked = b"POST / HTTP/1.1\r\nHost: 127.0.0.1:2015\r\nContent-Type: text/plain\r\n\r\n" + MOVE
 
     async def talk(address: WorldAddress) -> None:
         reader, writer = await asyncio.open_connection(*address.address)
@@ -151,7 +152,8 @@ def test_the_beginning_of_a_line_that_is_too_long_is_not_executed() -> None:
 
 
 def test_a_client_that_hangs_or_does_not_read_blocks_nobody() -> None:
-    served, flood = Served(), 100_000
+    served = Served()
+    flood = 100_000
 
     async def talk(address: WorldAddress) -> None:
         _, silent = await asyncio.open_connection(*address.address)

@@ -42,8 +42,9 @@ def make_world() -> World:
 
 @contextmanager
 def served(address: Address = Address("127.0.0.1", 0), token: str = "") -> Iterator[WorldAddress]:  # noqa: B008 (immutable)
-    """Serve a world from a thread; gives where it listens."""
-    ready, where = threading.Event(), list[WorldAddress]()
+    """Serve a world from a thread; yields its address."""
+    ready = threading.Event()
+    where = list[WorldAddress]()
     loop = asyncio.new_event_loop()
     server = Server(world := make_world(), Channel(world, OPTIONS, token), lambda _: None)
 

@@ -54,13 +54,15 @@ def test_the_number_of_readings_does_not_change_the_patrols() -> None:
 def test_a_robot_that_cannot_pass_waits_and_turns_round(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world_module, "STRAY", 0)
     rounds = ("robots.enemy 1.rounds", "[[1500, 900], [500, 900]]")
-    place, way = Place(enemies=1, settings=(rounds,)), []
+    place = Place(enemies=1, settings=(rounds,))
+    way = []
     for _ in range(300):
         place.now += 0.1
         way.append(place.world.robots["enemy 1"].pose.x)
         place.world.pose("enemy 1", 0.0)
     nearest = min(way)
-    pool, enemy = FACTS.barrier("pool 1"), FACTS.others[Source.ENEMY_1]
+    pool = FACTS.barrier("pool 1")
+    enemy = FACTS.others[Source.ENEMY_1]
     assert nearest == pytest.approx(pool.x + pool.kind.radius + enemy.radius, abs=1), "it came as far as the pool"
     waits = [len(list(times)) * 0.1 for x, times in groupby(way) if x == nearest]
     assert waits[0] == pytest.approx(world_module.PATROL_WAIT, abs=0.2)
@@ -172,7 +174,8 @@ def test_a_contact_is_counted_once_until_it_has_ended() -> None:
 
 
 def test_watchers_are_told_of_each_touch() -> None:
-    place, told = Place(), list[Touch]()
+    place = Place()
+    told = list[Touch]()
     place.world.watchers.append(told.append)
     place.put(*BEFORE_POOL)
     place.drive(400, 1.0)

@@ -98,7 +98,8 @@ def test_a_changed_mapping_is_noticed_and_nothing_is_driven(
 ) -> None:
     # nodes of 2014 are believed without SDO, those here have one
     folders = {"core": made(TABLE, tmp_path / "old"), node: made(changed(TABLE, old, new), tmp_path / "new")}
-    network, frames = Simulation(), list[Frame]()
+    network = Simulation()
+    frames = list[Frame]()
     network.observers.append(lambda _, frame: frames.append(frame))
     names = ("core", "drive", "navigation")
     nodes = {each: ROLES[each](loaded(folders.get(each, folders["core"]), dialect, each)) for each in names}
@@ -218,7 +219,8 @@ def test_a_drive_whose_sdo_is_lost_for_a_while_is_not_driven_until_it_is_compare
     tmp_path: Path, speed: str, answers: int, text: str, lost: bool
 ) -> None:
     old, new = made(TABLE, tmp_path / "old"), made(changed(TABLE, "Speed: {bits: 8", speed), tmp_path / "new")
-    network, gotos = Simulation(), list[float]()
+    network = Simulation()
+    gotos = list[float]()
     network.observers.append(lambda now, frame: gotos.append(now) if frame.cob_id == 0x008 else None)
     core = Core(loaded(old, CANOPEN, "core"))
     first = Drive(loaded(old if lost else new, CANOPEN, "drive"))

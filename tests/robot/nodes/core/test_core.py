@@ -49,7 +49,8 @@ class Interleaved(AbstractContextManager[None]):
     """A guard that another thread gets just before a call takes it, or just after the call has let it go, once."""
 
     def __init__(self, core: Core, before: Callable[[Core], object], after: Callable[[Core], object]) -> None:
-        self.core, self.depth = core, 0
+        self.core = core
+        self.depth = 0
         self.before, self.after = before, after
         core.guard = self
 
@@ -247,7 +248,8 @@ ROUNDS = 300
 
 @pytest.mark.long
 def test_a_shutdown_that_races_gotos_always_wins_and_every_call_ends() -> None:
-    channel, calls = new_channel(), list[Future[Any]]()
+    channel = new_channel()
+    calls = list[Future[Any]]()
     core, drive, navigation = (role(DICTIONARIES[name]) for name, role in ROLES.items())
     assert isinstance(core, Core)
     assert isinstance(drive, Drive)
@@ -275,14 +277,15 @@ def test_a_shutdown_that_races_gotos_always_wins_and_every_call_ends() -> None:
 
 def comes_to_rest(drive: Drive) -> bool:
     """Return whether the drive stands soon: in stop periods of 5 ms it may roll the last of its braking unseen."""
-    end, pause = time.monotonic() + 1.0, threading.Event()
+    end = time.monotonic() + 1.0
+    pause = threading.Event()
     while drive.moving and time.monotonic() < end:
         pause.wait(0.01)
     return not drive.moving
 
 
 def _race(core: Core, calls: list[Future[Any]], round_: int) -> None:
-    """Have one thread send gotos while this one shuts down; the last of `calls` is the shutdown's."""
+    """Send gotos from one thread while this one shuts down; the last of `calls` is the shutdown's."""
     begin = threading.Barrier(2)
 
     def drive_on() -> None:
@@ -302,7 +305,8 @@ def _race(core: Core, calls: list[Future[Any]], round_: int) -> None:
 
 
 def test_stops_gotos_and_cancels_of_many_threads_end_with_a_robot_that_stands() -> None:
-    channel, calls = new_channel(), list[Future[Any]]()
+    channel = new_channel()
+    calls = list[Future[Any]]()
     core, drive, navigation = (role(DICTIONARIES[name]) for name, role in ROLES.items())
     assert isinstance(core, Core)
     assert isinstance(drive, Drive)

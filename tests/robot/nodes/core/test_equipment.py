@@ -65,7 +65,8 @@ def bench() -> Bench:
     """The core with a sensor that sees nothing and an arm, and stand-ins for the others, configured."""
     bench = Bench("drive", "navigation")
     bench.configure()
-    bench.core.sensor, bench.core.actuators = Readings(None), Arm()
+    bench.core.sensor = Readings(None)
+    bench.core.actuators = Arm()
     return bench
 
 
@@ -98,7 +99,8 @@ def drive_with(bench: Bench, *distances: float | None) -> Call[Any]:
     ],
 )
 def test_what_the_robot_drives_into(distances: Sequence[float | None], meets: bool, why: str) -> None:
-    approach, last = Approach(), False
+    approach = Approach()
+    last = False
     for distance in distances:
         last = approach.meets(None if distance is None else ahead(distance), 250.0)
     assert last is meets, why
@@ -222,7 +224,8 @@ def test_the_time_left_runs_out_with_the_match(bench: Bench) -> None:
 def test_gotos_and_tasks_are_observed_when_they_begin(bench: Bench) -> None:
     seen: list[Any] = []
     bench.core.observe = lambda what, call: seen.append((what, call))
-    goto, task = bench.core.goto(*GOTO), bench.core.act("fire 1")
+    goto = bench.core.goto(*GOTO)
+    task = bench.core.act("fire 1")
     assert seen == [(GOTO, goto), ("fire 1", task)]
     bench.core.stop()
     bench.run(0.01)

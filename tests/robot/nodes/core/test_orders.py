@@ -23,7 +23,8 @@ ORDERS = {GotoXY: "Goto XY", StartConfigurationSet: "Start configuration"}
 
 def order(bench: Bench, message: Message) -> None:
     """Write a message into the core's object, as a master does."""
-    core, (_, raw) = DICTIONARIES["core"], PROTOCOL.unpack(*PROTOCOL.encode(message))
+    core = DICTIONARIES["core"]
+    (_, raw) = PROTOCOL.unpack(*PROTOCOL.encode(message))
     index = core.data_index(ORDERS[type(message)])
     assert index is not None
     for subindex, variable in core.members[index].items():

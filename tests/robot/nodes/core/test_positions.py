@@ -77,7 +77,8 @@ def test_a_new_start_configuration_begins_a_new_series(alone: Bench) -> None:
     alone.run(0.01)
     alone.say("drive", StartConfigurationConfirm())
     alone.check()
-    confirmed, asked = alone.times(StartConfigurationConfirm)[-1], len(alone.times(*OFFSETS))
+    confirmed = alone.times(StartConfigurationConfirm)[-1]
+    asked = len(alone.times(*OFFSETS))
     alone.run(4.0)
     new = alone.times(*OFFSETS)[asked:]
     assert new[0] - confirmed == pytest.approx(2.1, abs=0.001)
@@ -130,7 +131,8 @@ def test_a_position_is_asked_for_and_returned(alone: Bench) -> None:
 
 @pytest.mark.parametrize("processing", [0.0, 1e-4])  # they answer at once, or one by one
 def test_two_drives_that_differ_are_told_once(processing: float) -> None:
-    bench, second = Bench(), Drive(DICTIONARIES["drive"])
+    bench = Bench()
+    second = Drive(DICTIONARIES["drive"])
     bench.network.attach(second, bench.now, processing)
     bench.run(0.1)
     bench.configure()

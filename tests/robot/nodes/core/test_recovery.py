@@ -24,7 +24,7 @@ def restarted(bench: Bench) -> None:
 
 
 def nmt_reset(bench: Bench) -> None:
-    """Have a master reset the core, and give it time to ask."""
+    """Reset the core by NMT, and wait for its questions."""
     nmt(bench, NmtCommand.RESET_NODE, CORE_ID)
     bench.run(0.5)
 

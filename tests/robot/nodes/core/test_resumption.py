@@ -126,7 +126,8 @@ def test_16_after_a_lost_heartbeat_no_goto_goes_out_before_checks_and_a_healthy_
     true_robot(bench)
     bench.core.goto(*FAR._replace(speed=1))
     bench.run(0.5)
-    lost, frozen = bench.now, bench.now + 2.8
+    lost = bench.now
+    frozen = bench.now + 2.8
     bench.network.freeze(bench.stations[name], frozen)
     bench.run(2.2)
     assert bench.core.is_commanding is False
@@ -244,7 +245,7 @@ def lose_for(bench: Bench, what: str, seconds: float) -> None:
 
 
 def shut_down_far_off(bench: Bench) -> None:
-    """Have the robot shut down far from its start, when only the drive knows where it is."""
+    """Shut down far from the start, when only the drive knows where the robot is."""
     true_robot(bench)
     bench.core.start_match(90.0)
     drive_off(bench)

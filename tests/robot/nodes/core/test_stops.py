@@ -56,7 +56,8 @@ CALLS: list[tuple[Callable[[Core], object], Message]] = [
 def test_a_stop_goes_out_at_once_and_ends_the_goto(alone: Bench, call: Callable[[Core], object], stop: Message) -> None:
     driving = goto(alone)
     alone.say("drive", GotoConfirm(), within=0.1)
-    now, count = alone.now, len(alone.log)
+    now = alone.now
+    count = len(alone.log)
     call(alone.core)
     report = driving.result(0)
     assert (report.outcome, report.confirmed is None) == (Outcome.STOPPED, False)
@@ -160,7 +161,8 @@ def test_13_a_stop_that_is_lost_is_sent_again(
 ) -> None:
     drive_off(bench)
     bench.lose(kind, count=lost)
-    call, told = stop(bench.core), bench.now
+    call = stop(bench.core)
+    told = bench.now
     bench.run(BRAKED)
     assert not bench.drive.moving
     bench.run(0.5)
@@ -219,7 +221,8 @@ def test_13_a_robot_that_does_not_stand_is_told_and_shut_down_until_it_does() ->
     bench.run(0.1)
     bench.configure()
     drive_off(bench)
-    call, told = bench.core.stop(), bench.now
+    call = bench.core.stop()
+    told = bench.now
     bench.run(1.9)
     assert not call.done()
     assert EmergencyShutdown() not in bench.messages()
