@@ -136,12 +136,12 @@ def test_names_of_the_package_are_loaded_when_asked_for() -> None:
 
 
 @pytest.mark.parametrize(("message", "text"), FRAMES)
-def test_encodes(message: Message, text: str) -> None:
+def test_messages_are_encoded(message: Message, text: str) -> None:
     assert str(PROTOCOL.encode(message)) == text
 
 
 @pytest.mark.parametrize(("message", "text"), FRAMES)
-def test_decodes(message: Message, text: str) -> None:
+def test_messages_are_decoded(message: Message, text: str) -> None:
     cob_id, data = frame(text)
     for kind in (bytes, bytearray, memoryview, list):
         decoded = PROTOCOL.decode(cob_id, kind(data))  # type: ignore[arg-type]  # callers without types
