@@ -50,7 +50,7 @@ def store_for_ever(store: FileStore, dictionary: Dictionary, generation: int, to
 
 
 def killed(store: FileStore, dictionary: Dictionary, generation: int, after: float) -> int:
-    """Let a child store from `generation` on, kill it `after` seconds, and return the last generation it reported.
+    """Kill a child that stores from `generation` on, `after` seconds, and return the last generation it reported.
 
     That is `generation` - 1 if it reported none.
     """

@@ -370,7 +370,8 @@ class Trial:
         elif how in RESETS:
             self.stranger.put(Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, RESETS[how]])))
         elif how in (STRAY, ORDERED):
-            for each in [self._stray_frame()] if how == STRAY else self._orders():
+            frames = [self._stray_frame()] if how == STRAY else self._orders()
+            for each in frames:
                 self.stranger.put(each)
         elif self.cell.what == BUS:
             self.off_until = now + PAUSES.get(how, OFF)

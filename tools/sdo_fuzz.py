@@ -60,7 +60,7 @@ IDLE = State()
 
 
 def demand(condition: bool, what: str) -> None:
-    """Raise a Fault if a condition does not hold."""
+    """Check a condition; raises Fault with the text."""
     if not condition:
         raise Fault(what)
 
@@ -401,12 +401,14 @@ def run(dictionary: Dictionary, requests: int, seed: int) -> int:
 def main() -> int:
     """Run the tool; exit status 1 at the first wrong answer."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--eds", metavar="FILE", help="anybody's device, with node-ID 5 (default: all of our own)")
+    parser.add_argument("--eds", metavar="FILE", help="any device, with node-ID 5 (default: all of our own)")
     parser.add_argument("--requests", type=int, default=10_000, help="how many (default 10000)")
     parser.add_argument("--seed", type=int, default=1, help="which ones (default 1)")
     arguments = parser.parse_args()
-    own = (dialects.load(node, dialect) for dialect in dialects.names() for node in ROLES)
-    for dictionary in [Dictionary.load(arguments.eds, ANY_NODE_ID)] if arguments.eds else own:
+    dictionaries = [dialects.load(node, dialect) for dialect in dialects.names() for node in ROLES]
+    if arguments.eds:
+        dictionaries = [Dictionary.load(arguments.eds, ANY_NODE_ID)]
+    for dictionary in dictionaries:
         started = time.perf_counter()
         try:
             aborts = run(dictionary, arguments.requests, arguments.seed)

@@ -37,7 +37,7 @@ class Mismatch(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Return the difference as text."""
+        """The difference as text."""
         return f"expected {self.expected}, came {self.came}"
 
 

@@ -125,7 +125,10 @@ def lint(
     unreadable: list[DictionaryError] = []
     checks = FileChecks(stack or "", device, unreadable)
     if not network:
-        files = [str(file) for path in files for file in (files_in(path) if Path(path).is_dir() else (path,))]
+        expanded: list[str | Path] = []
+        for path in files:
+            expanded += files_in(path) if Path(path).is_dir() else [path]
+        files = [str(file) for file in expanded]
     status = report.give(*_found(files, network, checks))
     for each in unreadable:
         complain(str(each))

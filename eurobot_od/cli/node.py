@@ -291,7 +291,7 @@ def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus
 
 @contextmanager
 def _bus_failure_first(live: Live) -> Iterator[None]:
-    """Raise the bus's failure instead of errors that follow from it, such as a robot that cannot be stopped."""
+    """Replace errors by the failure of the bus that causes them, such as that of a robot that cannot be stopped."""
     try:
         yield
     except (RemoteError, OSError) as error:  # drivers raise OSError when they are closed after a failure

@@ -332,7 +332,7 @@ def complain_of_process_data(things: Sequence[ODVariable]) -> None:
 
 
 def store(target: Target) -> None:
-    """Have a CANopen node store its parameters, so that they survive a reset (0x1010).
+    """Store a CANopen node's parameters, so that they survive a reset (0x1010).
 
     $ store 2 -i socketcan -c can0
     """
@@ -343,7 +343,7 @@ def store(target: Target) -> None:
 
 
 def restore(target: Target, *, reset: bool = False) -> None:
-    """Have a CANopen node restore the defaults of its parameters, from its next reset on (0x1011).
+    """Restore the defaults of a CANopen node's parameters, from its next reset on (0x1011).
 
     reset: reset the node, so that they take effect
 

@@ -117,6 +117,9 @@ def object_as_data(thing: ODVariable) -> dict[str, Any]:
     """Return one object as plain data; bytes are hexadecimal digits."""
     value = od.default_of(thing)
     range_ = od.limits(thing)
+    limits = None
+    if range_:
+        limits = [each if isfinite(each) else None for each in range_]
     return {
         "index": thing.index,
         "subindex": thing.subindex,
@@ -125,7 +128,7 @@ def object_as_data(thing: ODVariable) -> dict[str, Any]:
         "access": thing.access_type,
         "pdo_mapping": thing.pdo_mappable,
         **od.as_data(thing, value),
-        "limits": [each if isfinite(each) else None for each in range_] if range_ else None,
+        "limits": limits,
     }
 
 

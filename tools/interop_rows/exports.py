@@ -66,7 +66,7 @@ def by_compiler(folder: Path) -> Answer:
 
 
 def compare_c(protocol: Protocol, messages: Sequence[DescribedMessage], folder: Path, frames: int) -> None:
-    """Raise Differs if the header of the messages reads or writes a frame differently from the protocol."""
+    """Check that the header of the messages reads and writes each frame like the protocol; raises Differs."""
     wanted = samples(protocol, frames)
     judge = compiled(c.header_of(messages, NAME), program(c.blocks_of(messages, NAME)), folder)
     asked, answers = folder / "asked", folder / "answers"
@@ -162,7 +162,7 @@ def by_tshark(folder: Path) -> Answer:
 
 
 def compare_tshark(protocol: Protocol, messages: Sequence[DescribedMessage], folder: Path, frames: int) -> None:
-    """Raise Differs if tshark reads another value than the protocol in a frame."""
+    """Check that tshark reads the protocol's values in each frame; raises Differs."""
     wanted = samples(protocol, frames)
     log, script = folder / "frames.log", folder / "bus.lua"
     script.write_text(wireshark.text_of(messages, NAME), encoding="ascii")

@@ -55,7 +55,7 @@ class Verdict(NamedTuple):
 
 
 def agree(what: str, theirs: object, ours: object) -> None:
-    """Raise Differs if the tool's value of `what` differs from ours."""
+    """Check that the tool's value of `what` is ours; raises Differs."""
     if theirs != ours:
         raise Differs(f"{what}: the tool has {theirs!r}, we have {ours!r}")
 

@@ -35,7 +35,7 @@ def by_stock_pdos(_: Path) -> Answer:
 
 
 def compare(binding: Binding, pdo: Any, count: int) -> None:
-    """Raise Differs unless canopen reads and writes `count` frames of a message as we do."""
+    """Check that canopen reads and writes `count` frames of a message as we do; raises Differs."""
     for data in frames(binding, count):
         read(binding, pdo, data)
         write(binding, pdo, data)
@@ -59,7 +59,7 @@ def frames(binding: Binding, count: int) -> Iterator[bytes]:
 
 
 def read(binding: Binding, pdo: Any, data: bytes) -> None:
-    """Raise Differs unless canopen reads the same values; it has none for the fields that a short frame leaves out."""
+    """Check that canopen reads the same values, none for the fields that a short frame leaves out; raises Differs."""
     pdo.on_message(pdo.cob_id, bytearray(data), 0.0)
     left_out = binding.optional if len(data) < binding.layout.length else ()
     ours = [value for field, value in binding.unpack(data).items() if field not in left_out]
@@ -68,7 +68,7 @@ def read(binding: Binding, pdo: Any, data: bytes) -> None:
 
 
 def write(binding: Binding, pdo: Any, data: bytes) -> None:
-    """Raise Differs unless canopen makes the frame `data` from its values, set in any order."""
+    """Check that canopen makes the frame `data` from its values, set in any order; raises Differs."""
     ours = binding.unpack(data)
     values = dict.fromkeys((each.name for each in pdo.map), 0)
     values |= zip((each.name for each in _carrying(pdo)), ours.values())

@@ -86,7 +86,7 @@ class NodeOptions:
         return {"facts": facts_for(dictionary.file, facts_given(facts)), **given}
 
     def set_up(self, node: Node, run: NodeRun) -> Scene:
-        """Give the node its instruments; raises WorldError, LocalError, OSError. The scene raises BusError,
+        """Connect the node to its instruments; raises WorldError, LocalError, OSError. The scene raises BusError,
         NoAnswer."""
         played = load_strategy(self.strategy) if self.strategy else None
         world = enter(node, self.world, run.duration) if self.world else None
@@ -111,7 +111,7 @@ def load_strategy(name: str) -> Strategy:
 
 
 def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[RemoteVehicle, MatchOptions]:
-    """Give a node its instruments in a world."""
+    """Connect a node to its instruments in a world."""
     from eurobot_od.robot.world.server import RemoteVehicle
     from eurobot_od.robot.world.world import equip
 

@@ -223,8 +223,12 @@ def _letter(number: int) -> str:
 def at(path: list[PathPoint], time: float) -> PathPoint | None:
     """Return where the robot was at a time, interpolated between two sightings; None without any."""
     after = bisect_right(path, time, key=lambda sighting: sighting.time)
-    if not path or after in (0, len(path)):
-        return path[-1 if after else 0] if path else None
+    if not path:
+        return None
+    if after == 0:
+        return path[0]
+    if after == len(path):
+        return path[-1]
     one, two = path[after - 1], path[after]
     # Not 0, as the time is between the two.
     share = (time - one.time) / (two.time - one.time)

@@ -557,7 +557,7 @@ def assemble(nodes: Sequence[Node], options: MatchOptions, clock: Callable[[], f
 
 
 def equip(nodes: Iterable[Node], vehicle: Vehicle, errors: Errors, seed: str) -> None:
-    """Give a robot's nodes their instruments on its vehicle; `seed` is that of the errors."""
+    """Connect a robot's nodes to their instruments on its vehicle; `seed` is that of the errors."""
     for node in nodes:
         # A random stream per instrument, so that they do not depend on each other.
         if isinstance(node, Drive):

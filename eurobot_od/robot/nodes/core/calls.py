@@ -49,7 +49,7 @@ class CallingNode(RobotNode):
             self.end_all(LEAVING)
 
     def check_present(self) -> None:
-        """Raise StateError if the node is being switched off."""
+        """Check that the node is not being switched off; raises StateError."""
         if self.is_leaving:
             raise StateError(LEAVING)
 

@@ -148,7 +148,7 @@ class Core(CoreSettings):
 
     @property
     def time_left(self) -> float:
-        """Seconds until the core ends the match, infinite if there is none."""
+        """The time in s until the core ends the match, infinite if there is none."""
         return self._clock.time_left
 
     def last_seen(self, whom: Source) -> Seen | None:
@@ -376,7 +376,7 @@ class Core(CoreSettings):
             return None if self._stops.latest is None else self.stop()
 
     def _check_free(self, message: Message) -> None:
-        """Raise StateError for a message that only its own call may send, because it watches the result."""
+        """Check that a message is not one that only its own call may send, which watches the result; raises StateError."""
         self.check_present()
         if call := CALLS.get(type(message)):
             raise StateError(f"{type(message).__name__} is sent by core.{call}(), which watches its result")

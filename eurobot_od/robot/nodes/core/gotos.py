@@ -63,7 +63,7 @@ class Gotos:
         return call
 
     def _check_may_drive(self) -> None:
-        """Raise StateError if a goto must not be sent, with what is missing."""
+        """Check that a goto may be sent; raises StateError with what is missing."""
         if self._stops.shut_down:
             raise StateError("no goto after an emergency shutdown: `await core.recover()` ends it")
         is_ready = self._resumption.is_due or self._clock.is_over

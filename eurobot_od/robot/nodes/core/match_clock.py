@@ -28,7 +28,7 @@ class MatchClock:
 
     @property
     def time_left(self) -> float:
-        """Seconds until the core ends the match, infinite if there is none."""
+        """The time in s until the core ends the match, infinite if there is none."""
         return inf if self.end is None else max(self.end - self._core.now, 0.0)
 
     @property
