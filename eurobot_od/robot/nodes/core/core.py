@@ -376,7 +376,7 @@ class Core(CoreSettings):
             return None if self._stops.latest is None else self.stop()
 
     def _check_free(self, message: Message) -> None:
-        """Check that a message is not one that only its own call may send, which watches the result; raises StateError."""
+        """Check that a message is not left to a call of its own, which watches the result; raises StateError."""
         self.check_present()
         if call := CALLS.get(type(message)):
             raise StateError(f"{type(message).__name__} is sent by core.{call}(), which watches its result")
