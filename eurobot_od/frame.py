@@ -24,7 +24,9 @@ EXTENDED = 1 << 29
 HIGHEST_EXTENDED = EXTENDED - 1
 """The highest 29-bit identifier."""
 
-TEXT = re.compile(r"(?P<identifier>[0-7][0-9a-f]{2})#(?P<data>(?:[0-9a-f]{2}\.?)*)", re.IGNORECASE)
+TEXT = re.compile(
+    r"(?P<identifier>[0-7][0-9a-f]{2})#(?:R(?P<remote>[0-8]?)|(?P<data>(?:[0-9a-f]{2}\.?)*))", re.IGNORECASE
+)
 
 
 class Frame(NamedTuple):
@@ -40,16 +42,19 @@ class Frame(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Frame:
-        """Parse a frame as candump and cansend write it: `185#0102`, with optional dots between bytes; raises
-        LocalError.
+        """Parse a frame as candump and cansend write it, with optional dots between bytes; raises LocalError.
+
+        `185#0102` is a data frame, `705#R1` a remote frame.
         """
         match = TEXT.fullmatch(text)
-        data = match["data"].replace(".", "") if match else ""  # candump may separate bytes by dots
+        data = (match["data"] or "").replace(".", "") if match else ""  # candump may separate bytes by dots
         if match is None or len(data) > 2 * MOST_BYTES:
             raise LocalError(
-                f"{text!r} is not a frame: write an 11-bit identifier, # and up to {MOST_BYTES} bytes: 185#0102"
+                f"{text!r} is not a frame: write an 11-bit identifier, # and up to {MOST_BYTES} bytes: 185#0102, or R "
+                "and a length for a remote frame: 705#R1"
             )
-        return cls(int(match["identifier"], 16), bytes.fromhex(data))
+        cob_id, remote = int(match["identifier"], 16), match["remote"]
+        return cls(cob_id, bytes.fromhex(data)) if remote is None else RemoteFrame(cob_id, bytes(int(remote or 0)))
 
     def __str__(self) -> str:
         """Return the frame as candump writes it: `008#D27423592C01C3A5`."""

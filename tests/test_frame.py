@@ -5,12 +5,14 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.errors import LocalError
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, RemoteFrame
 
 TEXTS = [
     (Frame(0x008, bytes.fromhex("D27423592C01C3A5")), "008#D27423592C01C3A5"),
     (Frame(0x7FF, b"\x00"), "7FF#00"),
     (Frame(0x000), "000#"),
+    (RemoteFrame(0x705, bytes(1)), "705#R1"),
+    (RemoteFrame(0x705), "705#R"),
 ]
 
 
@@ -29,7 +31,8 @@ NO_FRAMES = [
     "85#01",  # an identifier has three digits
     "800#",  # and 11 bits
     "00000185#01",  # 29 bits
-    "185#R",  # a remote frame
+    "185#R9",  # a remote frame for nine bytes
+    "185#R10",
     "185##101",  # CAN FD
     "185#1",  # half a byte
     "185#010203040506070809",  # nine bytes

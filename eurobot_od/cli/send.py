@@ -1,4 +1,4 @@
-"""`send` sends one message or frame on a CAN bus, and may wait for an answer.
+"""`send` sends one message or frame on a CAN bus, and may wait for an answer; or sends a list of them.
 
 The command line is checked against the EDS files before the bus is opened.
 """
@@ -7,29 +7,35 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Annotated
 
 from eurobot_od.bus.live import Driver, FrameReader
+from eurobot_od.check.sending import FRAME_MARK, RunningList, SendRow, read_list, read_thing
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, Seconds
 from eurobot_od.cli.signature import Option
+from eurobot_od.client.master import Master
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.kinds import Message, describe
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support.texts import one_line
+from eurobot_od.support.files import read_whole
+from eurobot_od.support.texts import amount, one_line
 
 if TYPE_CHECKING:
     import can
 
-FRAME_MARK = "#"
-"""Separator of a frame in candump's notation; no message's name contains it."""
-
 PATIENCE = 1.0
 """Maximum time for the driver to accept a frame, in s."""
+
+LOOK = 0.1
+"""Longest time in s between two looks at a list that waits."""
+
+LISTS = (".yaml", ".yml")
 
 
 def send(
@@ -41,17 +47,25 @@ def send(
     devices: Devices,
     bus: BusOptions,
 ) -> ExitStatus:
-    """Send one message or frame on a CAN bus, and wait for an answer with --expect.
+    """Send one message or frame on a CAN bus, and wait for an answer with --expect; or a list of them.
 
-    Exit status 1 if the expected answer does not come in time.
+    Exit status 1 if the expected answer does not come in time. A list goes on until nothing of it is left, or Ctrl-C.
 
-    message: a message by its name, such as 'Goto XY', or a frame: 185#0102
+    message: a message by its name, such as 'Goto XY', or a frame: 185#0102, 705#R1; or a list's file (YAML)
     fields: such as x=1500 barriers=fire-1:forced
     expect: wait for this message and print it; 185#01: with data beginning like this
     within: how long to wait for it (default: 1 s)
 
     $ send motor.RPDO1 target_speed=100 --eds 5=motor.eds -i socketcan -c can0
+    $ send sequences/warm-up.yaml --eds 5=motor.eds -i socketcan -c can0
     """
+    if message.endswith(LISTS):
+        if fields or expect:
+            raise LocalError(f"{message} is a list: it takes no fields, and no --expect")
+        protocol = devices.decoder().protocol
+        rows = read_list(read_whole(Path(message)).decode("utf-8", "replace"), message, protocol)
+        print(f"{amount(send_list(bus, rows, protocol), 'frame')} sent")
+        return ExitStatus.FINE
     are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))
     # Frames can be sent without files.
     protocol = devices.decoder().protocol if are_frames else devices.protocol()
@@ -62,7 +76,7 @@ def send(
     driver = bus.open()
     if expect is None or expected is None:
         with driver:
-            transmit(driver, frame)
+            transmit(Driver(driver), frame)
         print(sent)
         return ExitStatus.FINE
     answer = exchange(driver, frame, expected, within)
@@ -79,22 +93,22 @@ def send(
 
 def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:
     """Return the frame to send, from a message's name or candump's notation, and its meaning; raises as `parse`."""
-    if FRAME_MARK not in text:
-        message = parse(protocol.binding(text), fields)
-        return protocol.encode(message), _words(protocol, message)
-    if fields:
-        raise LocalError(f"the frame {text} has no fields: {', '.join(fields)}")
-    frame = Frame.parse(text)
-    return frame, meaning(protocol, frame)
+    frame, message = read_thing(protocol, text, fields)
+    return frame, meaning(protocol, frame) if message is None else _words(protocol, message)
 
 
 def expectation(protocol: Protocol, text: str) -> Frame:
     """Return the COB-ID and the first bytes of the expected frame; raises UnknownName, LocalError."""
-    return Frame.parse(text) if FRAME_MARK in text else Frame(protocol.binding(text).cob_id)
+    frame = Frame.parse(text) if FRAME_MARK in text else Frame(protocol.binding(text).cob_id)
+    if frame.is_remote:
+        raise LocalError(f"--expect {text}: a remote frame is no answer")
+    return frame
 
 
 def meaning(protocol: Protocol, frame: Frame) -> str:
     """Return the meaning of a frame as text, empty if it is no message."""
+    if frame.is_remote:
+        return "asks for it"
     try:
         return _words(protocol, protocol.decode(*frame))
     except RemoteError:  # a raw frame may be no message, or too short for it
@@ -106,10 +120,27 @@ def _words(protocol: Protocol, message: Message) -> str:
     return f"{binding.name}  {describe(message, binding.kinds)}".rstrip()
 
 
-def transmit(bus: can.BusABC, frame: Frame) -> None:
+def transmit(driver: Driver, frame: Frame) -> None:
     """Send a frame; raises BusError."""
-    if not Driver(bus).send(frame, PATIENCE):
+    if not driver.send(frame, PATIENCE):
         raise BusError("the bus did not take the frame")
+
+
+def send_list(bus: BusOptions, rows: Sequence[SendRow], protocol: Protocol) -> int:
+    """Send a list until it is over, or Ctrl-C; return the number of frames sent. Raises BusError."""
+    with Master(bus.open()) as master:
+        running, driver = RunningList(rows, protocol, master.clock()), Driver(master.bus)
+
+        def hear(cob_id: int, data: bytes, _: float) -> None:
+            running.take(master.clock(), Frame(cob_id, data))
+
+        with master.observed(hear), suppress(KeyboardInterrupt):
+            while not running.is_over:
+                master.pump(min(running.next - master.clock(), LOOK), lambda: running.next <= master.clock())
+                for frame in running.due(master.clock()):
+                    transmit(driver, frame)
+                    running.take(master.clock(), frame)  # the driver does not give it back
+    return running.sent
 
 
 def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -> tuple[Frame, float] | None:
@@ -127,7 +158,7 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
     # on Windows.
     with FrameReader(bus, seen, time.perf_counter, failed=came.put):
         started = time.perf_counter()
-        transmit(bus, question)
+        transmit(Driver(bus), question)
         try:
             answer = came.get(timeout=within)
         except Empty:

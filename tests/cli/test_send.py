@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import can
 import pytest
@@ -230,8 +231,42 @@ WRONG = [
     ([*MOVE, "direction=backward"], "Move To: direction = backward is not allowed; allowed: forward, as the loaded"),
     (["Halt Cause", "cause=wall"], "Halt Cause: cause = 'wall' is not allowed; allowed: operator (0), "),
     (["Halt Lift", "--expect", "Nothing"], "unknown message 'Nothing'; known: Halt All, "),
+    (["Halt Lift", "--expect", "185#R"], "--expect 185#R: a remote frame is no answer"),
+    (["nothing.yaml"], "nothing.yaml: No such file"),
+    (["nothing.yaml", "x=1"], "nothing.yaml is a list: it takes no fields, and no --expect"),
     (["Halt Lift", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: packed, plain"),
 ]
+
+
+def test_a_list_is_sent_with_its_bursts_and_ends_with_its_last_frame(
+    capsys: pytest.CaptureFixture[str], wire: can.BusABC, tmp_path: Path
+) -> None:
+    file = tmp_path / "wake-up.yaml"
+    file.write_text("- {send: Halt Lift, burst: 2, gap: 5 ms}\n- {send: 705#R1}\n- {send: 100#01}\n")
+    assert send(capsys, str(file)).out == "4 frames sent\n"
+    sent = [wire.recv(0) for _ in range(4)]
+    assert [(each.arbitration_id, each.is_remote_frame) for each in sent if each] == [
+        (0x381, False),
+        (0x705, True),
+        (0x100, False),
+        (0x381, False),
+    ]
+
+
+def test_a_list_waits_for_its_trigger_until_ctrl_c(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, sent = tmp_path / "answer.yaml", list[Frame]()
+
+    def ended(_: object, frame: Frame) -> None:
+        sent.append(frame)
+        if len(sent) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("eurobot_od.cli.send.transmit", ended)
+    file.write_text("- {send: 185#01}\n- {send: 100#, trigger: 185}\n")
+    assert send(capsys, str(file)).out == "2 frames sent\n"
+    assert sent == [Frame(0x185, b"\1"), Frame(0x100)]
 
 
 @pytest.mark.parametrize(("words", "complaint"), WRONG)
