@@ -15,7 +15,7 @@ from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from math import ceil, inf
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from eurobot_od.check.values import Expected, FieldValues, Scale, expectation
 from eurobot_od.errors import LocalError, RemoteError
@@ -50,6 +50,18 @@ class WrittenRow(NamedTuple):
     burst: Annotated[int, Within(1, 1000)] = 1
     gap: Pause | None = None
     trigger: Annotated[str, SCALAR] = ""
+
+    def as_texts(self) -> dict[str, Any]:
+        """Return it as it could be written; what is left out is left out."""
+        times = {name: f"{1000 * span:g} ms" for name in ("period", "gap") if (span := getattr(self, name))}
+        said: dict[str, Any] = {
+            "send": str(self.send),
+            "fields": {name: str(value) for name, value in self.fields.items()},
+            **times,
+        }
+        if self.burst > 1:
+            said["burst"] = int(self.burst)
+        return {name: each for name, each in (said | {"trigger": str(self.trigger)}).items() if each}
 
 
 class SentThing(NamedTuple):
@@ -116,12 +128,12 @@ class SendRow(NamedTuple):
     trigger: Trigger | None
 
 
-def read_list(text: str, file: str | Path, protocol: Protocol) -> list[SendRow]:
+def read_list(text: str, file: str | Path, protocol: Protocol) -> tuple[SendRow, ...]:
     """Read a list; raises YamlError with everything that is wrong, LocalError for rows that would trigger each other.
 
     `file` is its name in errors.
     """
-    rows = list(read_yaml(text, listing(converted(shape_of(WrittenRow), partial(_row, protocol))), file))
+    rows = read_yaml(text, listing(converted(shape_of(WrittenRow), partial(_row, protocol))), file)
     if not 1 <= len(rows) <= MOST_ROWS:
         raise LocalError(f"{file}: a list has 1 to {MOST_ROWS} rows, not {len(rows)}")
     _refuse_circle(rows, file)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
+from eurobot_od.check.sending import RunningList
 from eurobot_od.check.shapes import Networks
 from eurobot_od.client.configure import ChangePlan, pdo_parameters
 from eurobot_od.client.lifeline import OWN_ID
@@ -35,18 +36,21 @@ from eurobot_od.web.session import Session
 
 
 @dataclass
-class Cyclic:
-    """What somebody has sent again and again: `period`, when it is `due` and `until` when, all in s.
+class SentList:
+    """A list that a browser has sent: `who` it is, the axes that it moves, and why it has `ended`.
 
-    `axes` are those that it moves: they are stopped at its end.
+    The axes are stopped at its end.
     """
 
-    frame: Frame
+    title: str
+    running: RunningList
     who: object
     axes: Sequence[AxisAddress]
-    period: float
-    due: float
-    until: float
+    ended: str = ""
+
+    def data(self) -> dict[str, Any]:
+        """Return what the page shows of it."""
+        return {"title": self.title, "sent": self.running.sent, "ended": self.ended}
 
 
 class Equipment(NamedTuple):
@@ -89,7 +93,10 @@ class Desk:
             OrderMaster(session.orders),
         )
         dictionaries = session.decoder.dictionaries
-        self.cyclic: dict[str, Cyclic] = {}
+        self.lists: dict[str, SentList] = {}
+        """The lists that run, and those that have ended lately, by the keys that browsers have given them."""
+        self.heard = asyncio.Event()
+        """Set at each frame while lists run: one of them may wait for it."""
         self.previewed: ChangePlan | None = None
         """What the last comparison has shown: it may be applied."""
         self.uploads: dict[object, dict[str, bytearray]] = defaultdict(dict)
@@ -123,7 +130,15 @@ class Desk:
             [NmtState.INITIALISING]
         ):
             self._read_from.discard(frame.cob_id - ERROR_CONTROL_BASE)
+        for each in self.running_lists:
+            each.running.take(self.session.now, frame)
+            self.heard.set()
         return self.drives.hear(frame)
+
+    @property
+    def running_lists(self) -> list[SentList]:
+        """The lists that are being sent."""
+        return [each for each in self.lists.values() if not each.ended]
 
     # What requests name
 
@@ -204,6 +219,8 @@ class Desk:
         """Start a job, and return its number; raises LocalError while another one runs, or a drive may move."""
         if self.drives.is_busy:
             raise LocalError(f"{title}: a drive moves by the page's order, or is being stopped: wait until it stands")
+        if running := self.running_lists:
+            raise LocalError(f"{title}: {running[0].title} is being sent: end it first")
         return self.jobs.start(name, title, work).number
 
     def send_gated(self, frame: Frame) -> None:
@@ -230,10 +247,11 @@ class Desk:
         if reason and said.get("sure") is not True:
             raise MayMove(reason)
 
-    async def confirm_frame(self, said: Arguments, frame: Frame) -> None:
-        """Raise MayMove for a frame that may move something, unless the person is sure."""
+    async def confirm_frames(self, said: Arguments, *frames: Frame) -> None:
+        """Raise MayMove for frames that may move something, unless the person is sure."""
         if said.get("sure") is not True:
-            self.confirm(said, await self._why(frame))
+            reasons = [await self._why(each) for each in frames]
+            self.confirm(said, "; ".join(filter(None, dict.fromkeys(reasons))))
 
     async def _why(self, frame: Frame) -> str:
         """Return why a frame may move something: devices may have mapped their RPDOs anew before we heard them."""

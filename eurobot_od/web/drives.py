@@ -367,6 +367,14 @@ class Drives:
         motions = [self._motions.get(each) for each in axes]
         return all(each is not None and each.who is who and each.until == inf for each in motions)
 
+    @contextmanager
+    def raw_gate(self, axes: Sequence[AxisAddress], who: object) -> Iterator[None]:
+        """Let a frame of a list out; raises LocalError once an axis is stopped. No stop begins meanwhile."""
+        with self._lock:
+            if not self.is_raw(axes, who):
+                raise LocalError("it was stopped")
+            yield
+
     def end_raw(self, axes: Iterable[AxisAddress], who: object) -> None:
         """Stop what may move by what somebody has sent again and again, as it is sent no longer."""
         with self._lock:
@@ -461,6 +469,11 @@ class Drives:
         """Note that a page is there: what it has sent raw may go on."""
         self._pages[who] = self._clock()
 
+    def is_silent(self, who: object) -> bool:
+        """Return whether a page that was there is not heard any more."""
+        now = self._clock()
+        return now - self._pages.get(who, now) > SILENT
+
     def left(self, who: object) -> None:
         """Stop what somebody has ordered who is gone, or no longer looks."""
         with self._lock:
@@ -507,7 +520,8 @@ class Drives:
 
     def post(self, frames: Iterable[Frame]) -> None:
         """Have frames sent soon, past everything else."""
-        self._outbox.extend(frames)
+        with self._lock:  # after what a list is just sending
+            self._outbox.extend(frames)
         self.wake()
 
     def stopping(self, axis: AxisAddress) -> AxisStop | None:
@@ -573,7 +587,7 @@ class Drives:
         for axis, motion in list(self._motions.items()):
             if motion.end is not None and motion.end.done:
                 del self._motions[axis]
-            elif motion.until <= now or now - self._pages.get(motion.who, now) > SILENT:
+            elif motion.until <= now or self.is_silent(motion.who):
                 self.stop(axis)
 
     def _broadcasts(self, now: float) -> list[Frame]:

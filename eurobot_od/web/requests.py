@@ -100,7 +100,7 @@ class Requests:
             try:
                 yield
             finally:
-                self.desk.cyclic.clear()
+                send.end_all(self.desk, "the server ends")
                 motions.begin_end()
                 await self.desk.jobs.wait()
                 while not motions.may_end:
@@ -116,4 +116,5 @@ class Requests:
     def snapshot_data(self, since: int) -> dict[str, Any]:
         """Return what a snapshot says besides the session: what has changed after a turn."""
         desk = self.desk
-        return {"control": desk.control, "motion": desk.drives.data(), "jobs": desk.jobs.data(since)}
+        lists = {key: each.data() for key, each in desk.lists.items()}
+        return {"control": desk.control, "motion": desk.drives.data(), "jobs": desk.jobs.data(since), "lists": lists}

@@ -227,9 +227,10 @@ class _Server:
         async def watch() -> None:  # whether or not a browser is connected
             while True:
                 is_behind = session.poll()
-                await asyncio.sleep(0 if is_behind else LOOK if desk.jobs.running is None else LOOK_OF_JOB)
+                is_idle = desk.jobs.running is None and not desk.running_lists
+                await asyncio.sleep(0 if is_behind else LOOK if is_idle else LOOK_OF_JOB)
 
-        return [self._close_silent(), watch(), objects.poll(desk), send.send_cyclic(desk)]
+        return [self._close_silent(), watch(), objects.poll(desk), send.send_lists(desk)]
 
     async def _close_silent(self) -> None:
         while True:

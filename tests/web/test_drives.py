@@ -461,7 +461,8 @@ def test_what_is_sent_raw_is_void_once_it_is_stopped(jogged: Jogged) -> None:
     assert not sent
 
 
-SENT = {"frame": f"405#{JOGS_BY_RPDO.data.hex()}", "sure": True}
+JOGS = f"405#{JOGS_BY_RPDO.data.hex()}"
+LIST = {"do": "begin list", "key": "a", "title": "it", "rows": [{"send": JOGS, "period": "20 ms"}]}
 
 
 async def turned_by(opened: aiohttp.ClientWebSocketResponse, scene: Bench, **sent: Any) -> None:
@@ -470,7 +471,7 @@ async def turned_by(opened: aiohttp.ClientWebSocketResponse, scene: Bench, **sen
         {"do": "drive", "node": "servo", "axis": 1, "command": "enable"},
         {"do": "write", "node": "servo", "object": "0x6060", "value": "3", "sure": True},
         {"do": "nmt", "command": "start", "node": "servo", "sure": True},
-        {**SENT, **sent},
+        {**sent, "sure": True},
     ):
         assert "error" not in await answer(opened, json.dumps({"id": 1, **words}))
     while scene.velocity <= 0:
@@ -481,27 +482,25 @@ async def turned_by(opened: aiohttp.ClientWebSocketResponse, scene: Bench, **sen
     "end",
     [
         None,  # its page is closed
-        {"do": "end cycle", "key": "a"},
+        {"do": "end list", "key": "a"},
         {"do": "drive", "node": "servo", "axis": 1, "command": "halt"},
         {"do": "drive", "node": "servo", "axis": 1, "command": "disable"},
         {"do": "stop"},
         {"do": "hidden"},
     ],
 )
-def test_what_is_sent_again_and_again_ends_at_rest(tmp_path: Path, end: dict[str, Any] | None) -> None:
+def test_a_list_ends_at_rest(tmp_path: Path, end: dict[str, Any] | None) -> None:
     """A page that was closed left its last target in the drive, and a halt met the next frame."""
 
     async def act(opened: aiohttp.ClientWebSocketResponse) -> None:
-        await turned_by(opened, scene, do="cycle", key="a", period=20)
+        await turned_by(opened, scene, **LIST)
         if end is not None:
             await answer(opened, json.dumps({"id": 1, **end}))
             # While the page is open: at its end, and by its own watch, the drive would stand as well.
             while abs(scene.velocity) > 0.001 or scene.drive.device.objects.kept((0x60FF, 0)) != 0:
                 await snapshot(opened)
-            again = {"id": 1, "do": "cycle", "key": "a", "period": 20, "again": True}
-            while "error" not in (said := await answer(opened, json.dumps(again))):
+            while not (await snapshot(opened))["lists"]["a"]["ended"]:
                 pass
-            assert "no longer" in said["error"]
 
     with bench(tmp_path) as scene:
         talk(scene.served, act)
@@ -511,7 +510,7 @@ def test_what_is_sent_again_and_again_ends_at_rest(tmp_path: Path, end: dict[str
 
 def test_what_a_page_has_sent_ends_with_it(tmp_path: Path) -> None:
     with bench(tmp_path) as scene:
-        talk(scene.served, lambda opened: turned_by(opened, scene, do="send frame"))
+        talk(scene.served, lambda opened: turned_by(opened, scene, do="send frame", frame=JOGS))
         until(lambda: abs(scene.velocity) < 0.001)
 
 
@@ -631,12 +630,12 @@ def test_a_drive_that_cannot_watch_us_has_to_be_accepted_once(tmp_path: Path) ->
 @pytest.mark.parametrize(
     "order",
     [
-        {"do": "send frame", "frame": f"405#{JOGS_BY_RPDO.data.hex()}"},
+        {"do": "send frame", "frame": JOGS},
         {"do": "send frame", "frame": "605#2B40600006000000"},
-        {"do": "cycle", "key": "a", "period": 20, "frame": f"405#{JOGS_BY_RPDO.data.hex()}"},
+        LIST,
         {"do": "write", "node": "servo", "object": "0x6040", "value": "6"},
     ],
-    ids=["RPDO", "SDO request", "again and again", "write"],
+    ids=["RPDO", "SDO request", "list", "write"],
 )
 def test_what_is_sent_raw_to_a_drive_that_cannot_watch_us_is_confirmed_once_more(
     tmp_path: Path, order: dict[str, Any]

@@ -92,7 +92,8 @@ def test_a_makers_rpdo_counts_unless_a_robot_knows_what_its_messages_move() -> N
     [
         {"do": "send frame", "frame": "605#2B4060000F000000"},
         {"do": "send frame", "frame": "000#0105"},
-        {"do": "cycle", "key": "a", "period": 10, "frame": "205#0F00"},
+        {"do": "begin list", "key": "a", "title": "it", "rows": [{"send": "123#"}, {"send": "205#0F00"}]},
+        {"do": "begin list", "key": "a", "title": "it", "rows": [{"send": "205#0F00", "trigger": "123"}]},
         {"do": "nmt", "command": "start", "node": "servo"},
         {"do": "nmt", "command": "reset", "node": "all"},
         {"do": "write", "node": "servo", "object": "0x60FF", "value": "100"},

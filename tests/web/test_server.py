@@ -21,11 +21,12 @@ import aiohttp
 import pytest
 
 from eurobot_od.bus.live import Driver, open_bus
+from eurobot_od.check.sending import read_list
 from eurobot_od.frame import Frame
 from eurobot_od.web import server
 from eurobot_od.web.access import AccessRules, is_local
 from eurobot_od.web.server import HEADERS, MOST_BROWSERS, MOST_OWED
-from eurobot_od.web.views import send
+from tests.kit import plant
 from tests.web.scene import LONG, Served, channel, line, live_page
 
 TOKEN = "a-token-that-nobody-guesses"
@@ -255,9 +256,13 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1, "do": "watch", "node": "lift", "object": 7}', "object is missing, or not a text"),
         ('{"id": 1, "do": "send frame", "frame": "800#"}', "'800#' is not a frame"),
         ('{"id": 1, "do": "send frame", "frame": "100#000102030405060708"}', "is not a frame"),
-        ('{"id": 1, "do": "cycle", "key": "a", "frame": "100#", "period": 1}', "allowed: 5..60000 ms"),
-        ('{"id": 1, "do": "cycle", "key": "a", "frame": "100#", "period": "5"}', "period is missing, or not a whole"),
-        ('{"id": 1, "do": "cycle", "key": "a", "frame": "100#", "period": 50, "again": true}', "no longer sent again"),
+        ('{"id": 1, "do": "begin list", "key": "a", "title": "a", "rows": [5]}', "rows are missing, or not objects"),
+        (
+            '{"id": 1, "do": "begin list", "key": "a", "title": "a", "rows": [{"send": "100#", "period": "1 ms"}]}',
+            "a:1:30: period = '1 ms' is not allowed; allowed: 0.005..60 s",
+        ),
+        ('{"id": 1, "do": "keep list", "name": "../a", "rows": [{"send": "100#"}]}', "'../a': a list has letters"),
+        ('{"id": 1, "do": "list", "name": "a"}', "unknown list 'a'"),
     ],
 )
 def test_what_is_asked_wrongly_is_answered_in_a_line(local: Served, text: str, error: str) -> None:
@@ -285,7 +290,8 @@ def test_a_request_that_is_too_long_ends_the_connection_and_nothing_else(local: 
         {"do": "stop"},
         {"do": "write", "node": "lift", "object": "1017", "value": "100"},
         {"do": "send frame", "frame": "100#"},
-        {"do": "cycle", "key": "a", "frame": "100#", "period": "100"},
+        {"do": "begin list", "key": "a", "title": "a", "rows": [{"send": "100#"}]},
+        {"do": "keep list", "name": "a", "rows": [{"send": "100#"}]},
         {"do": "record"},
         {"do": "stop recording"},
     ],
@@ -317,30 +323,80 @@ def test_an_nmt_command_goes_to_a_node_or_to_all(tmp_path: Path, node: str, data
         assert (heard.arbitration_id, heard.data.hex().upper()) == (0, data)
 
 
-def test_what_is_sent_again_and_again_ends_with_stop(tmp_path: Path) -> None:
-    async def cycle(opened: aiohttp.ClientWebSocketResponse) -> tuple[int, str]:
-        words = {"id": 1, "do": "cycle", "key": "a", "frame": "123#AB", "period": 10}
-        await answer(opened, json.dumps(words))
+EACH_10_MS = {"id": 1, "do": "begin list", "key": "a", "title": "it", "rows": [{"send": "123#AB", "period": "10 ms"}]}
+
+
+async def ended(opened: aiohttp.ClientWebSocketResponse) -> str:
+    """Wait for the end of the list of somebody, and return why it has ended."""
+    while not (why := (await snapshot(opened))["lists"].get("a", {}).get("ended")):
+        pass
+    return str(why)
+
+
+@pytest.mark.parametrize(
+    ("end", "why"), [({"do": "stop"}, "STOP"), ({"do": "end list", "key": "a"}, "ended")], ids=["STOP", "End"]
+)
+def test_a_list_goes_on_until_it_is_ended(tmp_path: Path, end: dict[str, str], why: str) -> None:
+    async def run(opened: aiohttp.ClientWebSocketResponse) -> str:
+        assert (await answer(opened, json.dumps(EACH_10_MS)))["ok"] is None
         for _ in range(10):  # the bus of this process: what is read here was sent
             assert other.recv(LONG) is not None
-        await answer(opened, '{"id": 2, "do": "stop"}')
+        await answer(opened, json.dumps({"id": 2, **end}))
         while other.recv(0.2) is not None:
             pass
-        return 0, (await answer(opened, json.dumps({**words, "again": True})))["error"]
+        return await ended(opened)
 
     name = channel()
     with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
-        assert talk(served, cycle)[1] == "it is no longer sent again and again"
+        assert talk(served, run) == why
 
 
-def test_what_no_page_asks_for_any_more_is_sent_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(send, "SILENT", 0.2)
-    name = channel()
-    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
-        words = {"id": 1, "do": "cycle", "key": "a", "frame": "123#AB", "period": 10}
-        assert talk(served, lambda opened: answer(opened, json.dumps(words)))["ok"] is None
+def test_a_list_ends_with_a_page_that_is_not_heard_any_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eurobot_od.web.drives.SILENT", 0.2)
+
+    async def run(opened: aiohttp.ClientWebSocketResponse) -> None:
+        await answer(opened, json.dumps(EACH_10_MS))
         while other.recv(0.5) is not None:
-            pass
+            await asyncio.sleep(0)
+
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
+        talk(served, run)
+        assert talk(served, ended) == "its page is not heard"
+
+
+def test_a_row_is_sent_when_another_node_sends_what_it_waits_for(tmp_path: Path) -> None:
+    words = {**EACH_10_MS, "rows": [{"send": "705#R1", "trigger": "185", "burst": 2}], "sure": True}
+
+    async def run(opened: aiohttp.ClientWebSocketResponse) -> str:
+        await answer(opened, json.dumps(words))
+        assert other.recv(0) is None
+        Driver(other).send(Frame(0x185))
+        sent = [other.recv(LONG) for _ in range(2)]
+        assert [(each.arbitration_id, each.is_remote_frame) for each in sent if each] == [(0x705, True)] * 2
+        await answer(opened, json.dumps(words | {"key": "b"}))
+        return str((await answer(opened, json.dumps(words)))["error"])
+
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
+        assert talk(served, run) == "it is being sent already: end it first"
+
+
+def test_a_kept_list_is_a_file_that_is_read_again(tmp_path: Path) -> None:
+    rows = [
+        {"send": "123#AB", "period": "10 ms", "burst": 2, "gap": "5 ms"},
+        {"send": "Halt Cause", "fields": {"cause": "curtain"}, "trigger": "Weight Response.weight > 1"},
+    ]
+
+    async def keep(opened: aiohttp.ClientWebSocketResponse) -> Any:
+        await answer(opened, json.dumps({"id": 1, "do": "keep list", "name": "warm up", "rows": rows}))
+        assert (await answer(opened, '{"id": 2, "do": "lists"}'))["ok"] == ["warm up"]
+        return (await answer(opened, '{"id": 3, "do": "list", "name": "warm up"}'))["ok"]
+
+    with live_page(channel(), tmp_path) as served:
+        assert talk(served, keep) == rows
+    text = (tmp_path / "sequences" / "warm up.yaml").read_text()
+    assert len(read_list(text, "warm up.yaml", plant.decoder().protocol)) == 2
 
 
 def test_an_object_is_read_and_its_value_shown(tmp_path: Path) -> None:

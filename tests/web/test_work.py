@@ -181,3 +181,30 @@ def test_a_link_and_a_layout_show_the_same_view_with_its_filters(window: Page, s
     window.wait("document.querySelector('dialog .layouts button')?.textContent === 'heartbeats'")
     window.click("dialog .layouts button")
     window.wait(f"document.querySelector('#tab-trace[aria-selected=true]') && {box}.value === '705,706'")
+
+
+def test_a_list_is_started_together_kept_and_ended_by_stop(window: Page, scene: Scene) -> None:
+    opened(window, scene, "send")
+    chosen(window, "#view-send select[aria-label=message]", "(a frame as bytes)")
+    rows = [
+        {"period in ms, empty for once": "20"},
+        {"frames at once": "2", "ms between the frames of a burst": "5", "trigger": "one.TPDO1.speed becomes >= 0"},
+    ]
+    for number, row in enumerate(rows):
+        what = {"identifier, hexadecimal": f"12{number}", "bytes, hexadecimal": "R1" if number else "AB", **row}
+        for label, value in what.items():
+            window.run(f"document.querySelector('#view-send [aria-label={json.dumps(label)}]').value = '{value}'")
+        press(window, "send", "Add to list")
+    texts = window.run("[...document.querySelectorAll('#view-send ol li > span:first-child')].map(e => e.textContent)")
+    assert texts == ["120#AB · each 20 ms", "121#R1 · 2 at once, 5 ms apart · each 20 ms · on one.TPDO1.speed becomes >= 0"]
+    window.run("document.querySelector('[aria-label=\"name of the list\"]').value = 'both'")
+    press(window, "send", "Keep list")
+    window.wait("document.querySelector('[aria-label=\"kept lists\"]').value === 'both'")
+    assert [each.name for each in (scene.folder / "sequences").iterdir()] == ["both.yaml"]
+    press(window, "send", "Start all")
+    state = "Object.values(connection.state.lists)[0]"
+    window.wait(f"{state}?.title === 'both' && {state}.sent > 3")
+    window.wait("document.querySelector('#view-send .running .hint').textContent.includes('sent')")
+    window.press("Escape")
+    window.wait(f"{state}.ended === 'STOP'")
+    window.wait("document.querySelector('[aria-label=\"lists that are sent\"]').textContent.includes('; STOP')")

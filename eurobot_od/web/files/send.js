@@ -1,12 +1,10 @@
 "use strict";
-// The view to send: messages by a form made of their mapping, frames as bytes, either of them again and again; lists
-// that this browser keeps.
+// The view to send: messages by a form made of their mapping, frames as bytes; lists of them with periods, bursts and
+// triggers, which are started together.
 //
 // Rule of this file: nothing has a value that nobody has typed or the file does not give. What may move something is
-// asked twice: the server says what that is, and why. What goes on by itself ends with the page: it says each second that
-// it is still wanted.
+// asked twice: the server says what that is, and why. What goes on by itself ends with the page.
 
-const STILL = 1000;                         // ms between two words that a frame is still to be sent
 const isPlan = message => content.panels.some(each => each.plan === message.name);
 
 class MessageForm {                         // the fields of a message; `request` throws what is wrong with them
@@ -38,7 +36,7 @@ class FrameForm {                           // a frame as it is: an identifier a
     this.identifier = h("input", {type: "text", size: 9, autocomplete: "off", value: identifier, "aria-label": "identifier, hexadecimal", placeholder: "1A5"});
     this.bytes = h("input", {type: "text", size: 26, autocomplete: "off", value: data, "aria-label": "bytes, hexadecimal", placeholder: "01 02 FF"});
     this.element = h("div", {class: "fields"}, h("label", {}, "identifier", this.identifier, h("small", {}, "000..7FF, hexadecimal")),
-      h("label", {}, "data", this.bytes, h("small", {}, "up to 8 bytes, hexadecimal; empty for none")));
+      h("label", {}, "data", this.bytes, h("small", {}, "up to 8 bytes, hexadecimal; empty for none; R and a length for a remote frame: R1")));
   }
   request() {
     if (this.identifier.value.trim() === "") throw new Error("not sent: the identifier is empty");
@@ -46,55 +44,91 @@ class FrameForm {                           // a frame as it is: an identifier a
   }
 }
 
-const wordsOf = request => request.frame ?? `${request.message} ${Object.entries(request.fields).map(([name, value]) => `${name}=${value}`).join(", ")}`;
+const wordsOf = ({send, fields, period, burst, gap, trigger}) => [
+  [send, Object.entries(fields || {}).map(([name, value]) => `${name}=${value}`).join(", ")].filter(Boolean).join(" "),
+  burst ? `${burst} at once${gap ? `, ${gap} apart` : ""}` : "", period ? `each ${period}` : "", trigger ? `on ${trigger}` : ""].filter(Boolean).join(" · ");
+const onceOf = ({send, fields}) => send.includes("#") ? {do: "send frame", frame: send} : {do: "send", message: send, fields: fields || {}};
 
-class SendList {                            // what is kept to be sent again: once, or with a period
+class Timing {                              // when a row is sent, besides once: `row` throws what is wrong with it
   constructor() {
-    this.items = kept("send list", []);
-    this.cycles = new Map();                // of the items that are sent again and again, what they were asked as
-    this.list = h("ol", {class: "send-list", "aria-label": "kept messages and frames"});
-    this.element = h("div", {}, h("h3", {}, "List"), h("p", {class: "hint"}, "Kept in this browser. What is sent again and again ends with this page, or with STOP."), this.list);
-    this.draw();
-    setInterval(() => this.again(), STILL);
+    const box = (words, placeholder, size) => h("input", {type: "text", size, autocomplete: "off", "aria-label": words, placeholder});
+    this.period = box("period in ms, empty for once", "once", 6);
+    this.burst = box("frames at once", "1", 4);
+    this.gap = box("ms between the frames of a burst", "0", 4);
+    this.trigger = box("trigger", "at the start; 185, motor.TPDO1.speed becomes > 100", 34);
+    this.element = h("div", {class: "buttons"}, h("label", {}, "period in ms", this.period), h("label", {}, "burst", this.burst), h("label", {}, "gap in ms", this.gap), h("label", {}, "trigger", this.trigger));
   }
-  add(request, period) {
-    this.items.push({request, period});
-    keep("send list", this.items);
+  row({do: _, frame, message, fields}) {
+    const ms = (name, box) => box.value.trim() === "" ? {} : {[name]: `${wholeNumber(name, box.value, 5, 60000)} ms`};
+    const burst = this.burst.value.trim() === "" ? {} : {burst: wholeNumber("burst", this.burst.value, 1, 1000)};
+    const trigger = this.trigger.value.trim();
+    return {send: frame ?? message, ...(fields ? {fields} : {}), ...ms("period", this.period), ...burst, ...ms("gap", this.gap), ...(trigger ? {trigger} : {})};
+  }
+}
+
+class SendList {                            // rows that are sent one by one or together, kept in this browser, and by name in the server's folder
+  constructor() {
+    this.rows = kept("send rows", []);
+    this.own = Math.random().toString(36);  // by which the server's lists are known to be ours
+    this.list = h("ol", {class: "send-list", "aria-label": "rows of the list"});
+    this.running = h("ul", {class: "send-list", "aria-label": "lists that are sent"});
+    this.all = h("span", {});
+    this.names = h("select", {"aria-label": "kept lists"});
+    this.name = h("input", {size: 16, "aria-label": "name of the list", placeholder: "name"});
+    this.keeping = h("form", {class: "buttons", onsubmit: event => { event.preventDefault(); loudly(this.keep()); }}, this.names,
+      h("button", {type: "button", onclick: () => loudly(this.open())}, "Open"), h("button", {type: "button", onclick: () => loudly(this.forget())}, "Remove"), this.name, h("button", {}, "Keep list"));
+    this.element = h("div", {}, h("h3", {}, "List"), this.running, this.list, h("div", {class: "buttons"}, this.all), this.keeping,
+      h("p", {class: "hint"}, "What is sent ends with this page, or with STOP. A kept list is a file for the command send."));
     this.draw();
   }
-  remove(item) {
-    this.end(item);
-    this.items = this.items.filter(each => each !== item);
-    keep("send list", this.items);
+  change(rows) {
+    this.rows = rows;
+    keep("send rows", rows);
     this.draw();
   }
-  async begin(item, sure) {
-    const {request: {do: _, ...what}, period} = item, key = `page ${this.items.indexOf(item)} ${Math.random()}`;
-    await connection.ask({do: "cycle", key, period, ...what, ...sure});
-    toast(`sent each ${period} ms`);
-    this.cycles.set(item, {key, period, ...what, ...sure});
-    this.draw();
+  add(row) { this.change([...this.rows, row]); }
+  async load() {
+    this.loaded = true;
+    this.names.replaceChildren(...(await connection.ask({do: "lists"})).map(each => h("option", {}, each)));
+    if (this.name.value) this.names.value = this.name.value;
+    for (const each of [this.names, ...this.keeping.querySelectorAll("button[type=button]")]) show(each, this.names.options.length > 0);
   }
-  end(item) {
-    const cycle = this.cycles.get(item);
-    this.cycles.delete(item);
-    if (cycle) quietly(connection.ask({do: "end cycle", key: cycle.key}));
-    this.draw();
+  async keep() {
+    await connection.ask({do: "keep list", name: this.name.value.trim(), rows: this.rows});
+    await this.load();
+    toast(`${this.name.value.trim()} is kept`);
   }
-  again() {
-    for (const [item, cycle] of this.cycles) {
-      connection.ask({do: "cycle", again: true, ...cycle}).catch(error => { this.cycles.delete(item); toast(`${wordsOf(item.request)}: ${error.message}`, true); this.draw(); });
-    }
+  async open() {
+    this.change(await connection.ask({do: "list", name: this.names.value}));
+    this.name.value = this.names.value;
+  }
+  async forget() {
+    await connection.ask({do: "remove list", name: this.names.value});
+    await this.load();
+  }
+  async begin(key, title, rows, sure) { await connection.ask({do: "begin list", key: `${this.own} ${key}`, title, rows, ...sure}); }
+  button(words, rows, act) {                // what carries out a plan is always asked twice, here and not by the server
+    return rows.some(each => isPlan({name: each.send})) ? askedTwice(words, () => loudly(act({})), {}) : sureButton(words, act);
   }
   draw() {
-    const once = async (item, sure) => toast(`sent ${await connection.ask({...item.request, ...sure})}`);
-    const act = (item, words, done) => item.request.message && isPlan({name: item.request.message})
-      ? askedTwice(words, () => done(item, {}).catch(error => toast(error.message, true)), {}) : sureButton(words, sure => done(item, sure));
-    this.list.replaceChildren(...this.items.map(item => h("li", {class: this.cycles.has(item) ? "running" : ""}, h("span", {}, wordsOf(item.request)),
-      h("span", {class: "buttons"}, act(item, "Send", once), !item.period ? null
-        : this.cycles.has(item) ? h("button", {class: "main", onclick: () => this.end(item)}, `End (each ${item.period} ms)`)
-          : act(item, `Each ${item.period} ms`, (each, sure) => this.begin(each, sure)),
-      h("button", {onclick: () => this.remove(item), "aria-label": `remove ${wordsOf(item.request)}`}, "×")))));
+    const once = async (row, sure) => toast(`sent ${await connection.ask({...onceOf(row), ...sure})}`);
+    this.list.replaceChildren(...this.rows.map((row, place) => h("li", {}, h("span", {}, wordsOf(row)), h("span", {class: "buttons"}, this.button("Send", [row], sure => once(row, sure)),
+      row.period || row.burst || row.trigger ? this.button("Start", [row], sure => this.begin(`row ${Math.random()}`, wordsOf(row), [row], sure)) : null,
+      h("button", {onclick: () => this.change(this.rows.filter((_, each) => each !== place)), "aria-label": `remove ${wordsOf(row)}`}, "×")))));
+    this.all.replaceChildren(this.rows.length ? this.button("Start all", this.rows, sure => this.begin("all", this.name.value.trim() || "the list", this.rows, sure)) : "");
+  }
+  show() {
+    if (!this.loaded && connection.alive && connection.control) loudly(this.load());
+    const all = Object.entries(connection.state?.lists || {}), told = JSON.stringify(all);
+    if (told === this.told) return;
+    const keys = all.map(([key, {ended}]) => `${key} ${ended}`).join();
+    if (keys !== this.keys) {
+      this.keys = keys;
+      this.running.replaceChildren(...all.map(([key, {title, ended}]) => h("li", {class: ended ? "" : "running"}, h("span", {}, title), h("span", {class: "hint"}), " ",
+        ended ? null : h("button", {onclick: () => quietly(request({do: "end list", key}))}, "End"))));
+    }
+    this.told = told;
+    all.forEach(([, {sent, ended}], place) => say(this.running.children[place].querySelector(".hint"), `${sent} sent${ended ? `; ${ended}` : ""}`));
   }
 }
 
@@ -104,12 +138,12 @@ function sendView() {
   // It opens on nothing: what a stray click could send is then nothing, too.
   const chosen = h("select", {"aria-label": "message", onchange: () => build()}, h("option", {value: ""}, "choose a message"),
     ...[RAW, SYNC, ...source.messages.keys()].map(name => h("option", {}, name)));
-  const period = h("input", {type: "text", inputmode: "numeric", size: 6, "aria-label": "period in ms, empty for once", placeholder: "once"});
+  const timing = new Timing();
   const once = sureButton("Send", sure => send(sure), {class: "main", type: "submit"});
   const keepIt = h("button", {type: "button", onclick: () => tried(() => {
-    list.add(form.request(), period.value.trim() === "" ? 0 : wholeNumber("period", period.value, 5, 60000));
-    return "kept in the list";
-  })}, "Keep in list");
+    list.add(timing.row(form.request()));
+    return "in the list";
+  })}, "Add to list");
   let form = null, careful = null;
   const isMoving = () => Boolean(form.message && isPlan(form.message));
   async function tried(act) {
@@ -131,8 +165,8 @@ function sendView() {
     answer.classList.remove("is-wrong");
     once.querySelector("button").disabled = keepIt.disabled = !form;
     show(once, !careful);
-    acts.replaceChildren(...[once, careful, h("label", {}, "period in ms", period), keepIt].filter(Boolean));
-    place.replaceChildren(...(form ? [form.element] : []));
+    acts.replaceChildren(...[once, careful, keepIt].filter(Boolean));
+    place.replaceChildren(...(form ? [form.element, timing.element] : []));
   }
   const acts = h("div", {class: "buttons"});
   build();
@@ -142,5 +176,5 @@ function sendView() {
   };
   const all = h("div", {class: "buttons"}, ...NMT.slice(0, 4).map(command => nmtButton(command, "all", `${command} all nodes`)));
   return {element: h("div", {class: "card"}, h("form", {class: "send", novalidate: true, onsubmit: submit},
-    h("label", {}, "Message", chosen), place, acts, answer), list.element, h("h3", {}, "NMT"), all), show() {}};
+    h("label", {}, "Message", chosen), place, acts, answer), list.element, h("h3", {}, "NMT"), all), show: () => list.show()};
 }

@@ -1,11 +1,17 @@
-"""Requests of the view Send, and STOP: messages and frames, once or with a period, and NMT commands."""
+"""Requests of the view Send, and STOP: messages and frames, once or in lists, and NMT commands."""
 
 from __future__ import annotations
 
 import asyncio
+import json
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
-from typing import NamedTuple
+from math import inf
+from pathlib import Path
+from typing import Any, NamedTuple
 
+from eurobot_od.check.sending import RunningList, read_list
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand
 from eurobot_od.errors import BusError, EurobotError, LocalError, NoAnswer, look_up
 from eurobot_od.frame import Frame
@@ -13,16 +19,18 @@ from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import ALL_NODES, NMT_COB_ID
 from eurobot_od.pdo.binding import parse
-from eurobot_od.pdo.kinds import field_name
-from eurobot_od.web.asking import Arguments, PageRequest, Way, text_of, whole_of
-from eurobot_od.web.desk import Cyclic, Desk
-from eurobot_od.web.drives import SILENT
+from eurobot_od.pdo.kinds import Message, field_name
+from eurobot_od.support.files import read_whole, write_whole
+from eurobot_od.web.asking import Arguments, PageRequest, Way, text_of
+from eurobot_od.web.desk import Desk, SentList
 from eurobot_od.web.session import POLL_PERIOD
+from eurobot_od.web.views import files
 
-SHORTEST, LONGEST = 5, 60_000
-"""Periods of what is sent again and again, ms."""
+FOLDER = "sequences"
+"""Where the lists are kept."""
 
-MOST_CYCLIC = 20
+MOST_RUNNING = 20
+"""Most lists that are sent at once, and most that have ended and are still shown."""
 
 COMMANDS = {COMMAND_NAMES[command]: command for command in NmtCommand}
 
@@ -43,19 +51,19 @@ async def _message(desk: Desk, said: Arguments) -> Frame:
     binding = protocol.binding(text_of(said, "message"))
     message = parse(binding, [f"{name}={value}" for name, value in fields.items()])
     frame = protocol.encode(message)
-    await desk.confirm_frame(said, frame)
+    await desk.confirm_frames(said, frame)
+    await _confirm_panels(desk, message)
+    return frame
+
+
+async def _confirm_panels(desk: Desk, message: Message | None) -> None:
+    """Raise LocalError for a message that a panel objects to."""
+    if message is None:
+        return
     # One after the other, as a panel may wait for the answer of a node.
     for panel in desk.session.panels:
         if objection := await asyncio.to_thread(panel.objection, message, desk):
             raise LocalError(objection)
-    return frame
-
-
-async def _frame(desk: Desk, said: Arguments) -> Frame:
-    """Return a frame as it is written: `185#0102`."""
-    frame = Frame.parse(text_of(said, "frame"))
-    await desk.confirm_frame(said, frame)
-    return frame
 
 
 async def send(desk: Desk, said: Arguments) -> str:
@@ -100,8 +108,10 @@ def _order_from(desk: Desk, leader: Leader, frame: Frame) -> bool:
 
 
 async def send_frame(desk: Desk, said: Arguments) -> str:
-    """Send a frame."""
-    return await _send_once(desk, said, await _frame(desk, said))
+    """Send a frame as it is written: `185#0102`, or `705#R1` for a remote frame."""
+    frame = Frame.parse(text_of(said, "frame"))
+    await desk.confirm_frames(said, frame)
+    return await _send_once(desk, said, frame)
 
 
 async def _send_once(desk: Desk, said: Arguments, frame: Frame) -> str:
@@ -119,65 +129,126 @@ def nmt(desk: Desk, said: Arguments) -> str:
     return desk.send(Frame(NMT_COB_ID, bytes([known, node_id])))
 
 
-# With a period
+# Lists: kept in the folder of the page, and sent until they are over, or nobody wants them any more
 
 
-async def cycle(desk: Desk, said: Arguments) -> None:
-    """Send a frame or a message again and again, for as long as the page says so: then it is asked `again`."""
-    period = whole_of(said, "period")
-    if not SHORTEST <= period <= LONGEST:
-        raise LocalError(f"a period of {period} ms is not allowed; allowed: {SHORTEST}..{LONGEST} ms")
-    key = text_of(said, "key")
-    if said.get("again"):
-        if key not in desk.cyclic:
-            raise LocalError("it is no longer sent again and again")
-        desk.cyclic[key].until = desk.session.now + SILENT
-        return
-    if key in desk.cyclic:
-        raise LocalError(f"{key} is sent again and again already: end it first")
-    if len(desk.cyclic) >= MOST_CYCLIC:
-        raise LocalError(f"{MOST_CYCLIC} frames are sent again and again already: end another one first")
-    frame = await (_message(desk, said) if "message" in said else _frame(desk, said))
-    axes = desk.axes_of(desk.guard.drives_of(frame))
-    await desk.send_raw(said, axes, partial(desk.send_gated, frame))  # what is wrong with it is said at once
-    now = desk.session.now
-    desk.cyclic[key] = Cyclic(frame, said["who"], axes, period / 1000, now + period / 1000, now + SILENT)
+def lists(desk: Desk, _: Arguments) -> list[str]:
+    """Return the names of the lists that are kept."""
+    return sorted(each.stem for each in (desk.folder / FOLDER).glob("*.yaml"))
 
 
-def end_cycle(desk: Desk, said: Arguments) -> None:
-    """End that."""
-    end(desk, text_of(said, "key"))
+def kept_list(desk: Desk, said: Arguments) -> list[dict[str, Any]]:
+    """Return the rows of a list that is kept, as texts; raises UnknownName, YamlError."""
+    name = text_of(said, "name")
+    file = look_up("list", name, {each: desk.folder / FOLDER / f"{each}.yaml" for each in lists(desk, said)})
+    rows = read_list(read_whole(file).decode("utf-8", "replace"), file.name, desk.session.decoder.protocol)
+    return [each.written.as_texts() for each in rows]
 
 
-def end(desk: Desk, key: str) -> None:
-    """End what is sent again and again; what it moves is stopped, and does not go on to the last target."""
-    if each := desk.cyclic.pop(key, None):
+def keep_list(desk: Desk, said: Arguments) -> None:
+    """Keep rows under a name, as a file that `send` takes, too; a list that is there is replaced."""
+    rows = _text(said)
+    read_list(rows, text_of(said, "name"), desk.session.decoder.protocol)
+    write_whole(_file(desk, said), rows.encode())
+
+
+def remove_list(desk: Desk, said: Arguments) -> None:
+    """Remove a list that is kept, if there is one with the name."""
+    _file(desk, said).unlink(missing_ok=True)
+
+
+def _file(desk: Desk, said: Arguments) -> Path:
+    name = text_of(said, "name")
+    if not files.NAME.fullmatch(name):
+        raise LocalError(f"{name[:60]!r}: a list has letters, digits, blanks and . - + ( ) in its name")
+    folder = desk.folder / FOLDER
+    folder.mkdir(exist_ok=True)
+    return folder / f"{name}.yaml"
+
+
+def _text(said: Arguments) -> str:
+    """Return rows as YAML, one a line: what is wrong with a row is said with its number."""
+    rows = said.get("rows")
+    if not isinstance(rows, list) or not all(isinstance(each, dict) for each in rows):
+        raise LocalError("rows are missing, or not objects")
+    return "".join(f"- {json.dumps(each, ensure_ascii=False)}\n" for each in rows)
+
+
+async def begin_list(desk: Desk, said: Arguments) -> None:
+    """Send the rows of a list together, until they are over, or somebody ends it."""
+    key, title, protocol = text_of(said, "key"), text_of(said, "title"), desk.session.decoder.protocol
+    rows = read_list(_text(said), title, protocol)
+    if key in desk.lists and not desk.lists[key].ended:
+        raise LocalError(f"{title} is being sent already: end it first")
+    if len(desk.running_lists) >= MOST_RUNNING:
+        raise LocalError(f"{MOST_RUNNING} lists are being sent already: end another one first")
+    frames = [each.thing.frame for each in rows]
+    await desk.confirm_frames(said, *frames)
+    for each in rows:
+        await _confirm_panels(desk, each.thing.message)
+    axes = desk.axes_of(frozenset().union(*map(desk.guard.drives_of, frames)))
+
+    def begin() -> None:  # inside the order: a stop that comes before it is late is not overtaken
+        desk.lists[key] = SentList(title, RunningList(rows, protocol, desk.session.now), said["who"], axes)
+
+    await desk.send_raw(said, axes, begin)
+    desk.heard.set()
+
+
+def end_list(desk: Desk, said: Arguments) -> None:
+    """End a list."""
+    if each := desk.lists.get(text_of(said, "key")):
+        end(desk, each, "ended")
+
+
+def end(desk: Desk, each: SentList, why: str) -> None:
+    """End a list; what it moves is stopped, and does not go on to the last target."""
+    if not each.ended:
+        each.ended = why
         desk.drives.end_raw(each.axes, each.who)
 
 
+def end_all(desk: Desk, why: str) -> None:
+    """End all lists, and leave it to the caller to stop what they move."""
+    for each in desk.running_lists:
+        each.ended = why
+
+
 def end_of(desk: Desk, who: object) -> None:
-    """End what is sent again and again for somebody."""
-    for key in [key for key, each in desk.cyclic.items() if each.who is who]:
-        end(desk, key)
+    """End the lists of somebody."""
+    for each in desk.running_lists:
+        if each.who is who:
+            end(desk, each, "its page is gone")
 
 
-async def send_cyclic(desk: Desk) -> None:
-    """Send what is to be sent again and again; what can no longer be sent, and what no page wants, ends."""
+async def send_lists(desk: Desk) -> None:
+    """Send what is due of the lists; what can no longer be sent, and what no page wants, ends."""
     while True:
-        now = desk.session.now
-        for key, each in list(desk.cyclic.items()):
-            # Whoever has stopped an axis has stopped all that moves it.
-            if each.until < now or not desk.drives.is_raw(each.axes, each.who):
-                end(desk, key)
-            elif each.due <= now:
-                try:
-                    await asyncio.to_thread(desk.send, each.frame)
-                except EurobotError:
-                    end(desk, key)
-                # Not from `now`: a period that is late once would be late for ever.
-                each.due = max(each.due + each.period, desk.session.now)
-        soonest = min((each.due for each in desk.cyclic.values()), default=now + POLL_PERIOD)
-        await asyncio.sleep(max(min(soonest - desk.session.now, POLL_PERIOD), 0.001))
+        desk.heard.clear()
+        for each in desk.running_lists:
+            if desk.drives.is_silent(each.who):
+                end(desk, each, "its page is not heard")
+            elif frames := each.running.due(desk.session.now):
+                await asyncio.to_thread(_send_due, desk, each, frames)
+            if each.running.is_over:
+                end(desk, each, "all is sent")
+        for key in [key for key, each in desk.lists.items() if each.ended][:-MOST_RUNNING]:
+            del desk.lists[key]
+        soonest = min((each.running.next for each in desk.running_lists), default=inf)
+        with suppress(TimeoutError):
+            await asyncio.wait_for(desk.heard.wait(), max(min(soonest - desk.session.now, POLL_PERIOD), 0.001))
+
+
+def _send_due(desk: Desk, each: SentList, frames: Iterable[Frame]) -> None:
+    """Send frames of a list, unless it has ended, or something has stopped what it moves."""
+    try:
+        for frame in frames:
+            with desk.drives.raw_gate(each.axes, each.who):
+                if each.ended:
+                    return
+                desk.send(frame)
+    except EurobotError as error:
+        end(desk, each, str(error))
 
 
 # Stop
@@ -186,7 +257,7 @@ async def send_cyclic(desk: Desk) -> None:
 def stop(desk: Desk, _: Arguments) -> str:
     """Stop what can be stopped, past whatever is waiting; raises BusError while the bus is lost."""
     desk.jobs.end(is_stopped=True)
-    desk.cyclic.clear()
+    end_all(desk, "STOP")
     done = desk.drives.stop_all() if desk.drives.axes or not desk.stop_message else ""
     done = "; ".join(filter(None, [_stop_plan(desk) if desk.stop_message else "", done]))
     if desk.session.tap.trouble:
@@ -212,6 +283,10 @@ REQUESTS = {
     "nmt": PageRequest(nmt, Way.SENDS, acts=True),
     "stop": PageRequest(stop, Way.AT_ONCE, acts=True),
     "send frame": PageRequest(send_frame, Way.ORDERS, acts=True),
-    "cycle": PageRequest(cycle, Way.ORDERS, acts=True),
-    "end cycle": PageRequest(end_cycle, Way.AT_ONCE, acts=True),
+    "lists": PageRequest(lists, Way.AT_ONCE),
+    "list": PageRequest(kept_list, Way.AT_ONCE),
+    "keep list": PageRequest(keep_list, Way.AT_ONCE, acts=True),
+    "remove list": PageRequest(remove_list, Way.AT_ONCE, acts=True),
+    "begin list": PageRequest(begin_list, Way.ORDERS, acts=True),
+    "end list": PageRequest(end_list, Way.AT_ONCE, acts=True),
 }
