@@ -18,18 +18,25 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the defects of the rules of lint are the tests'
+    sys.path.insert(0, str(ROOT))  # the defects of the rules of lint, and the reported device, are the tests'
 
 import lint_mutants  # noqa: E402
 
+from eurobot_od.check.conformance import page  # noqa: E402
+from eurobot_od.check.conformance.clauses import Tier  # noqa: E402
+from eurobot_od.check.conformance.page import DeviceRun  # noqa: E402
+from eurobot_od.device.faults import FAULTS  # noqa: E402
+from eurobot_od.device.simulated import SimulatedDevice  # noqa: E402
 from eurobot_od.export.forms import docs_text  # noqa: E402
 from eurobot_od.lint.findings import LEVELS  # noqa: E402
+from eurobot_od.od.dictionary import Dictionary  # noqa: E402
 from eurobot_od.robot import dialects  # noqa: E402
 from eurobot_od.robot.check.diagnosis import EurobotRule  # noqa: E402
 from eurobot_od.robot.protocol import EurobotProtocol  # noqa: E402
 from eurobot_od.sdo.wire import Reason, code_and_reason  # noqa: E402
 from eurobot_od.traffic.diagnosis.incidents import IncidentRule  # noqa: E402
 from eurobot_od.traffic.diagnosis.rules import BusRule  # noqa: E402
+from tests.kit.devices import IO_MODULE, NODE_ID, results, suites_of  # noqa: E402
 
 # docs/aborts.md
 
@@ -154,10 +161,24 @@ def messages() -> str:
     return text.replace("\n", f"\n\n{MESSAGES_READER}\n", 1)
 
 
+# docs/reports/io-module.md
+
+REPORT = ROOT / "docs" / "reports" / "io-module.md"
+
+
+def conformance_report() -> str:
+    """Return the conformance report of a simulated I/O module with a fault in its node guarding."""
+    module = Dictionary.load(IO_MODULE, NODE_ID)
+    kind = FAULTS["guarding-toggle-stuck"].given_to(SimulatedDevice)
+    done = list(results(suites_of(module, Tier.DESTRUCTIVE), kind))
+    return page.text(REPORT, [DeviceRun(module, Tier.DESTRUCTIVE, done)])
+
+
 MADE: Mapping[Path, Callable[[], str]] = {
     ROOT / "docs" / "messages.md": messages,
     ROOT / "docs" / "aborts.md": aborts,
     ROOT / "docs" / "diagnosis-rules.md": diagnosis_rules,
+    REPORT: conformance_report,
     lint_mutants.OUTPUT: lint_mutants.page,
     NAMES: public_names,
 }

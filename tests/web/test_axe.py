@@ -24,7 +24,7 @@ SERIOUS = ("serious", "critical")
 SIZES = [(1280, 720, False), (390, 844, True)]
 
 
-PAGES = ("index", "api", "any-device", "messages", "page", "reports/stock-canopen")
+PAGES = ("index", "api", "any-device", "messages", "page", "reports/io-module")
 """Pages of the site with all that a page can have."""
 
 needs_axe = pytest.mark.skipif(not AXE.is_file(), reason=AXE_CORE.remedy)
