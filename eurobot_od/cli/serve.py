@@ -37,9 +37,11 @@ from eurobot_od.support.connections import parse as parse_address
 from eurobot_od.support.files import read_whole, write_whole
 from eurobot_od.traffic.compare import ComparedEntry, Tolerances, compare
 from eurobot_od.traffic.diagnosis import Diagnosis
+from eurobot_od.traffic.formats.index import LogIndex
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.editor import SUFFIXES, EditableFile, FileEditor
+from eurobot_od.web.longlog import LONG, LongLog, LongLogs
 from eurobot_od.web.page import Columns, Panel, page, stop_message
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
@@ -242,19 +244,33 @@ class ServedPage:
 
     async def show_logs(self, logs: Sequence[str], can_leave: bool = False) -> bool:
         """Serve the page of logs; return whether the user left it."""
-        devices = self.devices
         decoder = decoder_for(logs, self.reading, self.devices, self.names)
-        panels = devices.panels(decoder)
+        panels = self.devices.panels(decoder)
         titles = told_apart(logs)
         kept = [list[ComparedEntry]() for _ in logs]
-        columns = [Columns(name, decoder, self.bit_rate, panels) for name in titles]
-        sources = [
-            _source(log, self.reading, each, self._diagnosis(decoder), panels, own)
-            for log, each, own in zip(logs, columns, kept)
-        ]
-        text = page(" and ".join(titles), sources, panels, leave=can_leave, editor=True, **_compared(kept, decoder))
+        diagnosis = partial(self._diagnosis, decoder)
+        longs = [self._long(log, name, decoder, diagnosis) for log, name in zip(logs, titles)]
+
+        def source(place: int, long: LongLog | None) -> dict[str, Any]:
+            columns = Columns(titles[place], decoder, self.bit_rate, panels)
+            own = kept[place] if len(logs) == MOST_LOGS else None
+            return long.data() if long else _source(logs[place], self.reading, columns, diagnosis(), panels, own)
+
+        sources = [source(*each) for each in enumerate(longs)]
+        compared = {} if any(longs) else _compared(kept, decoder)
+        text = page(" and ".join(titles), sources, panels, leave=can_leave, editor=True, **compared)
         left, posts = _leaving(can_leave)
-        return await self.server.serve(lambda: text, None, {**posts, **self._editing(partial(files_of, decoder))}, left)
+        asked = LongLogs(longs)
+        posts = {**posts, **self._editing(partial(files_of, decoder)), "/log": asked.post}
+        async with asked.building():
+            return await self.server.serve(lambda: text, None, posts, left)
+
+    def _long(self, log: str, name: str, decoder: Decoder, diagnosis: Callable[[], Diagnosis]) -> LongLog | None:
+        """Return a log that is too long to be on the page as a whole; None for any other, or without places."""
+        if not Path(log).is_file() or Path(log).stat().st_size < LONG:
+            return None
+        index = LogIndex.of(Path(log), self.reading.format, self.reading.largest)
+        return None if index is None else LongLog(name, index, decoder, self.bit_rate, diagnosis)
 
     async def show_files(self) -> bool:
         """Serve the page of the files to be edited; return whether the user left it."""
@@ -362,7 +378,7 @@ def _source(
     columns: Columns,
     diagnosis: Diagnosis,
     panels: Sequence[type[Panel]],
-    kept: list[ComparedEntry],
+    kept: list[ComparedEntry] | None,
 ) -> dict[str, Any]:
     """Read a log as a source of the page, with the files of plug-ins beside it; `kept` collects its entries."""
     damage = DamageCounts()
@@ -372,11 +388,12 @@ def _source(
         meaning = diagnosis.take(time, channel, raw, line)
         damage.add(log, line, meaning.defects)
         columns.take(time, meaning)
-        kept.append(ComparedEntry(time, raw))
+        if kept is not None:
+            kept.append(ComparedEntry(time, raw))
     diagnosis.end()
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     if columns.left_out:
-        complain(f"{log}: {columns.left_out} frames are left out: a page cannot hold them all")
+        complain(f"{log}: {columns.left_out} frames are left out: only logs of lines, not packed, are shown whole")
     rows: list[dict[str, Any]] = []
     for panel in panels:
         try:

@@ -113,7 +113,8 @@ class Stamps(Sequence[float]):
         return map(float, self._stamps)
 
     def __getitem__(self, place: Any) -> Any:
-        return float(self._stamps[place])
+        found = self._stamps[place]
+        return Stamps(found) if isinstance(place, slice) else float(found)
 
 
 class Batch(NamedTuple):
@@ -143,6 +144,13 @@ class Batch(NamedTuple):
         if len(parts) == 1:
             return parts[0]
         return cls(*(list(chain.from_iterable(each)) for each in zip(*map(_stamped, parts))))
+
+    def part(self, first: int, end: int) -> Batch:
+        """Return the entries from a place up to another one, which is no longer in it."""
+        wanted = slice(first, end)
+        lines, times, channels = self.lines[wanted], self.times[wanted], self.channels[wanted]
+        stamps = self.stamps and self.stamps[wanted]
+        return Batch(lines, times, channels, self.heads[wanted], self.data[wanted], stamps)
 
     def raw(self, place: int) -> Raw:
         """Return what stands at a place in the batch."""

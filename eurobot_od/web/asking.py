@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from enum import Enum
+from math import isfinite
 from typing import Any, NamedTuple
 
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import EurobotError, LocalError
+from eurobot_od.support.texts import one_line
 
 Arguments = Mapping[str, Any]
 """The fields of a request besides its name; `who` is the browser that asks."""
@@ -38,6 +40,20 @@ def read_request(text: str) -> dict[str, Any]:
     return said
 
 
+def answered(text: str, do: Callable[[dict[str, Any]], Any]) -> str:
+    """Answer a request by what `do` returns or refuses, both as JSON; it does not raise."""
+    try:
+        said = read_request(text)
+    except (ValueError, RecursionError):  # RecursionError: too many nested brackets
+        return json.dumps({"error": "a request is JSON"})
+    except LocalError as error:
+        return json.dumps({"error": str(error)})
+    try:
+        return json.dumps({"ok": do(said)})
+    except (EurobotError, OSError) as error:
+        return json.dumps({"error": one_line(str(error))})
+
+
 def text_of(said: Arguments, name: str) -> str:
     """Return a field that has to be a text; raises LocalError."""
     value = said.get(name)
@@ -51,4 +67,12 @@ def whole_of(said: Arguments, name: str) -> int:
     value = said.get(name)
     if not isinstance(value, int) or isinstance(value, bool):
         raise LocalError(f"{name} is missing, or not a whole number")
+    return value
+
+
+def number_of(said: Arguments, name: str) -> float:
+    """Return a field that has to be a number; raises LocalError."""
+    value = said.get(name)
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not isfinite(value):
+        raise LocalError(f"{name} is missing, or not a number")
     return value

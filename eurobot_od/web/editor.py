@@ -8,14 +8,13 @@ U+00FF for each, so that line ends and letters of any encoding come back as they
 from __future__ import annotations
 
 import asyncio
-import json
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from eurobot_od.errors import DictionaryError, EurobotError, LocalError, look_up
+from eurobot_od.errors import DictionaryError, LocalError, look_up
 from eurobot_od.lint.edits import VERBS, difference, make_edit
 from eurobot_od.lint.findings import LEVELS, Finding
 from eurobot_od.lint.rules import lint
@@ -31,7 +30,7 @@ from eurobot_od.od.editing import PROFILES, readable
 from eurobot_od.od.values import ACCESS_TYPES, DATA_TYPES, DUMMIES, MappingEntry, label
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.texts import one_line
-from eurobot_od.web.asking import Arguments, read_request, text_of
+from eurobot_od.web.asking import Arguments, answered, text_of
 from eurobot_od.web.page import picked
 
 SUFFIXES = (".eds", ".dcf")
@@ -80,14 +79,11 @@ class FileEditor:
 
     def answer(self, body: str) -> str:
         """Answer a request, both as JSON; it never raises."""
-        try:
-            said = read_request(body)
-            function = look_up("request", str(said.get("do"))[:40], REQUESTS)
-            return json.dumps({"ok": function(self, said)})
-        except (ValueError, RecursionError):  # RecursionError: too many nested brackets
-            return json.dumps({"error": "a request is JSON"})
-        except (EurobotError, OSError) as error:
-            return json.dumps({"error": one_line(str(error))})
+
+        def do(said: Arguments) -> Any:
+            return look_up("request", str(said.get("do"))[:40], REQUESTS)(self, said)
+
+        return answered(body, do)
 
     def list_files(self, _: Arguments) -> dict[str, Any]:
         """Return the files that can be opened, and what a form needs to know."""

@@ -244,12 +244,22 @@ class _Row:
 
 
 class Columns:
-    """Collects a log; times count from its first entry. `left_out` counts the entries that are too many for a page."""
+    """Collects a log, or a part of it, whose times count from `start`, or else from its first entry.
 
-    def __init__(self, name: str, decoder: Decoder, bitrate: int, panels: Iterable[type[Panel]] = ()) -> None:
+    `left_out` counts the entries that are too many for a page.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        decoder: Decoder,
+        bitrate: int,
+        panels: Iterable[type[Panel]] = (),
+        start: float | None = None,
+    ) -> None:
         self.name, self.bitrate, self._decoder = name, bitrate, decoder
         self.left_out = 0
-        self.start: float | None = None
+        self.start = start
         self._end = 0.0
         self._taken = 0
         self._rows: dict[int | Damage, _Row] = {}
@@ -258,26 +268,35 @@ class Columns:
         self._watch, self._health = BusEvents(decoder), NodesHealth(decoder.dictionaries)
         self._looked = 0.0
 
-    def take(self, time: float, meaning: Meaning) -> None:
-        """Take in an entry of the log."""
+    def take(self, time: float, meaning: Meaning, number: int | None = None) -> None:
+        """Take in an entry of the log, the next one or that of a `number`."""
         if self._taken >= MOST_FRAMES:
             self.left_out += 1
             return
         self.start = time if self.start is None else self.start
         now, raw = time - self.start, meaning.raw
         self._taken, self._end = self._taken + 1, max(self._end, now)
+        number = number or self._taken
         row = self._rows.get(raw[0])
         if row is None:
             row = self._rows[raw[0]] = _Row(meaning, raw.cob_id if isinstance(raw, Frame) else None)
-        row.take(self._taken, now, meaning)
-        self._health.take(now, meaning)
-        if now - self._looked >= LOOK:
-            self._looked = now
-            self.add(self._watch.look(now, self._health.nodes))
-        self.add(self._watch.take(self._taken, now, meaning))
+        row.take(number, now, meaning)
+        self.note(number, now, meaning)
         if meaning.message is not None:
             for panel in self._panels:
                 self.add(panel.take(now, meaning.message))
+
+    def note(self, number: int, now: float, meaning: Meaning) -> None:
+        """Take in what an entry tells of nodes and events, `now` seconds after the start."""
+        self._health.take(now, meaning)
+        if now - self._looked >= LOOK:
+            self.look(now)
+        self.add(self._watch.take(number, now, meaning))
+
+    def look(self, now: float) -> None:
+        """Notice the nodes that are lost or back."""
+        self._looked = now
+        self.add(self._watch.look(now, self._health.nodes))
 
     def add(self, events: Iterable[PageEvent]) -> None:
         """Enter events, whose times count from the start."""
@@ -285,12 +304,15 @@ class Columns:
             self._events[event.key] = event
             self._end = max(self._end, event.time)
 
-    def data(self, more: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
-        """Return the source as data for the page; `more` are rows of what was not on the bus."""
+    def shown(self, more: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+        """Return rows and events as data; `more` are rows of what was not on the bus."""
         rows = [*(row.described() for row in self._rows.values()), *more]
+        return {"rows": rows, "events": list(map(event_data, list(self._events.values())))}
+
+    def data(self, more: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+        """Return the source as data for the page."""
         times = {"began": self.start, "end": round(self._end, DIGITS)}
-        shown = {"rows": rows, "events": list(map(event_data, self._events.values()))}
-        return picked(self, "name", "bitrate", "left_out") | times | shown | described(self._decoder)
+        return picked(self, "name", "bitrate", "left_out") | times | self.shown(more) | described(self._decoder)
 
 
 # The file
@@ -299,7 +321,18 @@ class Columns:
 FILES = Path(__file__).with_name("files")
 STYLES = ("uplot.css", "page.css", "files.css")
 SCRIPTS = (  # in this order: each uses the ones before it
-    *("uplot.js", "dom.js", "store.js", "messages.js", "trace.js", "plots.js", "nodes.js", "objects.js", "send.js"),
+    *(
+        "uplot.js",
+        "dom.js",
+        "longlog.js",
+        "store.js",
+        "messages.js",
+        "trace.js",
+        "plots.js",
+        "nodes.js",
+        "objects.js",
+        "send.js",
+    ),
     *("settings.js", "checks.js", "layouts.js"),
     *("editor.js", "mapping.js", "filetree.js", "fileform.js", "files.js"),
     *("events.js", "drive.js", "page.js"),

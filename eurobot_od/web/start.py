@@ -6,22 +6,20 @@ Whoever serves it carries the choice out, and serves the page of a bus or a log 
 from __future__ import annotations
 
 import asyncio
-import json
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from eurobot_od.bus import live
 from eurobot_od.bus.live.listening import BIT_RATES, check_silent, frames_at
-from eurobot_od.errors import EurobotError, LocalError, look_up
+from eurobot_od.errors import LocalError, look_up
 from eurobot_od.library.index import LibraryEntry
 from eurobot_od.library.library import Library
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support.files import write_whole
 from eurobot_od.web import page
-from eurobot_od.web.asking import Arguments, read_request, text_of, whole_of
+from eurobot_od.web.asking import Arguments, answered, text_of, whole_of
 from eurobot_od.web.views import files
 
 LOGS = (".log", ".asc", ".blf", ".trc", ".csv", ".pcap", ".pcapng", ".txt", ".mf4", ".db")
@@ -73,18 +71,15 @@ class StartPage:
     async def answer(self, text: str) -> str:
         """Answer a request, both as JSON."""
         try:
-            said = read_request(text)
-            if not self._may_act:
-                raise LocalError("this page is read-only: start the server with --control")
-            ask = look_up("request", str(said.get("do"))[:40], REQUESTS)
-            return json.dumps({"ok": await asyncio.to_thread(partial(ask, self, {**said, "who": None}))})
-        except (ValueError, RecursionError):
-            return json.dumps({"error": "a request is JSON"})
-        except (EurobotError, OSError) as error:
-            return json.dumps({"error": str(error)})
+            return await asyncio.to_thread(answered, text, self._do)
         finally:
             if self.choice is not None:
                 self.chosen.set()
+
+    def _do(self, said: Arguments) -> Any:
+        if not self._may_act:
+            raise LocalError("this page is read-only: start the server with --control")
+        return look_up("request", str(said.get("do"))[:40], REQUESTS)(self, {**said, "who": None})
 
 
 # What is here

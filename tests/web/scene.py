@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from pathlib import Path
+from types import MappingProxyType
 
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.traffic.meaning import Decoder
@@ -18,7 +19,7 @@ from eurobot_od.web.desk import NO_EQUIPMENT, Desk, Equipment
 from eurobot_od.web.editor import EditableFile, FileEditor
 from eurobot_od.web.page import Panel, stop_message
 from eurobot_od.web.requests import Requests
-from eurobot_od.web.server import served
+from eurobot_od.web.server import Post, served
 from eurobot_od.web.session import Session
 from tests.kit import plant
 
@@ -50,14 +51,15 @@ def serving(
     requests: Requests | None = None,
     port: int = 0,
     editor: FileEditor | None = None,
+    posts: Mapping[str, Post] = MappingProxyType({}),
 ) -> Iterator[str]:
     """Serve a page in a thread; gives its address."""
     loop, stop, ready = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
     addresses: list[str] = []
 
     async def run() -> None:
-        posts = {"/files": editor.post} if editor else {}
-        async with served(text, access, port, requests, posts) as address:
+        every = {**posts, **({"/files": editor.post} if editor else {})}
+        async with served(text, access, port, requests, every) as address:
             addresses.append(address)
             ready.set()
             await stop.wait()

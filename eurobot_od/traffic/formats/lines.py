@@ -11,9 +11,10 @@ from binascii import a2b_base64, a2b_hex
 from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import suppress
+from copy import copy
 from datetime import UTC, datetime, timedelta
 from functools import cache
-from typing import TYPE_CHECKING, BinaryIO, cast
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple, cast
 
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame
 from eurobot_od.traffic import entries
@@ -46,14 +47,37 @@ PIECE = 1 << 16
 """Bytes of a log that are read at once, if they are there: some thousand lines."""
 
 
+class Place(NamedTuple):
+    """The start of a line from which a log can be read on.
+
+    `offset` counts bytes and `line` the lines before it; `time` is that of the entry before it, in s; `form` is the
+    format with what it has read of a header by then.
+    """
+
+    offset: int
+    line: int
+    time: float
+    form: LineFormat
+
+    @classmethod
+    def first(cls, form: LineFormat) -> Place:
+        """Return the start of a log."""
+        return cls(0, 0, 0.0, form)
+
+
 def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Iterator[Batch]:
     """Read a log of lines, those that are there at once; what cannot be read is Foreign, with the time before it.
 
     Of a line longer than `largest` bytes the start is kept and the rest skipped.
     """
-    before, time = 0, 0.0
-    for piece in _pieces(file, largest):
-        batches: list[Batch] = []
+    return (batch for _, batch in placed_lines(file, Place.first(form), largest))
+
+
+def placed_lines(file: BinaryIO, start: Place, largest: int) -> Iterator[tuple[Place, Batch]]:
+    """Read as `read_lines` from a place on, to which the file has been brought; yield each batch with its place."""
+    before, time, form = start.line, start.time, copy(start.form)
+    for offset, piece in _pieces(file, largest, start.offset):
+        place, batches = Place(offset, before, time, copy(form)), list[Batch]()
         for part in form.parts(piece):
             if isinstance(part, Batch):
                 made = part._replace(lines=range(before + 1, before + 1 + len(part.heads)))
@@ -65,25 +89,26 @@ def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Iterator[Batch
                 batches.append(made)
                 time = made.times[-1]
         if batches:
-            yield Batch.joined(batches)
+            yield place, Batch.joined(batches)
 
 
-def _pieces(file: BinaryIO, largest: int) -> Iterator[bytes]:
-    """Yield whole lines as soon as they are there, at last what stands behind the last line end."""
+def _pieces(file: BinaryIO, largest: int, start: int) -> Iterator[tuple[int, bytes]]:
+    """Yield whole lines as soon as they are there, at last what stands behind the last line end; with their offsets."""
     source, left = cast("BufferedReader", file), b""
-    first = True
+    read = begun = start
     while block := source.read1(PIECE):
-        block, first = block.removeprefix(BOM_UTF8) if first else block, False
+        read += len(block)
+        block = block.removeprefix(BOM_UTF8) if read == len(block) else block
         if b"\n" not in block and block.count(b"\r") > 1:  # line ends of an old Mac
             block = block.replace(b"\r", b"\n")
         lines, end, rest = block.rpartition(b"\n")
         if end:
-            yield _shortened(left + lines + end, largest)
-            left = rest
+            yield begun, _shortened(left + lines + end, largest)
+            left, begun = rest, read - len(rest)
         elif len(left) <= largest:
             left += rest
     if left:
-        yield left[:largest]
+        yield begun, left[:largest]
 
 
 def _shortened(lines: bytes, largest: int) -> bytes:

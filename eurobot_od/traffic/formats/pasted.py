@@ -165,10 +165,8 @@ class ColumnsFormat(LineFormat):
         units = [found[1].lower() if (found := UNIT.search(each)) else "" for each in words]
         names = [re.sub(r"[^a-z0-9]", "", UNIT.sub("", each).lower()) for each in words]
         octets = {found[1] or found[2]: place for place, name in enumerate(names) if (found := OCTET.fullmatch(name))}
-        for what, known in NAMES.items():
-            place = next((names.index(name) for name in known if name in names), None)
-            if place is not None:
-                self._places[what] = place
+        found_at = {what: [names.index(name) for name in known if name in names] for what, known in NAMES.items()}
+        self._places = {what: places[0] for what, places in found_at.items() if places}
         if "id" not in self._places or not (octets or "data" in self._places):
             self._places = {}
             return False

@@ -55,7 +55,15 @@ function timeline() {
     oninput: () => clock.seek(Number(slider.value)),
   });
   const lanes = sources.map(source => s("svg", {class: "lane", viewBox: "0 0 1000 20", preserveAspectRatio: "none", role: "img",
-    "aria-label": `events of ${source.name}`}, ...source.sortedEvents().filter(each => each.kind !== "boot-up").map(eventMark)));
+    "aria-label": `events of ${source.name}`}));
+  let marked = "";
+  const mark = () => {                      // a long log grows until all of it is read
+    const told = [clock.end, ...sources.map(each => each.events.size)].join();
+    if (told === marked) return;
+    marked = told;
+    slider.max = clock.end;
+    lanes.forEach((lane, place) => lane.replaceChildren(...sources[place].sortedEvents().filter(each => each.kind !== "boot-up").map(eventMark)));
+  };
   const play = h("button", {id: "play", class: "main", onclick: () => clock.toggle()}, "Play");
   const speed = h("select", {id: "speed", "aria-label": "speed", onchange: () => clock.faster(SPEEDS.indexOf(Number(speed.value)) - SPEEDS.indexOf(clock.speed))},
     ...SPEEDS.map(each => h("option", {value: each}, `${each} ×`)));
@@ -64,6 +72,7 @@ function timeline() {
     h("div", {class: "buttons"}, h("button", {onclick: () => stepEvent(-1), "aria-label": "event before", title: "event before: ,"}, "‹ Event"),
       play, h("button", {onclick: () => stepEvent(1), "aria-label": "next event", title: "next event: ."}, "Event ›"), speed, shown));
   return {element, show(time) {
+    mark();
     if (document.activeElement !== slider || clock.running || Math.abs(slider.value - time) > 1e-6) slider.value = time;
     say(play, clock.running ? "Pause" : "Play");
     say(shown, `${time.toFixed(1)} s of ${clock.end.toFixed(1)} s`);
@@ -114,8 +123,9 @@ function diagnosisView() {
   const all = content.sources.map(diagnosisOf);
   let asked = -Infinity;
   return {element: h("div", {class: "diagnosis"}, ...all.map(each => each.element)), show() {
-    if (!live || !connection.up || performance.now() - asked < 1000) return;
+    if (performance.now() - asked < 1000) return;
     asked = performance.now();
-    quietly(connection.ask({do: "diagnosis"}).then(all[0].take));
+    if (live && connection.up) quietly(connection.ask({do: "diagnosis"}).then(all[0].take));
+    for (const {long, number} of sources) if (long && !long.diagnosed) quietly(long.diagnosis().then(all[number].take));
   }};
 }

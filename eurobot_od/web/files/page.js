@@ -13,7 +13,7 @@ const VIEWS = [
   {name: "checks", title: "Checks", make: checksView, if: live},
   {name: "drives", title: "Drives", make: drivesView, if: driven.length > 0},
   {name: "events", title: "Events", make: eventsView},
-  {name: "diagnosis", title: "Diagnosis", make: diagnosisView, if: live || content.sources.some(each => each.diagnosis)},
+  {name: "diagnosis", title: "Diagnosis", make: diagnosisView, if: live || content.sources.some(each => each.diagnosis || each.long)},
   {name: "files", title: "Files", make: filesView, if: content.editor === true, whole: true, bare: true},
   {name: "compare", title: "Compare", make: content.comparison && compareView, if: Boolean(content.comparison)},
 ];
@@ -51,7 +51,7 @@ function statusLine() {
     const [worst] = sources.map(each => lifeOf(each, time)).sort((one, two) => WORST.indexOf(one.life) - WORST.indexOf(two.life));
     life.set(worst.life, worst.text);
     if (!live) {
-      say(text, sources.map(each => each.leftOut ? `${each.leftOut} frames left out` : "").filter(Boolean).join(", "));
+      say(text, sources.map(each => each.long?.words || (each.leftOut ? `${each.leftOut} frames left out` : "")).filter(Boolean).join(", "));
       say(load, `load ${sources.map(each => `${(100 * each.load(time)).toFixed(1)} %`).join(" | ")}`);
       return;
     }
@@ -194,6 +194,7 @@ function start() {
     const time = clock.time, now = performance.now();
     if (!live && clock.running && time >= clock.end) clock.pause();
     if (plots.lost && (!live || connection.up)) plots.restore();
+    for (const {long} of sources) long?.follow(time);
     if (clock.running || stale) {
       const tables = now - drawn > TABLES || (stale && !clock.running);
       stale = false;

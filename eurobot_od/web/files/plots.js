@@ -135,7 +135,7 @@ class Plot {
   }
   drawn() {                                 // what can be seen
     const [from, to] = plots.range(), now = live ? clock.time : clock.end;
-    return uPlot.join(this.series.map(each => untilNow(thinned(each, from, to, this.canvas.clientWidth), Math.min(to, now))));
+    return uPlot.join(this.series.map(each => untilNow(each.drawn(from, to, this.canvas.clientWidth), Math.min(to, now))));
   }
   data() { return uPlot.join(this.series.map(samplesOf)); }   // all there is
   ranged() {
@@ -200,6 +200,9 @@ const plots = {
   },
   zoom(range) {
     this.zoomed = range;
+    this.redraw();
+  },
+  redraw() {
     for (const each of this.all) if (each.chart) each.ranged();
     stale = true;
   },

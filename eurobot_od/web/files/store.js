@@ -26,6 +26,11 @@ class Row {
     this.wrongAt = Object.keys(data.wrong || {}).map(Number).sort((a, b) => a - b);
     this.wrong = data.times ? data.wrong : {};
     this.latest = null;
+    this.before = 0;                        // frames of a long log that came before those that are here
+  }
+  load(data, before) {                      // of a long log: the frames of a window
+    const bits = data.bits ?? this.bits;
+    Object.assign(this, new Row(this.source, {key: this.key, id: this.id, name: this.name, group: this.group, nodes: this.nodes, foreign: this.foreign, times: [], values: this.fields.map(() => []), texts: [], ...data}), {bits, before});
   }
   append(time, values, text) {              // live: a frame
     this.times.push(Math.max(time, this.times.at(-1) ?? time));  // in order, also when the adapter's clock is set
@@ -41,7 +46,7 @@ class Row {
     let square = 0;
     for (let each = first; each < count - 1; each++) square += (this.times[each + 1] - this.times[each] - period) ** 2;
     return {
-      count: this.latest ? this.latest.count - (this.times.length - count) : count,
+      count: this.latest ? this.latest.count - (this.times.length - count) : count + this.before,
       period, jitter: period === null ? null : Math.sqrt(square / number), age: time - last, time: last,
       wrong: upTo(this.wrongAt, count - 1), defects: this.wrong[count - 1] || "", data: this.data[count - 1] || "",
       values: this.texts[count - 1] ? null : this.columns.map(column => column[count - 1]), text: this.textAt(count - 1),
@@ -76,9 +81,29 @@ class Source {
     this.end = data.end || 0;
     this.forget();
     for (const each of data.rows || []) this.enter(each);
-    for (const each of data.events || []) this.events.set(each.key, each);
-    for (const row of this.rows.values()) for (const place of row.numbers.keys()) this.frames.push(new LoggedFrame(row, place));
-    this.frames.sort((one, two) => one.number - two.number);
+    this.takeEvents(data.events || []);
+    this.frames = this.logged(0);
+    this.long = data.long ? new LongLog(this) : null;
+  }
+  logged(first) {                           // the frames of all rows in the order of the bus
+    const frames = [...this.rows.values()].flatMap(row => row.numbers.map((_, place) => new LoggedFrame(row, place)));
+    return frames.filter(each => each.number >= first).sort((one, two) => one.number - two.number);
+  }
+  takeEvents(events) { for (const each of events) this.events.set(each.key, each); }
+  takeIndex({rows, events, began, end}) {   // of a long log
+    for (const each of rows) this.enter(each);
+    this.takeEvents(events);
+    Object.assign(this, {began, end});
+  }
+  takeWindow({rows, events, first, counts}) {
+    const named = new Map(rows.map(each => [each.key, each]));
+    for (const each of rows) this.enter(each);
+    for (const row of this.rows.values()) {
+      const data = named.get(row.key) || {}, earlier = (data.numbers || []).filter(each => each < first).length;
+      row.load(data, (counts[row.key] || 0) - earlier);
+    }
+    this.takeEvents(events);
+    this.frames = this.logged(first);
   }
   forget() {                                // as at the beginning
     this.rows = new Map();
@@ -197,6 +222,10 @@ class FieldSeries {
   number(value) { return number(this.field, value); }
   written(value) { return written(this.field, value); }
   get trouble() { return ""; }
+  drawn(from, to, pixels) {
+    const {long} = this.source;
+    return long && !long.has(from, to) ? long.samples(this, from, to, pixels) : thinned(this, from, to, pixels);
+  }
 }
 class ObjectSeries {
   constructor(source, key, watched, unit = "") {
@@ -210,6 +239,7 @@ class ObjectSeries {
   get trouble() { return this.kept.trouble; }
   number(value) { return typeof value === "number" ? value : null; }
   written(value) { return `${value}${this.unit ? " " + this.unit : ""}`; }
+  drawn(from, to, pixels) { return thinned(this, from, to, pixels); }
 }
 const samplesOf = series => [series.times, series.values.map(value => series.number(value))];
 function valueAt(series, time) {            // as text, empty before the first one
@@ -326,9 +356,9 @@ const connection = {
     });
   },
 };
-async function request(what, done) {        // ask, and show the outcome as a toast
+async function request(what, done, who = connection) {  // ask, and show the outcome as a toast
   try {
-    const answer = await connection.ask(what);
+    const answer = await who.ask(what);
     if (done) toast(typeof done === "function" ? done(answer) : done);
     return answer;
   } catch (error) {

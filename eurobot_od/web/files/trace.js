@@ -67,7 +67,8 @@ class Trace {
     }}, "Fixed");
     const other = (words, act) => h("button", {onclick: act}, words);
     return h("div", {class: "tools"}, live ? this.pauser : null, fixer, this.nodes, this.messages,
-      this.inputs.identifier, this.inputs.text, times, radixChoice(),
+      this.inputs.identifier, this.inputs.text,
+      ...(content.sources[this.source.number].long ? [other("‹ Before", () => quietly(this.next(true))), other("Next ›", () => quietly(this.next(false)))] : []), times, radixChoice(),
       other("Copy", () => this.copy()), other("CSV", () => this.export("csv")), other("Log", () => this.export("log")), this.count);
   }
   choice(name, all) {
@@ -111,7 +112,7 @@ class Trace {
   take() {                                  // the frames that are new since the last time
     const {frames, dropped} = this.source;
     if (frames !== this.taken) { this.taken = frames; this.found = []; this.seen = dropped; this.marked = null; }
-    this.tests = Object.entries(this.chosen).map(([name, value]) => FILTERS[name](value));
+    this.tests = this.testsOf(Object.entries(this.chosen));
     if (this.fixed) {
       const last = row => row.last || new LoggedFrame(row, upTo(row.times, clock.time) - 1);
       this.found = this.source.sorted().map(last).filter(each => each.place !== -1 && this.fits(each));
@@ -132,10 +133,27 @@ class Trace {
   scrolled() {                              // away from the end: what is read must not run away
     const {scrollTop, clientHeight, scrollHeight} = this.box;
     if (scrollTop === this.shownTop) return;  // it has scrolled itself
+    const {long} = this.source, edge = scrollTop <= 0 ? 0 : scrollTop + clientHeight >= scrollHeight - 1 ? this.found.length - 1 : -1;
+    if (long && !long.asking && edge >= 0 && this.found.length) this.turn(this.found[edge].time);
     if (this.following && !this.fixed && scrollTop < this.shownTop && scrollTop + clientHeight < scrollHeight - LINE) this.follow(false);
     this.draw(false);
   }
-  jump(time) {                              // to the first frame at a time or after it
+  async turn(time) {                        // of a long log: the frames around the first or the last one that is here
+    const {long} = this.source, there = edge => edge <= 0 || edge >= this.source.end;
+    if (there(time === this.found[0].time ? long.from : long.to)) return;
+    await long.window(time);
+    this.at = null;
+    clock.seek(time);
+  }
+  async next(back) {                        // of a long log: to the next frame that passes the filters, but that of the text
+    const {long} = this.source, tests = this.testsOf(Object.entries(this.chosen).filter(([name]) => name !== "text"));
+    const rows = this.source.sorted().filter(row => tests.every(each => each({row}))).map(row => row.name);
+    const time = await request({do: "next", rows, time: this.marked?.time ?? clock.time, back}, null, long);
+    if (time === null) toast(`no ${back ? "earlier" : "later"} frame passes the filters`); else await this.jump(time);
+  }
+  testsOf(chosen) { return chosen.map(([name, value]) => FILTERS[name](value)); }
+  async jump(time) {                        // to the first frame at a time or after it
+    if (this.source.long && !this.source.long.has(time, time)) await this.source.long.window(time);
     this.follow(false);
     if (this.fixed) this.fixed = false;
     this.refilter();
@@ -175,6 +193,7 @@ class Trace {
     const {missed, dropped} = this.source, {length} = this.found;
     this.count.classList.toggle("is-wrong", Boolean(this.misread));
     say(this.count, [this.misread, `${length} ${length === 1 ? "frame" : "frames"}`, Object.keys(this.chosen).length ? `of ${this.source.frames.length}` : "",
+      this.source.long?.index ? `around ${clock.time.toFixed(1)} s, of ${this.source.long.index.frames}` : "",
       this.source.frames[0]?.number > 0 && live ? `kept since ${this.source.frames[0].time.toFixed(1)} s` : "",
       missed && !dropped ? `${missed} missed: this browser was too slow` : ""].filter(Boolean).join(", "));
   }
