@@ -55,7 +55,10 @@ HERE = Address("127.0.0.1", 8014)
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 """Signals that end a server, besides Ctrl-C; a closed terminal sends SIGHUP."""
 
-MOST_LOGS = 2
+MOST_LOGS = 4
+
+COMPARED = 2
+"""Logs that are compared: the second against the first."""
 
 MOST_DIFFERENCES = 5000
 """Maximum number of differences of two logs on a page."""
@@ -99,7 +102,7 @@ def serve(
     Without a log or a bus the page begins with what is here: adapters, a simulated bus, logs. It goes on until Ctrl-C;
     drives that turn by the page's order are halted first.
 
-    logs: one log, or two side by side, or a folder: the workspace of what is recorded and reported (default: the bus);
+    logs: up to four logs side by side, or a folder: the workspace of what is recorded and reported (default: the bus);
         EDS and DCF files to be edited, which need no bus
     control: let the page send, write objects, command nodes and save files
     own_id: node-ID of the heartbeat that drives watch (127, or the next lower one that is not heard)
@@ -119,7 +122,7 @@ def serve(
         readable(read_bytes(each), each)
     logs = [each for each in logs if each not in named]
     if len(logs) > MOST_LOGS:
-        raise LocalError(f"a page shows one log, or two side by side, not {len(logs)}")
+        raise LocalError(f"a page shows up to {MOST_LOGS} logs side by side, not {len(logs)}")
     folder = Path(logs[0]) if len(logs) == 1 and Path(logs[0]).is_dir() else None
     if folder:
         logs, devices = (), replace(devices, network=str(workspace(folder)))
@@ -253,7 +256,7 @@ class ServedPage:
 
         def source(place: int, long: LongLog | None) -> dict[str, Any]:
             columns = Columns(titles[place], decoder, self.bit_rate, panels)
-            own = kept[place] if len(logs) == MOST_LOGS else None
+            own = kept[place] if len(logs) == COMPARED else None
             return long.data() if long else _source(logs[place], self.reading, columns, diagnosis(), panels, own)
 
         sources = [source(*each) for each in enumerate(longs)]
@@ -364,7 +367,7 @@ def told_apart(logs: Sequence[str]) -> list[str]:
 
 def _compared(logs: Sequence[Sequence[ComparedEntry]], decoder: Decoder) -> dict[str, Any]:
     """Return the differences of the second log from the first, as `compare` finds them; nothing for one log."""
-    if len(logs) < MOST_LOGS:
+    if len(logs) != COMPARED:
         return {}
     first, second = logs
     found = compare(first, second, decoder, Tolerances())

@@ -95,6 +95,10 @@ class Tap(can.BusABC):
             return None, False
 
 
+MOST_OWN = 128
+"""Most frames of our own that may still come back from the adapter: a block of SDO has 127."""
+
+
 class JobBus(Tap):
     """A bus for long work: it receives all that others send, with the times. `gate` may refuse a frame."""
 
@@ -103,8 +107,8 @@ class JobBus(Tap):
     ) -> None:
         super().__init__(send)
         self._gate, self._left = gate, left
-        self._own: list[Frame] = []
-        """What was sent, and did not come back yet from the adapter: what it sends is among what it receives."""
+        self._own: deque[Frame] = deque(maxlen=MOST_OWN)
+        """What was sent, and did not come back yet from the adapter: of most, what they send is never received."""
 
     def give(self, frame: Frame, time: float) -> None:
         """Pass on a frame, unless it is our own."""

@@ -19,6 +19,7 @@ from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.formats import lines
 from eurobot_od.traffic.formats.index import LogIndex
 from eurobot_od.web import longlog
+from eurobot_od.web.asking import number_of
 from eurobot_od.web.longlog import LongLog, LongLogs, ThinnedSeries
 from eurobot_od.web.page import Columns, page
 from tests.kit import plant
@@ -193,7 +194,7 @@ def test_a_wrong_request_is_refused_by_what_is_wrong(said: object, error: str, l
 
 def test_fields_of_requests_are_told_apart_from_text() -> None:
     with pytest.raises(LocalError, match="time is missing, or not a number"):
-        longlog.number_of({"time": float("nan")}, "time")
+        number_of({"time": float("nan")}, "time")
 
 
 # In a browser

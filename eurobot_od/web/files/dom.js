@@ -74,6 +74,38 @@ const RADICES = {                           // how whole numbers and bytes are w
     bytes: data => octets(data).map(each => parseInt(each, 16).toString(2).padStart(8, "0")).join(" ")},
 };
 
+// Filters: `one, two, !three`
+
+function listFilter(text, test) {           // passes what one of the wanted parts fits, or any without these, and no part behind `!`; throws
+  const parts = text.split(",").map(each => each.trim()).filter(Boolean).map(each => ({isOut: each.startsWith("!"), test: test(each.replace(/^!\s*/, ""))}));
+  const wanted = parts.filter(each => !each.isOut), others = parts.filter(each => each.isOut);
+  return thing => (!wanted.length || wanted.some(each => each.test(thing))) && !others.some(each => each.test(thing));
+}
+function numberTest(word, otherwise) {      // `180`, `0x180-0x1FF` in hexadecimal digits, as a test of a number; of anything else what `otherwise` returns
+  const found = /^(?:0x)?([\da-f]+)(?:\s*-\s*(?:0x)?([\da-f]+))?$/i.exec(word);
+  if (!found) return otherwise(word);
+  const low = parseInt(found[1], 16), high = parseInt(found[2] ?? found[1], 16);
+  if (low > high) throw new Error(`“${word}”: the first is more than the last`);
+  return number => number !== null && number >= low && number <= high;
+}
+function wordFilter(text) {                 // of things that have `words`, and an `id`, by a part of their words or a range of numbers
+  return listFilter(text, word => {
+    if (!word || /^[\da-fx]+\s*-$|^-/i.test(word)) throw new Error(`“${word || "!"}” is not understood: write a part of a name, 180-1FF, or !name for all others`);
+    const isRange = word.includes("-") && numberTest(word, () => null), wanted = plain(word);
+    return isRange ? thing => isRange(thing.id) : thing => thing.words.includes(wanted);
+  });
+}
+function filterBox(attributes, act) {       // a box for such a filter: it says what it does not understand, and filters nothing then
+  const said = h("span", {class: "hint is-wrong", role: "status"});
+  const box = h("input", {type: "search", ...attributes, oninput: () => {
+    let filter = () => true;
+    try { filter = wordFilter(box.value); say(said, ""); } catch (error) { say(said, error.message); }
+    box.setAttribute("aria-invalid", String(said.textContent !== ""));
+    act(filter);
+  }});
+  return {box, said};
+}
+
 // Controls
 
 const ARMED = 4000;                         // ms that a first click counts
@@ -102,7 +134,7 @@ function sureButton(text, act, attributes = {}) {
     button.classList.add("armed");
     timer = setTimeout(disarm, ARMED);
   };
-  const button = h("button", {type: "button", ...attributes, "data-armed": `${text}: press again`, onclick: async event => {
+  const button = h("button", {type: "button", "data-armed": `${text}: press again`, ...attributes, onclick: async event => {
     event.preventDefault();
     const sure = timer ? {sure: true, confirmed: asked} : {};
     if (timer) disarm();

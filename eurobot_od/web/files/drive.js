@@ -76,7 +76,7 @@ class AxisView {
     this.facts = h("dl", {class: "facts"});
     this.bits = h("p", {class: "bits", "aria-label": "bits of the statusword"});
     this.plots = [new Plot(150), new Plot(150)];
-    this.alarm = h("ul", {class: "alarm", role: "alert", "aria-label": "stops"});
+    this.alarm = h("div", {class: "alarm", role: "alert"});
     this.accepting = h("p", {class: "alarm is-wrong", role: "alert"});
     this.control = h("div", {hidden: true}, this.stateButtons(), this.jogs(), this.moves());
     this.element = h("div", {class: "drive"}, h("div", {class: "controls"}, this.control, this.alarm, this.accepting, this.facts, ...this.plots.map(each => each.element)),
@@ -241,7 +241,7 @@ class AxisView {
     const lines = [...motion.wrong.map(text => ({text, wrong: true})), ...motion.said.map(text => ({text, wrong: false}))];
     if (JSON.stringify(lines) === this.said) return;
     this.said = JSON.stringify(lines);
-    this.alarm.replaceChildren(...lines.map(each => h("li", {class: each.wrong ? "is-wrong" : ""}, each.text)));
+    this.alarm.replaceChildren(...lines.map(each => h("p", {class: each.wrong ? "is-wrong" : ""}, each.text)));
   }
   show(time) {
     this.tellMotion();

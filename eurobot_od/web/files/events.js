@@ -10,6 +10,18 @@ function eventLine(source, event, current) {
       h("span", {class: "at"}, `${event.time.toFixed(2)} s`), h("span", {class: "kind"}, event.kind), h("span", {}, event.text)));
 }
 
+// A node that is lost and back again and again is one event, at the last time, which says how often.
+function gathered(events) {
+  const pulses = new Map(), others = [];
+  for (const each of events) {
+    if (each.kind !== "lost" && each.kind !== "back") { others.push(each); continue; }
+    const known = pulses.get(each.data.node) || {count: 0, first: each.time}, count = known.count + (each.kind === "lost");
+    const text = count > 1 ? `${each.text}, lost ${count} times since ${known.first.toFixed(2)} s` : each.text;
+    pulses.set(each.data.node, {count, first: known.first, event: {...each, text, key: `${each.key} ${count}`}});
+  }
+  return [...others, ...[...pulses.values()].map(each => each.event)].sort((one, two) => one.time - two.time);
+}
+
 const eventsView = () => perSource(source => {
   const list = h("ol", {class: "events"}), nothing = h("p", {class: "hint"});
   const kinds = h("select", {"aria-label": "kind of event", onchange: () => { told = null; stale = true; }}, h("option", {value: ""}, "all kinds"));
@@ -19,9 +31,9 @@ const eventsView = () => perSource(source => {
     for (const kind of new Set(all.map(each => each.kind))) {
       if (![...kinds.options].some(each => each.value === kind)) kinds.append(h("option", {value: kind}, kind));
     }
-    const events = all.filter(each => !kinds.value || each.kind === kinds.value).slice(-MOST_LISTED);
+    const wanted = all.filter(each => !kinds.value || each.kind === kinds.value), events = gathered(wanted).slice(-MOST_LISTED);
     const current = live ? null : events[upTo(events.map(each => each.time), time) - 1];
-    const state = `${events.length} ${current?.key} ${live && events.at(-1)?.key}`;
+    const state = `${events.length} ${current?.key} ${live && wanted.at(-1)?.key} ${wanted.length}`;
     if (state === told) return;
     told = state;
     show(nothing, !events.length);

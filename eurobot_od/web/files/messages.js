@@ -1,7 +1,7 @@
 "use strict";
 // The view of messages: one line for each, with its last values; a value is plotted by a click, or dragged.
 
-let search = "";
+let passes = () => true;                    // the filter
 const groupColour = (source, group) => {
   const place = source.groups.indexOf(group);
   return place >= 0 ? `group-${place % 4}` : group === "CANopen" ? "group-service" : "";
@@ -39,10 +39,11 @@ class MessageLine {
       cell("id", identifier(row.id)),
       h("th", {scope: "row", class: groupColour(row.source, row.group), title: [row.group, ...row.nodes].join(", ")}, name),
       ...Object.values(this.cells), cell("values", ...this.chips, this.text, this.defects));
+    this.id = row.id === null ? null : row.id % EXTENDED;
     this.words = plain([row.name, row.group, identifier(row.id), ...row.nodes].join(" "));
   }
   show(time) {
-    const now = this.row.now(time), there = now !== null && this.words.includes(plain(search));
+    const now = this.row.now(time), there = now !== null && passes(this);
     show(this.element, there);
     if (!there) return false;
     // What comes when it likes has no period: a mean of such intervals, and how far they are off it, would tell nothing.
@@ -89,7 +90,7 @@ function messageTable(source) {
     for (const name of Object.keys(COLUMNS)) table.classList.toggle(`without-${name}`, hidden(name));
     show(table, shown > 0);
     show(none, !shown);
-    say(none, search ? `No message, protocol or node has “${search}” in its name.` : "No message yet.");
+    say(none, lines.size ? "No message, protocol or node passes the filter." : "No message yet.");
   }};
 }
 
@@ -113,11 +114,9 @@ function messagesView() {
     },
   }), words);
   const columns = h("details", {class: "columns"}, h("summary", {}, "Columns"), ...Object.entries(COLUMNS).map(choice));
-  const box = h("input", {
-    type: "search", id: "search", placeholder: "search", "aria-label": "search messages, protocols, nodes",
-    oninput: () => { search = box.value; stale = true; },
-  });
-  const element = h("div", {}, h("div", {class: "tools"}, box, radixChoice(),
+  const {box, said} = filterBox({id: "search", placeholder: "search", "aria-label": "search messages, protocols, nodes",
+    title: "a part of a name, 180-1FF; several with commas; ! before what is not wanted"}, filter => { passes = filter; stale = true; });
+  const element = h("div", {}, h("div", {class: "tools"}, box, said, radixChoice(),
     columns, h("p", {class: "hint"}, "Click a value, or drag it, to plot it.")), tables.element);
   return {element, show: tables.show};
 }

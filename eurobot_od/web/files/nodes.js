@@ -7,7 +7,7 @@ const LSS_RATES = [1000, 800, 500, 250, 125, 50, 20, 10];   // kbit/s (CiA 305)
 
 function nmtButton(command, node, words) {  // what may move something asks first, and so does what goes to all
   const act = async sure => { await connection.ask({do: "nmt", command, node, ...sure}); toast(`${command} sent to ${node === "all" ? "all nodes" : node}`); };
-  return node === "all" && command === "pre-operational" ? askedTwice(words, () => act({}).catch(error => toast(error.message, true)), {}) : sureButton(words, act);
+  return node === "all" && command === "pre-operational" ? askedTwice(words, () => act({}).catch(error => toast(error.message, true)), {}) : sureButton(words, act, node === "all" ? {} : {"data-armed": "press again"});   // the reason beside it says what
 }
 const identityText = ([vendor, product, revision, serial]) =>
   `vendor ${hex(vendor, 8)}, product ${hex(product, 8)}, revision ${hex(revision, 8)}, serial ${hex(serial, 8)}`;

@@ -7,12 +7,14 @@ const GROUPS = [                            // of the dictionary (CiA 301, 7.4.1
   {name: "Device profile", from: 0x6000, to: 0x9FFF},
   {name: "Others", from: 0xA000, to: 0xFFFF},
 ];
+const IDENTITY = 0x1018;
 const MOST_FOUND = 200;                     // lines that a search shows
 
 class ObjectLine {                          // one object: what was read of it, and its controls once it is looked at
   constructor(view, node, object) {
     Object.assign(this, {view, node, object, index: parseInt(object.object, 16), read: null, changed: false, made: null});
     this.words = plain(`${object.object} ${object.name}`);
+    this.id = this.index;
     this.named = {node, object: object.object};
     this.writable = object.access.includes("w");
     this.readable = object.access !== "wo" && !object.long;
@@ -66,7 +68,8 @@ class ObjectGroup {                         // lines under a heading, which are 
   constructor(view, title, lines, inner) {
     Object.assign(this, {view, lines, inner});
     this.body = h("div", {class: "group-body"});
-    this.details = h("details", {ontoggle: () => this.fill()},
+    const isFirst = inner ? lines[0].index < 0x2000 : lines[0].index === IDENTITY;   // what one looks for first is open
+    this.details = h("details", {ontoggle: () => this.fill(), open: isFirst},
       h("summary", {}, h("span", {}, title), " ", h("small", {class: "hint"}, String(lines.length))), this.body);
     // Beside the summary, not in it: that is a control itself.
     this.element = h("div", {class: inner ? "object-group" : "object-record"}, this.details,
@@ -77,31 +80,48 @@ class ObjectGroup {                         // lines under a heading, which are 
     if (!this.inner) { this.body.append(objectTable(this.lines)); return; }
     const records = new Map();
     for (const line of this.lines) records.set(line.index, [...(records.get(line.index) || []), line]);
-    let single = [];
-    const flush = () => { if (single.length) this.body.append(objectTable(single)); single = []; };
-    for (const [index, members] of records) {
-      if (members.length === 1) { single.push(members[0]); continue; }
-      flush();
-      this.body.append(new ObjectGroup(this.view, `${hex(index, 4)} ${members[0].object.name.split(".")[0]}`, members, false).element);
+    const parts = [];                       // single objects that follow each other, and records
+    for (const members of records.values()) {
+      if (members.length > 1) parts.push(members);
+      else if (parts.at(-1)?.single) parts.at(-1).push(members[0]);
+      else parts.push(Object.assign([members[0]], {single: true}));
     }
-    flush();
-    stale = true;
+    const record = lines => new ObjectGroup(this.view, `${hex(lines[0].index, 4)} ${lines[0].object.name.split(".")[0]}`, lines, false).element;
+    this.body.after(inParts(this.body, parts, lines => lines.single ? objectTable(lines) : record(lines)));
   }
 }
+const IN_PARTS = 60;                        // rows that are made at once: the next ones when their end comes into sight
+function inParts(box, things, make) {       // fill an element, and return what stands behind it
+  let made = 0;
+  const end = h("div", {class: "end"});
+  const more = () => {
+    box.append(...things.slice(made, made + IN_PARTS).map(make));
+    made += IN_PARTS;
+    stale = true;
+    if (made >= things.length) watched.disconnect();
+  };
+  const watched = new IntersectionObserver(seen => { if (seen.some(each => each.isIntersecting)) { more(); watched.unobserve(end); if (made < things.length) watched.observe(end); } }, {rootMargin: "600px"});
+  more();
+  if (made < things.length) watched.observe(end);
+  return end;
+}
 function objectTable(lines) {
-  return h("table", {class: "objects"}, h("thead", {}, h("tr", {}, ...["Object", "Name", "Type", "Access", "Limits", "Value"].map(each => h("th", {scope: "col"}, each)), h("td", {class: "acts"}))),
-    h("tbody", {}, ...lines.map(line => line.element)));
+  const body = h("tbody"), end = inParts(body, lines, line => line.element);
+  return h("div", {class: "object-table"}, h("table", {class: "objects"}, h("thead", {}, h("tr", {}, ...["Object", "Name", "Type", "Access", "Limits", "Value"].map(each => h("th", {scope: "col"}, each)), h("td", {class: "acts"}))), body), end);
 }
 
 class ObjectsView {
   constructor(source) {
     Object.assign(this, {source, lines: [], loaded: "", reading: null});
     this.chosen = h("select", {"aria-label": "node", onchange: () => this.load()}, ...source.nodes.map(node => h("option", {}, node.name)));
-    this.box = h("input", {type: "search", placeholder: "search", "aria-label": "search objects", oninput: () => this.draw()});
+    this.passes = () => true;
+    const {box, said} = filterBox({placeholder: "search", "aria-label": "search objects", title: "a part of a name, 1000-1018; several with commas; ! before what is not wanted"},
+      filter => { this.passes = filter; this.draw(); });
+    this.box = box;
     this.progress = h("progress", {hidden: true, "aria-label": "objects read"});
     this.end = h("button", {hidden: true, onclick: () => { this.reading = null; }}, "End");
     this.tree = h("div", {class: "tree"});
-    this.element = h("div", {}, h("div", {class: "tools"}, this.chosen, this.box,
+    this.element = h("div", {}, h("div", {class: "tools"}, this.chosen, this.box, said,
       h("button", {onclick: () => this.readAll(this.lines)}, "Read all"), this.progress, this.end), this.tree);
   }
   async load() {
@@ -113,12 +133,11 @@ class ObjectsView {
     this.draw();
   }
   draw() {
-    const wanted = plain(this.box.value);
-    if (wanted) {
-      const found = this.lines.filter(line => line.words.includes(wanted));
+    if (this.box.value.trim()) {
+      const found = this.lines.filter(this.passes);
       const more = found.length > MOST_FOUND ? h("p", {class: "hint"}, `${found.length - MOST_FOUND} more: search for more of the name`) : null;
       this.tree.replaceChildren(...[found.length ? objectTable(found.slice(0, MOST_FOUND))
-        : h("p", {class: "hint"}, `No object has “${this.box.value}” in its name or number.`), more].filter(Boolean));
+        : h("p", {class: "hint"}, `No object passes “${this.box.value}”.`), more].filter(Boolean));
     } else {
       const groups = GROUPS.map(({name, from, to}) => [name, this.lines.filter(line => line.index >= from && line.index <= to)]);
       this.tree.replaceChildren(...groups.filter(([, lines]) => lines.length).map(([name, lines]) => new ObjectGroup(this, name, lines, true).element));

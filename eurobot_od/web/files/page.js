@@ -42,14 +42,16 @@ function recordButton() {
 }
 
 function statusLine() {
-  const text = h("span"), load = h("span", {class: live ? "more" : ""}), life = lifeSign();
+  const text = h("span"), load = h("span", {class: live ? "more" : ""}), count = h("span", {class: "fewer", title: "frames"}), life = lifeSign();
+  const nodes = h("button", {id: "life", onclick: () => document.getElementById("tab-nodes").click()}, life.element);
   const freeze = h("button", {id: "freeze", "aria-pressed": "false", title: "hold what is shown: f", onclick: () => toggleFreeze()}, "Freeze");
   const record = recordButton();
-  const element = h("div", {class: "status", role: "status", "aria-live": "off"}, life.element, text, load, ...(live ? [freeze, ...record.elements, new Layouts().button] : []), ...leaveButton());
+  const element = h("div", {class: "status", role: "status", "aria-live": "off"}, nodes, text, load, count, ...(live ? [freeze, ...record.elements, new Layouts().button] : []), ...leaveButton());
   return {element, show(time) {
     if (!sources.length) return;
     const [worst] = sources.map(each => lifeOf(each, time)).sort((one, two) => WORST.indexOf(one.life) - WORST.indexOf(two.life));
     life.set(worst.life, worst.text);
+    nodes.title = `${(worst.names || []).join(", ")} ${worst.life}: show the nodes`.trim();
     if (!live) {
       say(text, sources.map(each => each.long?.words || (each.leftOut ? `${each.leftOut} frames left out` : "")).filter(Boolean).join(", "));
       say(load, `load ${sources.map(each => `${(100 * each.load(time)).toFixed(1)} %`).join(" | ")}`);
@@ -61,6 +63,7 @@ function statusLine() {
     say(text, trouble || `${time.toFixed(1)} s`);
     freeze.setAttribute("aria-pressed", String(clock.frozen !== null));
     if (!state) return;
+    say(count, trouble ? "" : state.frames < 1e4 ? `${state.frames}` : `${Math.floor(state.frames / 1000)}k`);
     say(load, trouble ? "" : `load ${(100 * state.load).toFixed(1)} %, ${state.rate.toFixed(0)} frames/s, ${state.frames} frames`);
     record.show(state);
     element.title = load.textContent;         // a phone has no room for it
@@ -69,7 +72,7 @@ function statusLine() {
 
 function faults(time) {                     // what a person has to hear of, whatever view they are in
   return sources.flatMap(source => {
-    const lost = source.nodes.filter(node => nodeNow(source, node, time).life === "lost").map(node => `${node.name} is lost`);
+    const lost = allNodes(source).filter(node => nodeNow(source, node, time).life === "lost").map(node => `${node.name} is lost`);
     const named = new Map();                // of each node its last EMCY
     for (const each of source.sortedEvents()) if (each.kind === "EMCY" && each.time <= time) named.set(each.data.node, each);
     const errors = [...named.values()].filter(each => each.wrong).map(each => each.text);
@@ -85,14 +88,14 @@ function toggleFreeze() {
 
 const stopNow = () => request({do: "stop"}, answer => `stop sent: ${answer}`);
 function stopFailures() {                   // in every view: what did not stop, as far as is known
-  const list = h("ul", {id: "not-stopped", role: "alert", hidden: true});
+  const list = h("div", {id: "not-stopped", role: "alert", hidden: true});
   let told = "";
   return {element: list, show() {
     const wrong = connection.state?.motion?.wrong || [], words = wrong.join("\n");
     if (words === told) return;
     told = words;
     show(list, wrong.length > 0);
-    list.replaceChildren(...wrong.map(text => h("li", {}, text)));
+    list.replaceChildren(...wrong.map(text => h("p", {}, text)));
   }};
 }
 function stopButton() {                     // it says beforehand that it cannot be sent

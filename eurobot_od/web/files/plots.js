@@ -4,6 +4,7 @@
 
 const WATCHED = 5000;                       // ms after which the page tells the server that an object is still plotted
 const LOWEST = 180;                         // px that a plot is high at least
+const LINE_COLOURS = 8;                     // of page.css
 const DASHES = [[undefined, [6, 4], [2, 3]], [[10, 3, 2, 3], [10, 3, 2, 3, 2, 3], [2, 6]]];  // of the first source, and of the second
 
 function thinned(series, from, to, pixels) {  // [times, values] of a span: of each pixel the first, least, most and last
@@ -49,7 +50,9 @@ class Plot {
       onclick: () => plots.choose(this),
     }, h("div", {class: "plot-head"}, this.legend,
       h("div", {class: "buttons"},
-        h("button", {onclick: () => this.save("csv"), "aria-label": "save this plot as CSV"}, "CSV"),
+        several ? h("button", {onclick: () => this.overAll(), title: "the same fields of all logs over one another"}, "All logs") : null,
+        h("button", {onclick: () => loudly(this.save("csv")), "aria-label": "save this plot as CSV"}, "CSV"),
+        h("button", {onclick: () => this.save("svg"), "aria-label": "save this plot as SVG"}, "SVG"),
         h("button", {onclick: () => this.save("png"), "aria-label": "save this plot as PNG"}, "PNG"),
         h("button", {onclick: event => { event.stopPropagation(); plots.remove(this); }, "aria-label": "remove this plot"}, "×"))),
     this.empty, this.canvas);
@@ -62,6 +65,11 @@ class Plot {
   add(series) {
     if (!this.series.some(each => each.id === series.id)) this.series.push(series);
     this.build();
+  }
+  overAll() {                               // of several logs: the same fields of each of them
+    for (const {message, field} of [...this.series]) {
+      for (const row of sources.map(each => message && each.row(message)).filter(Boolean)) if (row.field(field.name) >= 0) this.add(new FieldSeries(row, field.name));
+    }
   }
   build() {
     plots.keep();
@@ -125,11 +133,11 @@ class Plot {
   }
   drawnBy() {                               // of each series: a colour of its own, or of its row's thing; there dashes differ
     const drawn = [];
-    for (const {row, source} of this.series) {
-      const own = row && ownColours.map(each => each(row, clock.time)).find(Boolean);
-      const plain = drawn.filter(each => !each.own).length, same = drawn.filter(each => each.colour === own && each.source === source).length;
-      const dashes = DASHES[Math.min(source.number, 1)], dash = dashes[(own ? same : Math.floor(plain / 4)) % dashes.length];
-      drawn.push({own, source, dash, colour: own || `--line-${plain % 8}`});
+    for (const {row, source, id} of this.series) {
+      const own = row && ownColours.map(each => each(row, clock.time)).find(Boolean), place = plots.placeOf(id, this);
+      const same = drawn.filter(each => each.colour === own && each.source === source).length;
+      const dashes = DASHES[Math.min(source.number, 1)], dash = dashes[(own ? same : Math.floor(place / LINE_COLOURS)) % dashes.length];
+      drawn.push({own, source, dash, colour: own || `--line-${place % LINE_COLOURS}`});
     }
     return drawn;
   }
@@ -137,7 +145,10 @@ class Plot {
     const [from, to] = plots.range(), now = live ? clock.time : clock.end;
     return uPlot.join(this.series.map(each => untilNow(each.drawn(from, to, this.canvas.clientWidth), Math.min(to, now))));
   }
-  data() { return uPlot.join(this.series.map(samplesOf)); }   // all there is
+  async data() {                            // all there is; of a long log all between the ends of what is seen
+    const [from, to] = plots.range(), all = each => each.source.long && each.message ? each.source.long.all(each, from, to).then(({times, values}) => [times, values]) : samplesOf(each);
+    return uPlot.join(await Promise.all(this.series.map(all)));
+  }
   ranged() {
     const [min, max] = plots.range();
     this.chart.setData(this.drawn(), false);  // false: uPlot would choose a range of its own
@@ -164,15 +175,16 @@ class Plot {
     const difference = one === null || two === null ? "" : `, B − A = ${Number((two - one).toPrecision(10))}${series.unit ? " " + series.unit : ""}`;
     return `A ${valueAt(series, A)}, B ${valueAt(series, B)}${difference}`;
   }
-  save(form) {
+  async save(form) {
     if (!this.chart) { toast("the plot is empty", true); return; }
     if (form === "csv") {
-      const [times, ...columns] = this.data();
+      const [times, ...columns] = await this.data();
       const lines = times.map((time, place) => [time, ...columns.map(column => column[place] ?? "")].join(","));
       const head = ["time in s", ...this.series.map(each => each.unit ? `${each.name} in ${each.unit}` : each.name)];
       savedText("plot.csv", "text/csv", [head.map(quoted).join(","), ...lines]);
       return;
     }
+    if (form === "svg") { savedText("plot.svg", "image/svg+xml", [new XMLSerializer().serializeToString(this.picture())]); return; }
     const from = this.chart.ctx.canvas, scale = devicePixelRatio, head = 20 * scale * this.series.length + 8 * scale;
     const canvas = h("canvas", {width: from.width, height: from.height + head}), pen = canvas.getContext("2d");
     pen.fillStyle = css("--paper");
@@ -185,10 +197,32 @@ class Plot {
     pen.drawImage(from, 0, head);
     canvas.toBlob(blob => saved("plot.png", blob));
   }
+  picture() {                               // what is seen, as SVG
+    const {chart} = this, {offsetLeft: left, offsetTop: top, clientWidth: width, clientHeight: height} = chart.over, head = 20 * this.series.length + 8;
+    const text = (x, y, words, more) => s("text", {x, y, fill: css("--ink"), "font-size": 12, "font-family": "sans-serif", ...more}, words);
+    const drawing = s("svg", {xmlns: "http://www.w3.org/2000/svg", viewBox: `0 0 ${chart.width} ${chart.height + head}`, width: chart.width, height: chart.height + head},
+      s("rect", {width: "100%", height: "100%", fill: css("--paper")}));
+    const [times, ...columns] = chart.data, y = (value, scale) => head + top + chart.valToPos(value, scale), x = time => left + chart.valToPos(time, "x");
+    chart.axes.forEach((axis, place) => (axis._splits || []).forEach((split, each) => {
+      const at = axis.scale === "x" ? x(split) : y(split, axis.scale), words = axis._values[each] ?? "", side = axis.side === 1 ? left + width + axis._pos - chart.axes.find(one => one.side === 1)._pos : 0;
+      if (axis.scale === "x") drawing.append(s("line", {x1: at, x2: at, y1: head + top, y2: head + top + height, stroke: css("--grid")}), text(at, head + top + height + 18, words, {"text-anchor": "middle"}));
+      else if (place === 1) drawing.append(s("line", {x1: left, x2: left + width, y1: at, y2: at, stroke: css("--grid")}), text(left - 8, at + 4, words, {"text-anchor": "end"}));
+      else drawing.append(text(side + 12, at + 4, words));
+    }));
+    drawing.append(text(left + width / 2, head + top + height + 38, "time in s", {"text-anchor": "middle"}));
+    this.series.forEach((each, place) => {
+      const {colour, dash} = this.lines[place], path = [];
+      columns[place].forEach((value, at) => { if (value !== null && value !== undefined) path.push(path.length ? `H${x(times[at]).toFixed(1)}V${y(value, `in ${each.unit || ""}`).toFixed(1)}` : `M${x(times[at]).toFixed(1)} ${y(value, `in ${each.unit || ""}`).toFixed(1)}`); });
+      drawing.append(text(30, 20 * (place + 1), `${each.name}${each.unit ? ` in ${each.unit}` : ""}`),
+        s("line", {x1: 4, x2: 24, y1: 20 * place + 16, y2: 20 * place + 16, stroke: css(colour), "stroke-width": 2, "stroke-dasharray": dash?.join(" ")}),
+        s("path", {d: path.join(""), fill: "none", stroke: css(colour), "stroke-width": 1.6, "stroke-dasharray": dash?.join(" ")}));
+    });
+    return drawing;
+  }
 }
 
 const plots = {
-  all: [], chosen: null, lost: kept("plots", [], sessionStorage), zoomed: null, window: 30, marks: {A: null, B: null}, height: LOWEST, list: h("div", {class: "plots"}),
+  all: [], places: new Map(), chosen: null, lost: kept("plots", [], sessionStorage), zoomed: null, window: 30, marks: {A: null, B: null}, height: LOWEST, list: h("div", {class: "plots"}),
   range() {
     if (this.zoomed) return this.zoomed;
     const end = live ? Math.max(clock.time, 1) : clock.end || 1;
@@ -247,6 +281,12 @@ const plots = {
     const top = this.list.getBoundingClientRect().top + scrollY, foot = document.querySelector("footer").offsetHeight;
     const heads = this.all.reduce((sum, each) => sum + each.element.firstChild.offsetHeight + 32, 0);
     this.height = Math.max(LOWEST, Math.floor((innerHeight - top - foot - heads - 8) / this.all.length));
+  },
+  placeOf(id, plot) {                       // what a series is drawn by as long as it is in a plot: the same in all of them
+    const shown = new Set([...this.all, plot].flatMap(each => each.series).map(each => each.id));
+    for (const each of this.places.keys()) if (!shown.has(each)) this.places.delete(each);
+    if (!this.places.has(id)) this.places.set(id, Array.from({length: this.places.size + 1}, (_, place) => place).find(place => ![...this.places.values()].includes(place)));
+    return this.places.get(id);
   },
   watched() { return this.all.flatMap(plot => plot.series).filter(each => each instanceof ObjectSeries && each.watched); },
 };

@@ -424,7 +424,7 @@ function lifeOf(source, time) {             // the worst of all nodes that were 
   for (const life of WORST) {
     if (life === "unknown") break;
     const found = all.filter(each => each.life === life).map(each => each.node.name);
-    if (found.length) return {life, text: life === "alive" ? `${found.length} alive` : `${found.join(", ")} ${life}`};
+    if (found.length) return {life, text: `${life === "alive" || found.length > 1 ? found.length : found[0]} ${life}`, names: found};
   }
   return {life: "unknown", text: "no node heard"};
 }

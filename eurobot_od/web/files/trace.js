@@ -2,7 +2,8 @@
 // The trace: frame by frame in the order of the bus. Only the lines that are in sight are in the page, so that 100 000
 // of them are as quick as ten.
 
-const LINE = 22;                            // px that a line is high
+const NARROW = matchMedia("(max-width: 760px)");
+const lineHeight = () => NARROW.matches ? 48 : 24;   // px of a frame: a phone has two lines for it
 const MOST_COPIED = 20000;
 
 const TIMES = {                             // how a frame's time is written: (frame, the one before it, trace)
@@ -19,14 +20,9 @@ const TIMES = {                             // how a frame's time is written: (f
 let timeForm = "Relative";
 
 function identifierTest(text) {             // `180,200`, `180-1FF`, `!080`, in hexadecimal digits; throws what it does not understand
-  const parts = text.split(/[,\s]+/).filter(Boolean).map(part => {
-    const found = /^(!?)(?:0x)?([\da-f]+)(?:-(?:0x)?([\da-f]+))?$/i.exec(part);
-    if (!found) throw new Error(`“${part}” is no identifier: write 180, 180-1FF, or !080 for all others`);
-    return {isOut: found[1] === "!", low: parseInt(found[2], 16), high: parseInt(found[3] ?? found[2], 16)};
-  });
-  const wanted = parts.filter(each => !each.isOut), others = parts.filter(each => each.isOut);
-  const within = (id, each) => id % EXTENDED >= each.low && id % EXTENDED <= each.high;
-  return id => id !== null && (!wanted.length || wanted.some(each => within(id, each))) && !others.some(each => within(id, each));
+  const misread = word => { throw new Error(`“${word}” is no identifier: write 180, 180-1FF, or !080 for all others`); };
+  const fits = listFilter(text.replace(/(?<!-)\s+(?!-)/g, ","), word => numberTest(word, misread));
+  return id => id !== null && fits(id % EXTENDED);
 }
 const FILTERS = {                           // what a frame must have, by the name of the control
   node: value => frame => frame.row.nodes.includes(value),
@@ -135,7 +131,7 @@ class Trace {
     if (scrollTop === this.shownTop) return;  // it has scrolled itself
     const {long} = this.source, edge = scrollTop <= 0 ? 0 : scrollTop + clientHeight >= scrollHeight - 1 ? this.found.length - 1 : -1;
     if (long && !long.asking && edge >= 0 && this.found.length) this.turn(this.found[edge].time);
-    if (this.following && !this.fixed && scrollTop < this.shownTop && scrollTop + clientHeight < scrollHeight - LINE) this.follow(false);
+    if (this.following && !this.fixed && scrollTop < this.shownTop && scrollTop + clientHeight < scrollHeight - lineHeight()) this.follow(false);
     this.draw(false);
   }
   async turn(time) {                        // of a long log: the frames around the first or the last one that is here
@@ -159,7 +155,7 @@ class Trace {
     this.refilter();
     const place = Math.min(upTo(this.found.map(each => each.time), time - 1e-9), this.found.length - 1);
     this.marked = this.found[place] || null;
-    this.box.scrollTop = Math.max(place * LINE - this.box.clientHeight / 3, 0);
+    this.box.scrollTop = Math.max(place * lineHeight() - this.box.clientHeight / 3, 0);
     this.draw(false);
   }
   key(event) {
@@ -170,8 +166,8 @@ class Trace {
     if (this.following && live) this.follow(false);
     const place = Math.min(Math.max(this.found.indexOf(this.marked) + step, 0), this.found.length - 1);
     this.mark(this.found[place]);
-    const top = place * LINE, {scrollTop, clientHeight} = this.box;
-    if (top < scrollTop || top + LINE > scrollTop + clientHeight) this.box.scrollTop = top - clientHeight / 2;
+    const top = place * lineHeight(), {scrollTop, clientHeight} = this.box;
+    if (top < scrollTop || top + lineHeight() > scrollTop + clientHeight) this.box.scrollTop = top - clientHeight / 2;
   }
   mark(frame) {
     this.marked = frame;
@@ -179,13 +175,13 @@ class Trace {
     this.draw(false);
   }
   draw(toEnd = this.following && !this.fixed) {
-    const height = this.box.clientHeight;
+    const height = this.box.clientHeight, line = lineHeight();
     if (!height) return;
-    this.space.style.height = `${this.found.length * LINE}px`;
+    this.space.style.height = `${this.found.length * line}px`;
     if (toEnd) this.box.scrollTop = this.box.scrollHeight;
     this.shownTop = this.box.scrollTop;
-    const first = Math.max(Math.floor(this.shownTop / LINE) - 2, 0), last = Math.min(first + Math.ceil(height / LINE) + 5, this.found.length);
-    this.rows.style.transform = `translateY(${first * LINE}px)`;
+    const first = Math.max(Math.floor(this.shownTop / line) - 2, 0), last = Math.min(first + Math.ceil(height / line) + 5, this.found.length);
+    this.rows.style.transform = `translateY(${first * line}px)`;
     const shown = this.found.slice(first, last);
     while (this.rows.children.length < shown.length) this.rows.append(this.line());
     while (this.rows.children.length > shown.length) this.rows.lastChild.remove();
@@ -241,7 +237,7 @@ class Trace {
     this.draw();
     if (live || this.at === time) return;   // a log is seen where its time is
     this.at = time;
-    this.box.scrollTop = upTo(this.found.map(each => each.time), time) * LINE - this.box.clientHeight / 2;
+    this.box.scrollTop = upTo(this.found.map(each => each.time), time) * lineHeight() - this.box.clientHeight / 2;
     this.draw();
   }
 }
