@@ -2,8 +2,9 @@
 
 Theory of operation. The page is one HTML file that needs nothing else (`page`). It shows a list of *sources*, each with
 rows of frames and with events. A log is a source whose values are all in the page, as columns (`content`); the page
-then needs no server, and the file that `field -o x.html` writes is the page that `serve LOG` serves. The source of a
-live bus has only a description, and a websocket brings the rest.
+then needs no server, and the file that `field -o x.html` writes is the page that `serve LOG` serves. Of a long log it
+has a window, and asks the server for others (`longlog`). The source of a live bus has only a description, and a
+websocket brings the rest.
 
 On the bus side a `Session` takes every frame into a `Traffic`, as the monitor does, whoever is looking, and into a
 bounded *history*. Browsers never slow that down: twenty times a second a browser is sent a *snapshot*, which has what

@@ -118,7 +118,7 @@ class Tabs {                                // which view is shown; a panel has 
       onclick: () => this.choose(view), onkeydown: event => this.key(event, place)}, view.title));
     this.sections = all.map((view, place) => h("section", {
       class: `view ${view.panel ? "panel" : ""}`, id: `view-${view.name}`, role: "tabpanel", "aria-labelledby": `tab-${view.name}`, tabindex: 0,
-    }, this.made[place].element));
+    }, view.panel ? null : h("h2", {class: "heard-only"}, view.title), this.made[place].element));
     this.wide = matchMedia("(min-width: 1200px)");
     this.wide.addEventListener("change", () => this.layout());
     addEventListener("popstate", () => {    // back and forward lead from view to view

@@ -35,7 +35,7 @@ def two_logs(folder: Path) -> Iterator[str]:
 @test_axe.needs_axe
 @pytest.mark.parametrize(("width", "height", "dark"), test_axe.SIZES)
 @pytest.mark.parametrize("shown", [our_robot, two_logs])
-def test_no_serious_finding_in_any_view_and_none_is_wider_than_the_window(
+def test_no_finding_in_any_view_and_none_is_wider_than_the_window(
     shown: Callable[[Path], AbstractContextManager[str]],
     tmp_path: Path,
     window: Page,
@@ -43,5 +43,5 @@ def test_no_serious_finding_in_any_view_and_none_is_wider_than_the_window(
     height: int,
     dark: bool,
 ) -> None:
-    check = test_axe.test_no_serious_finding_in_any_view_and_none_is_wider_than_the_window
+    check = test_axe.test_no_finding_in_any_view_and_none_is_wider_than_the_window
     check(shown, tmp_path, window, width, height, dark)
