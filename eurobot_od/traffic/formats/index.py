@@ -14,7 +14,7 @@ from typing import BinaryIO, NamedTuple, TypeAlias
 
 from eurobot_od.traffic.entries import LARGEST, Batch, Damage, Raw
 from eurobot_od.traffic.formats import FORMATS, PACKED, form_of
-from eurobot_od.traffic.formats.lines import LineFormat, Place, placed_lines
+from eurobot_od.traffic.formats.lines import LineFormat, LogPlace, placed_lines
 
 Key: TypeAlias = int | Damage
 """What entries are counted by: the COB-ID, or the damage of what has none."""
@@ -32,7 +32,7 @@ class IndexedPlace(NamedTuple):
 
     number: int
     time: float
-    place: Place
+    place: LogPlace
     counts: Counter[Key]
 
 
@@ -43,7 +43,7 @@ class LogIndex:
     """
 
     def __init__(self, file: Path, form: LineFormat, largest: int = LARGEST) -> None:
-        self.file, self._first, self._largest = file, Place.first(form), largest
+        self.file, self._first, self._largest = file, LogPlace.first(form), largest
         self.size, self.read, self.total = file.stat().st_size, 0, 0
         self.start = self.end = 0.0
         self.places: list[IndexedPlace] = []

@@ -47,7 +47,7 @@ PIECE = 1 << 16
 """Bytes of a log that are read at once, if they are there: some thousand lines."""
 
 
-class Place(NamedTuple):
+class LogPlace(NamedTuple):
     """The start of a line from which a log can be read on.
 
     `offset` counts bytes and `line` the lines before it; `time` is that of the entry before it, in s; `form` is the
@@ -60,7 +60,7 @@ class Place(NamedTuple):
     form: LineFormat
 
     @classmethod
-    def first(cls, form: LineFormat) -> Place:
+    def first(cls, form: LineFormat) -> LogPlace:
         """Return the start of a log."""
         return cls(0, 0, 0.0, form)
 
@@ -70,14 +70,14 @@ def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Iterator[Batch
 
     Of a line longer than `largest` bytes the start is kept and the rest skipped.
     """
-    return (batch for _, batch in placed_lines(file, Place.first(form), largest))
+    return (batch for _, batch in placed_lines(file, LogPlace.first(form), largest))
 
 
-def placed_lines(file: BinaryIO, start: Place, largest: int) -> Iterator[tuple[Place, Batch]]:
+def placed_lines(file: BinaryIO, start: LogPlace, largest: int) -> Iterator[tuple[LogPlace, Batch]]:
     """Read as `read_lines` from a place on, to which the file has been brought; yield each batch with its place."""
     before, time, form = start.line, start.time, copy(start.form)
     for offset, piece in _pieces(file, largest, start.offset):
-        place, batches = Place(offset, before, time, copy(form)), list[Batch]()
+        place, batches = LogPlace(offset, before, time, copy(form)), list[Batch]()
         for part in form.parts(piece):
             if isinstance(part, Batch):
                 made = part._replace(lines=range(before + 1, before + 1 + len(part.heads)))
