@@ -36,6 +36,10 @@ class LongLog {
     if (this.asking || !this.index?.rows.length || this.has(time, next)) return;
     quietly(this.window(next));
   }
+  async reach(time) {                       // until the frames around a time are there
+    while (this.asking) await new Promise(done => setTimeout(done, 20));
+    if (!this.has(time, time)) await this.window(time);
+  }
   async window(time) {
     this.asking = true;
     try {

@@ -107,7 +107,10 @@ class Trace {
   fits(frame) { return this.tests.every(each => each(frame)); }
   take() {                                  // the frames that are new since the last time
     const {frames, dropped} = this.source;
-    if (frames !== this.taken) { this.taken = frames; this.found = []; this.seen = dropped; this.marked = null; }
+    if (frames !== this.taken) {
+      const number = this.source.long ? this.marked?.number : null;   // in another window it is the same frame
+      Object.assign(this, {taken: frames, found: [], seen: dropped, marked: frames.find(each => each.number === number) ?? null});
+    }
     this.tests = this.testsOf(Object.entries(this.chosen));
     if (this.fixed) {
       const last = row => row.last || new LoggedFrame(row, upTo(row.times, clock.time) - 1);
@@ -149,7 +152,11 @@ class Trace {
   }
   testsOf(chosen) { return chosen.map(([name, value]) => FILTERS[name](value)); }
   async jump(time) {                        // to the first frame at a time or after it
-    if (this.source.long && !this.source.long.has(time, time)) await this.source.long.window(time);
+    if (this.source.long) {
+      clock.pause();
+      clock.seek(this.at = time);
+      await this.source.long.reach(time);
+    }
     this.follow(false);
     if (this.fixed) this.fixed = false;
     this.refilter();
