@@ -45,7 +45,7 @@ def test_every_sample_is_kept_and_saved(page: Page) -> None:
     text = page.run("""(async () => {
         let kept = null;
         URL.createObjectURL = blob => { kept = blob; return '#'; };
-        plots.all[0].save('csv');
+        await plots.all[0].save('csv');
         return kept.text();
     })()""")
     assert [int(line.split(",")[1]) for line in text.splitlines()[1:]] == values

@@ -181,7 +181,7 @@ def test_a_plot_is_saved_as_csv(page: Page) -> None:
         plots.add(new FieldSeries(sources[0].row('Kalman Position Response'), 'x'));
         document.querySelector('#tab-plots').click();
         await new Promise(done => setTimeout(done, 300));
-        plots.all[0].save('csv');
+        await plots.all[0].save('csv');
         return kept.text();
     })()""")
     head, *lines = text.splitlines()
