@@ -75,7 +75,7 @@ def test_lost_nodes_are_counted_and_the_count_leads_to_them(bus: Driver, window:
     window.wait("document.querySelector('#life').textContent.includes('3 lost')")
     assert window.run("document.querySelector('#life').title") == "panel, lift, scale lost: show the nodes"
     window.click("#life")
-    window.wait("!document.querySelector('#view-nodes').hidden")
+    window.wait("document.querySelectorAll('#view-nodes .card').length === 3")
     names = "[...document.querySelectorAll('.card h2 small')].map(each => each.textContent.trim())"
     assert window.run(names) == ["node 1", "node 2", "node 3"]
 
