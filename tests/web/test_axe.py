@@ -73,8 +73,9 @@ document.querySelector('#view-files .entry')?.click();
 def findings(page: Page) -> list[Any]:
     """Return what axe-core finds of a page as it is."""
     page.run(AXE.read_text() + "; true")
-    return page.run("axe.run().then(said => said.violations.map(each => "
+    found: list[Any] = page.run("axe.run().then(said => said.violations.map(each => "
         "[each.impact, each.id, each.nodes.slice(0, 3).map(node => node.html.slice(0, 120))]))")  # fmt: skip
+    return found
 
 
 @needs_axe
