@@ -8,8 +8,14 @@ from typing import Any
 
 import pytest
 
+from eurobot_od.bus.live import Driver, open_bus
+from eurobot_od.frame import Frame
+from tests.kit import plant
+from tests.web.browser import Browser, Page
 from tests.web.scene import channel, live_page
 from tests.web.test_server import answer, talk
+
+HEARTBEAT = Frame(0x701, b"\x05")
 
 LAYOUT = {"address": "#trace?identifier=180", "kept": {"columns": ["count"]}}
 
@@ -45,3 +51,38 @@ def test_damaged_layouts_are_said(tmp_path: Path) -> None:
     (tmp_path / "layouts.json").write_text("{")
     with live_page(channel(), tmp_path) as served:
         assert "layouts.json: not JSON" in talk(served, lambda opened: kept(opened, do="layouts"))["error"]
+
+
+FILTERED = """(box => {
+    box.value = '!move';
+    box.dispatchEvent(new Event('input'));
+})(document.querySelector('#search'))"""
+
+CHOSEN = """new Layouts().open().then(() =>
+    [...document.querySelectorAll('.layouts button')].find(each => each.textContent === 'mine').click())"""
+
+
+def test_a_layout_brings_view_filter_and_plots_to_another_browser(
+    tmp_path: Path, browser: Browser, window: Page
+) -> None:
+    name, move = channel(), plant.decoder().protocol.encode(plant.messages.MoveTo(1000, 500, 90, 80))
+    shown = "document.querySelectorAll('table.messages tbody tr:not([hidden])').length"
+    with live_page(name, tmp_path) as served, open_bus("virtual", name) as other:
+        bus = Driver(other)
+        bus.send(move)
+        bus.send(HEARTBEAT)
+        window.open(served.address)
+        window.wait("connection.control && sources[0].frames.length === 2")
+        window.run("plots.add(new FieldSeries(sources[0].row('Move To'), 'angle'))")
+        window.click("#tab-messages")
+        window.run(FILTERED)
+        window.wait(f"{shown} === 1")
+        window.run("connection.ask({do: 'keep layout', name: 'mine', layout: presentLayout()})")
+        second = browser.page()
+        second.open(served.address)
+        second.wait("connection.control")
+        second.run(CHOSEN)
+        second.wait("typeof plots === 'object' && plots.all[0].series[0]?.field.name === 'angle'")
+        second.wait(f"location.hash === '#messages?search=%21move' && {shown} === 1")
+        second.close()
+        window.may_lose_its_server = True

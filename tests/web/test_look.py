@@ -161,6 +161,24 @@ def test_a_plot_is_saved_as_svg_with_axes_names_and_lines(bus: Driver, window: P
     assert "NaN" not in drawing
 
 
+def test_a_plot_takes_the_same_fields_of_all_logs_over_one_another(window: Page) -> None:
+    logs = []
+    for name in ("one", "two", "three"):
+        columns = Columns(f"{name}.log", plant.decoder(), 500_000)
+        columns.take(0.0, plant.decoder()(plant.decoder().protocol.encode(plant.messages.MoveTo(1000, 500, 90, 80))))
+        logs.append(columns.data())
+    with serving(lambda: page("logs", logs)) as address:
+        window.open(address)
+        window.run("document.querySelector('#tab-plots').click()")
+        window.run("plots.add(new FieldSeries(sources[1].row('Move To'), 'x'))")
+        window.run(
+            "[...document.querySelectorAll('.plot button')].find(each => each.textContent === 'All logs').click()"
+        )
+        names = window.run("plots.all[0].series.map(each => each.name)")
+        assert sorted(names) == ["one.log: Move To.x", "three.log: Move To.x", "two.log: Move To.x"]
+        assert window.run("new Set(plots.all[0].lines.map(each => each.colour)).size") == 3
+
+
 def test_a_filter_of_messages_takes_lists_ranges_and_exclusions_and_says_what_it_does_not_understand(
     bus: Driver, window: Page
 ) -> None:

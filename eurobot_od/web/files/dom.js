@@ -95,14 +95,28 @@ function wordFilter(text) {                 // of things that have `words`, and 
     return isRange ? thing => isRange(thing.id) : thing => thing.words.includes(wanted);
   });
 }
-function filterBox(attributes, act) {       // a box for such a filter: it says what it does not understand, and filters nothing then
+// The filters of a view are in the address, `#trace?identifier=180,200`: a link, a layout and a reload lead to the same.
+function namedFilters(view) {
+  const [name, words] = location.hash.split("?");
+  return new URLSearchParams(name === `#${view}` ? words : "");
+}
+function nameFilters(view, chosen) {
+  const words = new URLSearchParams(chosen).toString();
+  history.replaceState(null, "", words ? `#${view}?${words}` : `#${view}`);
+}
+function filterBox(view, attributes, act) {  // a box for such a filter: it says what it does not understand, and filters nothing then
   const said = h("span", {class: "hint is-wrong", role: "status"});
-  const box = h("input", {type: "search", ...attributes, oninput: () => {
-    let filter = () => true;
-    try { filter = wordFilter(box.value); say(said, ""); } catch (error) { say(said, error.message); }
-    box.setAttribute("aria-invalid", String(said.textContent !== ""));
-    act(filter);
+  const box = h("input", {type: "search", value: namedFilters(view).get("search"), ...attributes, oninput: () => {
+    nameFilters(view, box.value.trim() ? {search: box.value} : {});
+    filter();
   }});
+  const filter = () => {
+    let found = () => true;
+    try { found = wordFilter(box.value); say(said, ""); } catch (error) { say(said, error.message); }
+    box.setAttribute("aria-invalid", String(said.textContent !== ""));
+    act(found);
+  };
+  if (box.value) filter();
   return {box, said};
 }
 

@@ -114,7 +114,7 @@ function messagesView() {
     },
   }), words);
   const columns = h("details", {class: "columns"}, h("summary", {}, "Columns"), ...Object.entries(COLUMNS).map(choice));
-  const {box, said} = filterBox({id: "search", placeholder: "search", "aria-label": "search messages, protocols, nodes",
+  const {box, said} = filterBox("messages", {id: "search", placeholder: "search", "aria-label": "search messages, protocols, nodes",
     title: "a part of a name, 180-1FF; several with commas; ! before what is not wanted"}, filter => { passes = filter; stale = true; });
   const element = h("div", {}, h("div", {class: "tools"}, box, said, radixChoice(),
     columns, h("p", {class: "hint"}, "Click a value, or drag it, to plot it.")), tables.element);

@@ -115,8 +115,8 @@ class ObjectsView {
     Object.assign(this, {source, lines: [], loaded: "", reading: null});
     this.chosen = h("select", {"aria-label": "node", onchange: () => this.load()}, ...source.nodes.map(node => h("option", {}, node.name)));
     this.passes = () => true;
-    const {box, said} = filterBox({placeholder: "search", "aria-label": "search objects", title: "a part of a name, 1000-1018; several with commas; ! before what is not wanted"},
-      filter => { this.passes = filter; this.draw(); });
+    const {box, said} = filterBox("objects", {placeholder: "search", "aria-label": "search objects", title: "a part of a name, 1000-1018; several with commas; ! before what is not wanted"},
+      filter => { this.passes = filter; if (this.loaded) this.draw(); });
     this.box = box;
     this.progress = h("progress", {hidden: true, "aria-label": "objects read"});
     this.end = h("button", {hidden: true, onclick: () => { this.reading = null; }}, "End");

@@ -71,9 +71,7 @@ class Trace {
     return h("select", {"aria-label": name, onchange: event => this.filter(name, event.target.value)}, h("option", {value: ""}, all));
   }
   named() {                                 // the filters that the address names: `#trace?identifier=180,200`
-    const [view, words] = location.hash.split("?");
-    if (view !== "#trace" || !words) return;
-    for (const [name, value] of new URLSearchParams(words)) {
+    for (const [name, value] of namedFilters("trace")) {
       if (!(name in FILTERS)) continue;
       const input = this.inputs[name];
       if (input.tagName === "SELECT") this.offer(input, [value]);
@@ -94,8 +92,7 @@ class Trace {
       this.chosen = value ? {...others, [name]: value} : others;
     } catch (error) { this.misread = error.message; this.chosen = others; }
     input?.setAttribute("aria-invalid", String(this.misread !== ""));
-    const words = new URLSearchParams(this.chosen).toString();
-    history.replaceState(null, "", words ? `#trace?${words}` : "#trace");
+    nameFilters("trace", this.chosen);
     this.refilter();
   }
   refilter() {
