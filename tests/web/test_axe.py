@@ -160,7 +160,7 @@ def test_by_the_keyboard_alone(scene: tuple[Page, Bench]) -> None:
     page.wait("sources[0].row('servo.TPDO1')")
     keys = Keys(page)
     keys.tab()
-    assert page.run("document.activeElement.id") == "freeze", "the first Tab reaches the first control"
+    assert page.run("document.activeElement.id") == "life", "the first Tab reaches the first control"
     page.press("/")
     keys.type("TPDO1")
     page.wait("document.querySelectorAll('table.messages tbody tr:not([hidden])').length === 1")

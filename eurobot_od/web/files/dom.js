@@ -105,7 +105,7 @@ function nameFilters(view, chosen) {
   history.replaceState(null, "", words ? `#${view}?${words}` : `#${view}`);
 }
 function filterBox(view, attributes, act) {  // a box for such a filter: it says what it does not understand, and filters nothing then
-  const said = h("span", {class: "hint is-wrong", role: "status"});
+  const said = h("span", {class: "hint", role: "status"});
   const box = h("input", {type: "search", value: namedFilters(view).get("search"), ...attributes, oninput: () => {
     nameFilters(view, box.value.trim() ? {search: box.value} : {});
     filter();
@@ -114,6 +114,7 @@ function filterBox(view, attributes, act) {  // a box for such a filter: it says
     let found = () => true;
     try { found = wordFilter(box.value); say(said, ""); } catch (error) { say(said, error.message); }
     box.setAttribute("aria-invalid", String(said.textContent !== ""));
+    said.classList.toggle("is-wrong", said.textContent !== "");
     act(found);
   };
   if (box.value) filter();

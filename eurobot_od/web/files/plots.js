@@ -134,7 +134,7 @@ class Plot {
   drawnBy() {                               // of each series: a colour of its own, or of its row's thing; there dashes differ
     const drawn = [];
     for (const {row, source, id} of this.series) {
-      const own = row && ownColours.map(each => each(row, clock.time)).find(Boolean), place = plots.placeOf(id, this);
+      const own = row && ownColours.map(each => each(row, clock.time)).find(Boolean), place = own ? 0 : plots.placeOf(id, this);
       const same = drawn.filter(each => each.colour === own && each.source === source).length;
       const dashes = DASHES[Math.min(source.number, 1)], dash = dashes[(own ? same : Math.floor(place / LINE_COLOURS)) % dashes.length];
       drawn.push({own, source, dash, colour: own || `--line-${place % LINE_COLOURS}`});
