@@ -29,11 +29,11 @@ from eurobot_od.pdo.kinds import plain
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.model.messages import DIAMETERS, GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.places import Point, Pose, turn
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.core.flows import GotoReport
-from eurobot_od.robot.world.world import EventKind, Timeline
+from eurobot_od.robot.world.world import REACH, REACH_ANGLE, EventKind, Timeline
 from eurobot_od.support import extras
 from eurobot_od.support.texts import amount
 
@@ -74,7 +74,18 @@ class Observer:
 
     def _did(self, task: str, call: Future[int]) -> None:
         if not call.cancelled() and call.exception() is None:
-            self._timeline.tell(EventKind.TASK, f"{task}: {call.result() or 'nothing'}", task=task, gain=call.result())
+            gain = call.result()
+            text = str(gain) if gain else f"nothing{self._away_from(task)}"
+            self._timeline.tell(EventKind.TASK, f"{task}: {text}", task=task, gain=gain)
+
+    def _away_from(self, task: str) -> str:
+        """Return a phrase with a task's place if the robot is too far from it to do it; empty if it is there."""
+        start, here = self._core.configuration, self._truth()
+        there = self._core.facts.tasks(start.team_colour)[task].pose if start else here
+        # Of an unknown place, which has NaN, nothing is said.
+        if here.distance(there.point) > REACH or abs(turn(here.angle, there.angle)) > REACH_ANGLE:
+            return "; its place is ({}, {}) {} deg, the robot is at ({:.0f}, {:.0f}) {:.0f} deg".format(*there, *here)
+        return ""
 
     def _ended(self, begin: float, call: Future[GotoReport]) -> None:
         try:

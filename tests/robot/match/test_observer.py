@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline
+from tests.robot.nodes.harness import Bench
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 DICTIONARY = dialects.load("core")
@@ -79,3 +81,30 @@ def test_how_a_goto_ends(end: object, events: list[MatchEvent]) -> None:
 )
 def test_what_a_task_comes_to(end: object, texts: list[str]) -> None:
     assert [event.text for event in told("fire 1", end)] == texts
+
+
+AWAY = "fire 1: nothing; its place is (900, 1670) 270 deg, the robot is at (600, 1800) 90 deg"
+
+
+@pytest.mark.parametrize(
+    ("truth", "gain", "text"),
+    [
+        (Pose(600, 1800, 90), 0, AWAY),
+        (Pose(900, 1670, 259), 0, AWAY.replace("(600, 1800) 90", "(900, 1670) 259")),
+        (Pose(861, 1670, 263), 0, "fire 1: nothing"),
+        (Pose(nan, nan, nan), 0, "fire 1: nothing"),
+        (Pose(600, 1800, 90), 2, "fire 1: 2"),
+    ],
+    ids=["elsewhere", "looks elsewhere", "there", "nobody knows where it is", "done all the same"],
+)
+def test_a_task_at_the_wrong_place_comes_to_nothing_and_is_told_the_right_one(
+    truth: Pose, gain: int, text: str
+) -> None:
+    events: list[MatchEvent] = []
+    bench = Bench("drive", "navigation")
+    bench.configure()
+    Observer(bench.core, Timeline(lambda: 1.0, events.append), lambda: truth)
+    call = Call[Any]()
+    bench.core.observe("fire 1", call)
+    call.set_result(gain)
+    assert [event.text for event in events if event.kind is EventKind.TASK] == [text]
