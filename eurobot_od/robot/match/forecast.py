@@ -78,8 +78,11 @@ class Course:
         self._ahead: list[Point] = []
 
     def saw(self, seen: Seen) -> int:
-        """Add where it was seen, and the way to there; return how many steps that took."""
-        if not self.track:
+        """Add where it was seen, and the way to there; return how many steps that took.
+
+        If it cannot have driven there, the place before was a wrong one, and the track begins anew.
+        """
+        if not self.track or not seen.agrees(Seen(self.track[-1], self._time)):
             self.track, self._time = [seen.point], seen.time
         (x, y), steps = self.track[-1], round((seen.time - self._time) / STEP)
         if steps > 0:

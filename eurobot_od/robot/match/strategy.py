@@ -23,9 +23,9 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Task, Worth
 from eurobot_od.robot.model.values import Barriers, Outcome, Passage, Source
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.motion import Clearances, Disc, Motion, MotionLimits, find_route
+from eurobot_od.robot.nodes.motion import Clearances, Disc, Motion, MotionLimits, find_route, with_fewer_stops
 
-SPEED = 80  # percent: at more, the stopping distance is longer than the sensor's
+SPEED = 100  # percent
 LIMITS = MotionLimits(800, 1200, 2400, 240, 720, 5, 1)  # the drive's, to rehearse a goto
 PACE, OVERHEAD = 450.0, 1.0  # mm/s and s of a goto, before its way is known
 WIDE, NARROW = 40.0, 17.0  # mm between us and what stands
@@ -37,7 +37,7 @@ SPARE = 8.0  # s in hand when we bring the fruit home
 IN_THE_WAY = 0.5  # share that counts of a task where others drive: who stands there gets away late
 LOOKS = 0.2  # s between two looks at the others
 PAUSE = 0.25  # s until we think again
-REMOVED = 1.2  # s until what has fallen over is gone
+REMOVED = 0.9  # s until what has fallen over is gone
 
 
 class Intention(NamedTuple):
@@ -89,11 +89,13 @@ class Strategy:
 
     def way(self, there: Point, margin: float) -> tuple[Point, ...] | None:
         """Return the way points to a place past everything that stands; None if there is no way."""
-        reach = self.facts.body.radius + margin
+        here, reach = self.here.point, self.facts.body.radius + margin
         fixed = (each for each in self.facts.barriers if not each.kind.pushed)
-        discs = [Disc(each.point, reach + each.kind.radius, math.inf) for each in fixed]
+        pools = (Disc(each.point, reach + each.kind.radius, math.inf) for each in fixed)
+        discs = [each.left_from(here) for each in (*pools, *self.forecast.fires.discs(reach))]
         clearances = Clearances.of(self.facts, self.facts.body.radius, margin)
-        return find_route(self.here.point, there, Barriers(0), clearances, [*discs, *self.forecast.fires.discs(reach)])
+        way = find_route(here, there, Barriers(0), clearances, discs)
+        return way and with_fewer_stops((here, *way), discs, clearances)
 
     def flags(self, end: Point) -> Barriers:
         """Return what the drive keeps off as well: all that stands where it was, and that we do not pass closely."""
@@ -211,7 +213,7 @@ class Strategy:
             except (RemoteError, StateError):
                 await asyncio.sleep(PAUSE)
             # A step may do nothing at all; without a pause no time would pass, and the match would hang.
-            await asyncio.sleep(0.05)
+            await asyncio.sleep(0.01)
 
 
 async def play(core: Core) -> None:

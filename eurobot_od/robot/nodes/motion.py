@@ -458,6 +458,9 @@ CORNERS = 8
 SLACK = 1.0
 """Distance of the polygon from its disc, in mm, so that a leg along its side misses the disc."""
 
+NEARLY_PARALLEL = 0.2
+"""Sine of the angle below which two legs are not continued until they meet: that may be far away."""
+
 ROUNDING = 1e-6
 """Minimum depth of a point inside a disc, in mm."""
 
@@ -598,3 +601,29 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
             further = cost + math.dist(here, point)
             heappush(frontier, (further + left, further, (*way, point), False))
     return None
+
+
+def with_fewer_stops(way: Sequence[Point], discs: Sequence[Disc], clearances: Clearances) -> tuple[Point, ...]:
+    """Return a route, given with its start, without it, and with one way point for two where that is free.
+
+    The robot stops at each way point. Round a corner it needs only the one where the legs before and after it meet.
+    """
+    points = list(way)
+    for at in reversed(range(len(points) - 3)):
+        before, one, other, after = points[at : at + 4]
+        meeting = _crossing(before, one, after, other)
+        if meeting is None or not clearances.facts.field.contains(meeting, clearances.edge):
+            continue
+        if not any(disc.meets(each, meeting) for disc in discs for each in (one, other)):
+            points[at + 1 : at + 3] = [meeting]
+    return tuple(points[1:])
+
+
+def _crossing(start: Point, through: Point, end: Point, back: Point) -> Point | None:
+    """Return where a leg meets one that is followed back from its end, both beyond their second points; None if not."""
+    (ux, uy), (vx, vy) = (through.x - start.x, through.y - start.y), (back.x - end.x, back.y - end.y)
+    x, y, across = end.x - start.x, end.y - start.y, ux * vy - uy * vx
+    if abs(across) < NEARLY_PARALLEL * math.hypot(ux, uy) * math.hypot(vx, vy):
+        return None
+    along, along_back = (x * vy - y * vx) / across, (x * uy - y * ux) / across
+    return Point(start.x + along * ux, start.y + along * uy) if along > 1 and along_back > 1 else None

@@ -247,6 +247,7 @@ class World:
         self._options = options
         self.clock = clock
         self._now = 0.0
+        self._moment = 0.0  # of the movement that is being computed: others' may lie before the present
         self.facts = options.facts() if facts is None else facts
         self.game = Game(options.seed)
         self.touches: list[bodies.Touch] = []
@@ -256,13 +257,18 @@ class World:
         self.robots: dict[str, bodies.RobotBody] = {}
         self._patrols: dict[str, Patrol] = {}
         self._contacts = bodies.Contacts(
-            self.facts.field, self.things, self.robots, clock, self._tell, lambda body: self.game.fall(body.name)
+            self.facts.field,
+            self.things,
+            self.robots,
+            lambda: self._moment,
+            self._tell,
+            lambda body: self.game.fall(body.name),
         )
         if options.solid:
             self._go = self._contacts.move
         else:  # only the border holds a robot
             self._go = lambda body, wanted: body.go(
-                Pose(*bodies.inside(wanted, 0, self.facts.field), wanted.angle), clock()
+                Pose(*bodies.inside(wanted, 0, self.facts.field), wanted.angle), self._moment
             )
         self._fallen = bodies.FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: options.team.other}
@@ -324,6 +330,7 @@ class World:
         body.speed = wanted.distance / dt if dt else 0.0
         before = body.pose
         there = before.moved(*wanted)
+        self._moment = self.clock()
         self._go(body, there)
         if name == OURS and self._options.falling:
             self._fallen.look_at(body, self.clock())
@@ -345,6 +352,7 @@ class World:
         # In fixed steps, so that the number of requests does not matter.
         while self._now + PACE <= self.clock():
             self._now += PACE
+            self._moment = self._now
             for name, patrol in self._patrols.items():
                 body = self.robots[name]
                 if bodies.nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):

@@ -56,6 +56,14 @@ def test_before_a_lap_it_goes_straight_on() -> None:
     assert not course.has_lap
 
 
+def test_a_place_from_where_it_cannot_have_come_was_wrong() -> None:
+    course = Course(150.0)
+    assert course.saw(Seen(Point(2500, 1500), 0.0)) == 0
+    assert course.saw(Seen(PLACES[2], 2 * STEP)) == 0, "it did not drive through all that stands between"
+    assert course.track == [PLACES[2]]
+    assert course.saw(Seen(PLACES[4], 4 * STEP)) == 2
+
+
 def test_where_it_was_before_anybody_saw_it_is_where_it_was_a_lap_later() -> None:
     first = 35  # just before a corner: straight back from there would be elsewhere
     course = seen_from(first, 90)

@@ -118,6 +118,13 @@ def test_events_come_in_the_order_of_startup_and_match() -> None:
     assert times == sorted(times)
 
 
+@pytest.mark.parametrize(("name", "begins"), [("", "core, "), ("mine", "mine: core, ")], ids=["ours", "a team's"])
+def test_the_first_line_names_a_robot_that_is_not_ours(name: str, begins: str) -> None:
+    options, events = MatchOptions(duration=0.1), list[MatchEvent]()
+    play_simulated(options, events.append, lambda *_: None, EdsFiles.read(options)._replace(robot=name))
+    assert events[0].text.startswith(begins)
+
+
 @pytest.mark.long
 def test_the_confirms_of_drive_and_navigation_are_two_frames_or_merge_with_the_seed() -> None:
     matches = [play(MatchOptions(seed=seed, duration=0.1)) for seed in range(1, 21)]

@@ -25,6 +25,7 @@ from eurobot_od.robot.nodes.motion import (
     Profile,
     WheelCommand,
     find_route,
+    with_fewer_stops,
 )
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING
@@ -400,6 +401,40 @@ def test_a_robot_that_stands_where_it_does_not_fit_may_leave() -> None:
 @pytest.mark.parametrize(("start", "goal", "barriers", "clearances"), IMPOSSIBLE)
 def test_no_way(start: Point, goal: Point, barriers: Barriers, clearances: Clearances) -> None:
     assert find_route(start, goal, barriers, clearances) is None
+
+
+CORNER = Disc(Point(1500.0, 1000.0), 300.0, math.inf)
+FROM, TO = Point(1000.0, 1150.0), Point(2000.0, 1150.0)
+MEETING = Point(1500.0, 1350.0)
+
+
+@pytest.mark.parametrize(
+    ("discs", "edge", "stops"),
+    [
+        ([CORNER], 100.0, 2),
+        ([CORNER, Disc(MEETING, 5.0, math.inf)], 100.0, 3),
+        ([CORNER], FACTS.field.height - MEETING.y + 20.0, 3),
+    ],
+    ids=["round a corner", "something stands where the legs meet", "too near the border"],
+)
+def test_two_way_points_round_a_corner_become_one_where_that_is_free(
+    discs: list[Disc], edge: float, stops: int
+) -> None:
+    clearances = Clearances(FACTS, {}, edge=edge)
+    way = find_route(FROM, TO, Barriers(0), Clearances(FACTS, {}, edge=0.0), [CORNER])
+    assert way is not None
+    assert len(way) == 3
+    fewer = with_fewer_stops((FROM, *way), discs, clearances)
+    assert len(fewer) == stops
+    assert fewer[-1] == TO
+    assert not any(CORNER.meets(*leg) for leg in itertools.pairwise((FROM, *fewer)))
+
+
+@pytest.mark.parametrize(
+    "way", [[], [Point(500.0, 0.0)], [Point(500.0, 0.0), Point(600.0, 30.0), Point(800.0, 60.0)]], ids=len
+)
+def test_legs_that_are_nearly_in_line_stay_as_they_are(way: list[Point]) -> None:
+    assert with_fewer_stops((Point(0.0, 0.0), *way), [], Clearances(FACTS, {}, edge=0.0)) == tuple(way)
 
 
 def test_a_leg_meets_a_disc_if_any_of_its_points_is_inside() -> None:

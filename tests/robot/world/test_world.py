@@ -51,6 +51,16 @@ def test_the_number_of_readings_does_not_change_the_patrols() -> None:
     assert one.vehicle.pose(Source.ENEMY_1) == other.vehicle.pose(Source.ENEMY_1)
 
 
+def test_who_asks_how_often_does_not_change_where_the_others_were() -> None:
+    one, other = Place(enemies=2), Place(enemies=2)
+    for _ in range(100):
+        one.now += 0.1
+        one.vehicle.pose(Source.ENEMY_1)
+    other.now = one.now
+    assert one.vehicle.pose(Source.ENEMY_1, 0.25) == other.vehicle.pose(Source.ENEMY_1, 0.25)
+    assert one.vehicle.pose(Source.ENEMY_1, 0.25) != one.vehicle.pose(Source.ENEMY_1)
+
+
 def test_a_robot_that_cannot_pass_waits_and_turns_round(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world_module, "STRAY", 0)
     rounds = ("robots.enemy 1.rounds", "[[1500, 900], [500, 900]]")
