@@ -21,50 +21,25 @@ from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.estimate import Seen
 from eurobot_od.robot.nodes.motion import Disc
 
-STEP = 0.1
-"""Time between two places of a track or a forecast, in s."""
-
-HORIZON = 90
-"""Number of steps of a forecast."""
-
-TREND = 6
-"""Number of steps in which a robot shows where it is going."""
-
-LAP = 30
-"""Minimum number of steps in a lap."""
-
-SAME = 60.0
-"""Maximum distance of two places that count as the same, mm."""
-
-BEFORE = 30
-"""Number of steps for which the others may have driven before they were first seen."""
-
-BLIND = 24.0
-"""Time after which tracks are used although not every robot has driven a lap, in s of the core's time."""
-
+STEP = 0.1  # time between two places of a track or a forecast, in s
+HORIZON = 90  # number of steps of a forecast
+TREND = 6  # number of steps in which a robot shows where it is going
+LAP = 30  # minimum number of steps in a lap
+SAME = 60.0  # maximum distance of two places that count as the same, mm
+BEFORE = 30  # number of steps for which the others may have driven before they were first seen
+BLIND = 24.0  # time after which tracks are used although not every robot has driven a lap, in s of the core's time
 GUESSES, NOISE = 24, 6.0
 """Number of guesses of where a fire is, and the standard deviation of the sightings that they go by, mm."""
 
-SHALLOW = 10.0
-"""Less than this deep in a fire the robot may only have been seen too near, mm: the fire is not pushed."""
-
-MOVED = 15.0
-"""Minimum distance that a guess moves before ways are planned anew, mm."""
-
-GROUP, UNSURE = 90.0, 35.0
-"""Guesses as near as this are one place to keep off, with a margin, mm."""
-
+SHALLOW = 10.0  # less than this deep in a fire the robot may only have been seen too near, mm: the fire is not pushed
+MOVED = 15.0  # minimum distance that a guess moves before ways are planned anew, mm
+GROUP, UNSURE = 90.0, 35.0  # guesses as near as this are one place to keep off, with a margin, mm
 AHEAD, BESIDE, CONE = 285.0, 50.0, 42.0
 """Distances to a robot ahead (the sensor would stop us) and to one beside us, mm; half the cone ahead, degrees."""
 
-GROWTH = 1.0
-"""Distance to keep more for each step that a forecast looks ahead, mm."""
-
-NEAR = 150.0
-"""A robot that is nearer than this may also stand, because of us, mm."""
-
-LANE = 200.0
-"""A place is on a robot's way if the robot has driven by it at less than this distance, mm."""
+GROWTH = 1.0  # distance to keep more for each step that a forecast looks ahead, mm
+NEAR = 150.0  # a robot that is nearer than this may also stand, because of us, mm
+LANE = 200.0  # a place is on a robot's way if the robot has driven by it at less than this distance, mm
 
 
 class Course:
@@ -175,13 +150,18 @@ class Fires:
                 fire = Point(min(max(along, 0.0), self._field.width), min(max(across, 0.0), self._field.height))
         return fire
 
-    def discs(self, reach: float) -> Iterator[Disc]:
-        """Yield the places that a robot has to keep off; `reach` is from its centre to the edge of a fire."""
+    def discs(self, reach: float, least: int = 1) -> Iterator[Disc]:
+        """Yield the places that a robot has to keep off, with `least` guesses or more.
+
+        `reach` is from the robot's centre to the edge of a fire.
+        """
         for fire, guesses in self._guesses.items():
             left = guesses
             while left:
                 group = [guess for guess in left if math.dist(guess, left[0]) < GROUP]
                 left = [guess for guess in left if guess not in group]
+                if len(group) < least:
+                    continue
                 middle = Point(*(sum(each) / len(group) for each in zip(*group)))
                 spread = max(math.dist(middle, guess) for guess in group) + UNSURE * (fire in self.pushed)
                 yield Disc(middle, reach + fire.kind.radius + spread, math.inf)
@@ -212,6 +192,11 @@ class Forecast:
         for step in range(-BEFORE, max(len(each.track) for each in known.values()), 2):
             for who, course in known.items():
                 self.fires.meet(who, course.at(step), 2, course.radius)
+
+    def others(self, margin: float) -> list[Disc]:
+        """Return the places where the others are, to keep off by a margin, mm."""
+        seen = (each for each in self._courses.values() if each.track)
+        return [Disc(each.track[-1], self._radius + each.radius + margin, math.inf) for each in seen]
 
     def passes(self, place: Point) -> bool:
         """Return whether a robot has lately driven by a place."""

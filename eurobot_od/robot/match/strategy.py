@@ -32,8 +32,10 @@ WIDE, NARROW = 40.0, 17.0  # mm between us and what stands
 WAITS = (0, 10, 20, 35)  # steps that we may wait for a better task
 LOOK = 40  # steps of a way that have to be free
 STAYS = 2.0  # s to stay with a plan at a way point where somebody is in the way
+STUCK, ROUND = 4.0, 120.0  # s without moving until we look for ways round the others, and how far round, mm
+FEW, SOME = 2, 4  # guesses of a fire that we keep off, and those that we keep off then
 PATIENCE = 30.0  # s without moving in which distances shrink to nothing: two that give way would stand for ever
-SPARE = 8.0  # s in hand when we bring the fruit home
+SPARE = 12.0  # s in hand when we bring the fruit home
 IN_THE_WAY = 0.5  # share that counts of a task where others drive: who stands there gets away late
 LOOKS = 0.2  # s between two looks at the others
 PAUSE = 0.25  # s until we think again
@@ -61,7 +63,7 @@ class Strategy:
         self.others = [each for each in messages.POSITIONS if each.source in radii and start.includes(each.source)]
         self.forecast = Forecast(self.facts, {each.source: radii[each.source] for each in self.others})
         self.fruit, self.moved = 0, core.now
-        self.ways: dict[tuple[int, Pose, str], list[tuple[tuple[Point, ...], list[Pose]]]] = {}
+        self.ways: dict[tuple[int, Pose, tuple[Point, ...], str], list[tuple[tuple[Point, ...], list[Pose]]]] = {}
         for each in self.others:
             core.on(each.response, partial(self.look, each.source))
 
@@ -79,20 +81,31 @@ class Strategy:
         return self.home if x is None or y is None or angle is None else Pose(x, y, angle)
 
     def ways_to(self, task: Task) -> list[tuple[tuple[Point, ...], list[Pose]]]:
-        """Return a wide and a narrow way to a task, as far as there are any, and our pose at each step of them."""
+        """Return a wide and a narrow way to a task, as far as there are any, and our pose at each step of them.
+
+        If we have not moved for long, something is in all of them. Then there is one round the others as well, past
+        places where only few guesses have a fire.
+        """
         x, y, angle = self.here
-        key = self.forecast.fires.version, Pose(round(x / 15), round(y / 15), round(angle / 5)), task.name
+        others = self.forecast.others(ROUND) if self.core.now - self.moved > STUCK else []
+        near = tuple(Point(round(each.centre.x / 90), round(each.centre.y / 90)) for each in others)
+        key = self.forecast.fires.version, Pose(round(x / 15), round(y / 15), round(angle / 5)), near, task.name
         if key not in self.ways:
-            found = [self.way(task.pose.point, margin) for margin in (WIDE, NARROW)]
+            found = [self.way(task.pose.point, margin, FEW) for margin in (WIDE, NARROW)]
+            found += [self.way(task.pose.point, NARROW, SOME, others)] * bool(others)
             self.ways[key] = [(way, self.rehearse(way, task.pose.angle)) for way in dict.fromkeys(found) if way]
         return self.ways[key]
 
-    def way(self, there: Point, margin: float) -> tuple[Point, ...] | None:
-        """Return the way points to a place past everything that stands; None if there is no way."""
+    def way(self, there: Point, margin: float, least: int, others: Sequence[Disc] = ()) -> tuple[Point, ...] | None:
+        """Return the way points to a place past all that stands; None if there is no way.
+
+        Fires are where `least` guesses or more have them.
+        """
         here, reach = self.here.point, self.facts.body.radius + margin
         fixed = (each for each in self.facts.barriers if not each.kind.pushed)
         pools = (Disc(each.point, reach + each.kind.radius, math.inf) for each in fixed)
-        discs = [each.left_from(here) for each in (*pools, *self.forecast.fires.discs(reach))]
+        closed = (*pools, *self.forecast.fires.discs(reach, least), *others)
+        discs = [each.left_from(here) for each in closed]
         clearances = Clearances.of(self.facts, self.facts.body.radius, margin)
         way = find_route(here, there, Barriers(0), clearances, discs)
         return way and with_fewer_stops((here, *way), discs, clearances)

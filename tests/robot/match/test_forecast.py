@@ -8,7 +8,7 @@ from itertools import islice
 
 import pytest
 
-from eurobot_od.robot.match.forecast import BEFORE, STEP, Course, Fires, Forecast
+from eurobot_od.robot.match.forecast import BEFORE, GUESSES, STEP, Course, Fires, Forecast
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import read
 from eurobot_od.robot.model.values import Source
@@ -93,6 +93,7 @@ def test_where_a_fire_that_was_hit_head_on_lies_is_not_known_and_all_places_are_
         fires.meet(WHO, Point(x, fire.y), 2, 150.0)
     assert fires.pushed == {fire}
     assert len([*fires.discs(0.0)]) > known, "one disc is not enough"
+    assert len([*fires.discs(0.0, GUESSES + 1)]) == 0, "no place has more guesses than there are"
 
 
 def forecast(places: list[Point]) -> Forecast:

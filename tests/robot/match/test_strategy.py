@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.seeds import play
 from eurobot_od.robot.match.stage import EdsFiles
-from eurobot_od.robot.match.strategy import Strategy
+from eurobot_od.robot.match.strategy import STUCK, Strategy
 from eurobot_od.robot.model.messages import Enemy1PositionResponse, KalmanPositionResponse
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.robot_file import Worth
@@ -67,6 +68,18 @@ def test_it_does_not_drive_where_another_robot_will_be() -> None:
         bench.say("navigation", Enemy1PositionResponse(x, 1800, 0, Source.ENEMY_1))
         bench.run(0.6)
     assert not strategy.is_free(poses), "it comes along the same line"
+
+
+def test_who_has_not_moved_for_long_looks_for_a_way_round_the_others() -> None:
+    bench, strategy = started()
+    bench.say("navigation", Enemy1PositionResponse(150, 1500, 0, Source.ENEMY_1))
+    task = strategy.todo["fire 3"]
+    (way, _), *_ = strategy.ways_to(task)
+    assert way == (task.pose.point,), "straight on: it may be gone by then"
+    strategy.moved -= 2 * STUCK
+    *_, (round_it, _) = strategy.ways_to(task)
+    (enemy,) = strategy.forecast.others(margin=0.0)
+    assert not any(enemy.meets(*leg) for leg in pairwise((strategy.here.point, *round_it)))
 
 
 def test_what_is_given_up_for_the_way_home_is_what_leaves_no_time_for_it() -> None:
