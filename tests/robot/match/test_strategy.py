@@ -82,6 +82,19 @@ def test_who_has_not_moved_for_long_looks_for_a_way_round_the_others() -> None:
     assert not any(enemy.meets(*leg) for leg in pairwise((strategy.here.point, *round_it)))
 
 
+def test_two_that_give_way_to_each_other_do_not_stand_for_ever() -> None:
+    bench, strategy = started()
+    (_, poses), *_ = strategy.ways_to(strategy.todo["frescos"])
+    for _ in range(3):
+        bench.say("navigation", Enemy1PositionResponse(900, 1475, 0, Source.ENEMY_1))
+        bench.run(0.6)
+    is_free = []
+    for stood in (0.0, 15.0, 30.0):
+        strategy.moved = bench.core.now - stood
+        is_free.append(strategy.is_free(poses))
+    assert is_free == [False, False, True], "we wait long before we pass closely, but not for ever"
+
+
 def test_what_is_given_up_for_the_way_home_is_what_leaves_no_time_for_it() -> None:
     _, strategy = started()
     tree, torch = strategy.todo["tree 4"], strategy.todo["torch 4"]
