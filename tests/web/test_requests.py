@@ -1,0 +1,116 @@
+"""Requests without a server: what each is answered, and what is left of a browser that is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eurobot_od.bus.live import open_bus
+from eurobot_od.web.desk import Desk
+from eurobot_od.web.jobs import Job, JobState
+from eurobot_od.web.requests import REQUESTS, Requests
+from eurobot_od.web.session import Session
+from tests.kit import plant
+from tests.web.scene import channel
+
+ME, YOU = "my browser", "your browser"
+FILE = {"do": "file", "name": "a.eds", "at": 0, "data": "AAAA"}
+CYCLE = {"do": "cycle", "key": "mine", "period": 60_000, "frame": "7FF#", "sure": True}
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000)
+    with closing(session):
+        yield session
+
+
+@pytest.fixture
+def requests(session: Session, tmp_path: Path) -> Requests:
+    return Requests(Desk(session, tmp_path, control=True))
+
+
+async def asked(requests: Requests, who: object = ME, **words: Any) -> dict[str, Any]:
+    """Return the answer to a request."""
+    return dict(json.loads(await requests.answer(json.dumps({"id": 7, **words}), who)))
+
+
+ANSWERS = {
+    "not JSON": ("{", None, "a request is JSON"),
+    "brackets without end": ("[" * 100_000, None, "a request is JSON"),
+    "no object": ("[1]", None, "a request is a JSON object"),
+    "no name": ('{"id": 3}', 3, "unknown request 'None'; known: "),
+    "an unknown name": ('{"id": "x", "do": "dance"}', "x", "unknown request 'dance'"),
+    "a long name is cut": (json.dumps({"id": 4, "do": "x" * 100}), 4, f"unknown request '{'x' * 40}'"),
+    "a node that is not there": (
+        '{"id": 5, "do": "read", "node": "crane", "object": "0x1000"}',
+        5,
+        "unknown node 'crane'; known: panel, lift, scale",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "number", "error"), ANSWERS.values(), ids=ANSWERS)
+def test_what_is_wrong_is_answered_with_the_number_of_the_request(
+    requests: Requests, text: str, number: object, error: str
+) -> None:
+    said = json.loads(asyncio.run(requests.answer(text, ME)))
+    assert (said["re"], "ok" in said) == (number, False)
+    assert said["error"].startswith(error)
+
+
+ACTING = [name for name, each in REQUESTS.items() if each.acts]
+
+
+def test_a_page_without_control_does_nothing_that_acts(session: Session, tmp_path: Path) -> None:
+    requests = Requests(Desk(session, tmp_path))
+
+    async def errors() -> set[str]:
+        return {str((await asked(requests, do=name)).get("error")) for name in ACTING}
+
+    assert asyncio.run(errors()) == {"this page is read-only: start the server with --control"}
+
+
+def test_what_only_looks_needs_no_control() -> None:
+    assert not {"diagnosis", "scan", "read", "differences"} & {*ACTING}
+    assert {"stop", "send", "write", "nmt", "record", "apply", "file"} <= {*ACTING}
+
+
+def test_a_question_says_what_may_move_and_a_yes_is_one(requests: Requests) -> None:
+    said = asyncio.run(asked(requests, do="nmt", command="start", node="lift"))
+    assert said["error"] == f"not sent: {said['asks']}"
+    yes = asyncio.run(asked(requests, do="nmt", command="start", node="lift", sure=True))
+    assert (yes["re"], yes["ok"]) == (7, "000#0102")
+
+
+def test_who_is_gone_leaves_no_file_and_nothing_that_is_sent_again_and_again(requests: Requests) -> None:
+    async def both() -> None:
+        for who in (ME, YOU):
+            assert "ok" in await asked(requests, who, **FILE)
+            assert "ok" in await asked(requests, who, **{**CYCLE, "key": who})
+        requests.left(ME)
+
+    asyncio.run(both())
+    assert (list(requests.desk.uploads), list(requests.desk.cyclic)) == ([YOU], [YOU])
+
+
+def until_it_ends(job: Job) -> None:
+    while True:
+        job.look()
+
+
+def test_a_server_that_ends_ends_its_job_and_what_is_sent_again_and_again(requests: Requests) -> None:
+    async def run() -> Job:
+        async with requests.running():
+            await asked(requests, **CYCLE)
+            return requests.desk.jobs.start("long", "a long job", until_it_ends)
+
+    job = asyncio.run(run())
+    assert (job.state, requests.desk.cyclic) == (JobState.ENDED, {})
