@@ -23,7 +23,7 @@ from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
-from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core
 
 NUMBERED = 0x7F0
@@ -64,7 +64,10 @@ def lead(core: Core) -> None:
             core.check_nodes().result()
             core.configure_start(TeamColour.RED).result()
             for place in itertools.cycle(PLACES):
-                say(core.goto(*place, SPEED).result().outcome.name)
+                outcome = core.goto(*place, SPEED).result().outcome
+                say(outcome.name)
+                if outcome is not Outcome.ARRIVED:  # somebody has stopped it, and wants to see it stand
+                    time.sleep(HALF_A_SECOND)
         except EurobotError as error:
             say(f"core: {error}")
             time.sleep(HALF_A_SECOND)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from keyword import iskeyword
 from pathlib import Path
 from typing import Annotated
@@ -17,7 +16,7 @@ from eurobot_od.od.make.device import device_eds, read_device_table
 from eurobot_od.od.objects import all_objects, limits
 from eurobot_od.od.units import RAW, scale_of
 from eurobot_od.od.values import label
-from eurobot_od.support.files import write_whole
+from eurobot_od.support.files import read_whole, write_whole
 
 FILES = Path(__file__).with_name("new_device_files")
 """Folder of the templates of a device package; the suffix `.new` keeps them from being part of this package."""
@@ -66,8 +65,9 @@ def new_device(
     for file, text in files.items():
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, text.encode())
-    shutil.copyfile(eds, folder / module / eds.name)
-    print(*files, sep="\n")  # last, as a closed pipe ends the program
+    write_whole(folder / module / eds.name, read_whole(eds))
+    print(*files, sep="
+")  # last, as a closed pipe ends the program
     print("\ntry it:", f"cd {folder}", "pip install -e .", "pytest", sep="\n  ")
 
 

@@ -16,6 +16,7 @@ from eurobot_od import loading
 from eurobot_od.cli import PROGRAM, RobotName
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
+from eurobot_od.support.files import write_whole
 
 FILES = Path(__file__).parents[1] / "new_robot"
 """Folder of the templates of a new robot; the suffix `.new` keeps them from being part of this package."""
@@ -65,7 +66,7 @@ def new_robot(
     module = _package(called) if package else ""
     for file, text in _texts(called, module, loading.find(robot_name).table):
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
-        (folder / file).write_text(text, encoding="utf-8")
+        write_whole(folder / file, text.encode())
         print(folder / file)
     steps = [f"cd {folder}", *(["pip install -e ."] if package else [])]
     # Before pip installs the program, it may not be on the PATH.
