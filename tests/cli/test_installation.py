@@ -126,6 +126,7 @@ COMPLETED = [
     (["lint", "--explain", "W44"], ["W440", "W442", "W443", "W446", "W447", "W448"]),
     (["check", "sdo-"], ["sdo-mine.yaml"]),
     (["decode", "sdo-m"], ["sdo-mine.yaml"]),
+    (["diff", "sdo-mine.yaml", "sdo-m"], ["sdo-mine.yaml"]),
 ]
 
 

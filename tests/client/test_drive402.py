@@ -98,8 +98,11 @@ WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
     "following-error": (lambda axis: axis.move_to(9000), "move: it has a fault, error code 0x8611"),
     "encoder-lost": (lambda axis: axis.move_to(9000), "move: it has a fault, error code 0x7305"),
     "overcurrent": (lambda axis: axis.move_to(90_000), "move: it has a fault, error code 0x2310"),
-    "target-never-reached": (lambda axis: axis.move_to(900, within=3), "move: not within 3 s"),
-    "homing-stuck": (lambda axis: axis.home(24, within=3), "home: not within 3 s; it is in Operation enabled"),
+    "target-never-reached": (
+        lambda axis: axis.move_to(900, within=3),
+        r"move: not within 3 s; .* \(statusword 0x\w{4}\)$",
+    ),
+    "homing-stuck": (lambda axis: axis.home(24, within=3), r"home: not within 3 s; .* 0x\w{4}\)$"),
 }
 
 

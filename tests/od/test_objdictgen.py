@@ -78,6 +78,37 @@ def test_a_variable_has_name_type_access_and_value(
     assert (found.name, found.type.name, found.access, found.section.text("defaultvalue")) == said
 
 
+def test_objects_of_cia_301_have_its_names() -> None:
+    content = od_file(Dictionary=dict.fromkeys(range(4096, 4144), 0), Name="Drive", Type="slave")
+    found = DescribedDevice(formats.read(content)).objects
+    assert {f"{index:04X}": each.name for index, each in found.items() if not each.name.startswith("Object ")} == {
+        "1000": "Device type",
+        "1001": "Error register",
+        "1002": "Manufacturer status register",
+        "1003": "Pre-defined error field",
+        "1005": "COB-ID SYNC message",
+        "1006": "Communication cycle period",
+        "1007": "Synchronous window length",
+        "1008": "Manufacturer device name",
+        "1009": "Manufacturer hardware version",
+        "100A": "Manufacturer software version",
+        "100C": "Guard time",
+        "100D": "Life time factor",
+        "1010": "Store parameters",
+        "1011": "Restore default parameters",
+        "1012": "COB-ID time stamp message",
+        "1013": "High resolution time stamp",
+        "1014": "COB-ID EMCY",
+        "1015": "Inhibit time EMCY",
+        "1016": "Consumer heartbeat time",
+        "1017": "Producer heartbeat time",
+        "1018": "Identity object",
+        "1019": "Synchronous counter overflow value",
+        "1020": "Verify configuration",
+        "1029": "Error behaviour",
+    }
+
+
 def test_what_a_pdo_maps_is_mappable(device: DescribedDevice) -> None:
     assert [each.is_mappable for each in device.objects[0x2001].variables()] == [False, True, True]
 

@@ -86,6 +86,27 @@ def test_the_mode_bits_are_those_of_the_modes_that_the_drive_has(modes: int, val
     assert words(od.at((0x6040, 0), drive.objects), value) == text
 
 
+# CiA 402-2: what bits 12 and 13 of the statusword, and 4 to 6 and 9 of the controlword, say in each mode.
+BITS_OF_MODES = {
+    "profile position": (0x001, "set-point acknowledged, following error", "new set-point, at once, relative"),
+    "velocity": (0x002, "", "ramp enabled, ramp unlocked, reference ramp"),
+    "profile velocity": (0x004, "speed is 0, maximum slippage", ""),
+    "homing": (0x020, "homing attained, homing error", "start homing"),
+    "interpolated position": (0x040, "interpolation active", "interpolation"),
+    "cyclic position": (0x080, "follows the command, following error", ""),
+    "cyclic velocity": (0x100, "follows the command", ""),
+    "cyclic torque": (0x200, "follows the command", ""),
+}
+
+
+@pytest.mark.parametrize(("modes", "status", "control"), BITS_OF_MODES.values(), ids=BITS_OF_MODES)
+def test_the_bits_of_each_mode_have_its_words(modes: int, status: str, control: str) -> None:
+    file = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x000003AD", f"DefaultValue={modes}")
+    drive = Dictionary.read(file.encode(), DOCS / "servo.eds", 5)
+    assert words(od.at((0x6041, 0), drive.objects), 0x3237) == ", ".join(filter(None, ["Operation enabled", status]))
+    assert words(od.at((0x6040, 0), drive.objects), 0x007F) == ", ".join(filter(None, ["Enable operation", control]))
+
+
 def test_a_second_axis_has_the_words_of_the_first() -> None:
     drive = Dictionary.read(_axis_2().encode(), DOCS / "servo.eds", 5)
     assert words(od.at((0x6841, 0), drive.objects), 0x40) == "Switch on disabled"

@@ -73,6 +73,8 @@ def test_objects_pdos_and_findings_are_data() -> None:
     assert [each["object"] for pdo in found["pdos"] if pdo["name"] == "TPDO1" for each in pdo["entries"]] == [
         "0x2000:1", "0x2000:2", "0x6064:0",
     ]  # fmt: skip
+    names = [each["name"] for pdo in found["pdos"] if pdo["name"] == "TPDO1" for each in pdo["entries"]]
+    assert names == ["Motor: Speed", "Motor: Current", "Position actual value"]
     assert [(each["code"], each["level"], each["index"], each["sub"]) for each in found["findings"]] == [
         ("W442", "warning", 0x2100, None)
     ]

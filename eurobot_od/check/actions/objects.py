@@ -193,10 +193,13 @@ async def _transferred(
     return data
 
 
+_ROOM = sdo.Room(unannounced=sdo.LONGEST_TEXT)
+"""What a node may send for one object: without a bound, one that never ends would hold up a run for hours."""
+
 _UPLOADS: Mapping[Blocks, Callable[[Address, float], sdo.Transfer]] = {
-    Blocks.NONE: partial(sdo.upload, room=sdo.Room(unannounced=sdo.LONGEST_TEXT)),
-    Blocks.PLAIN: sdo.block_upload,
-    Blocks.WITHOUT_CRC: partial(sdo.block_upload, crc=0),
+    Blocks.NONE: partial(sdo.upload, room=_ROOM),
+    Blocks.PLAIN: partial(sdo.block_upload, room=_ROOM),
+    Blocks.WITHOUT_CRC: partial(sdo.block_upload, room=_ROOM, crc=0),
 }
 _DOWNLOADS: Mapping[Blocks, Callable[[Address, bytes, float], sdo.Transfer]] = {
     Blocks.NONE: sdo.download,
