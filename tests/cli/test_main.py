@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import is_dataclass
+from importlib.metadata import PackageNotFoundError
 from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any, cast, get_type_hints
@@ -310,3 +311,12 @@ def test_v_before_a_command_logs_its_work(capsys: pytest.CaptureFixture[str], wo
     logged = [line for line in capsys.readouterr().err.splitlines() if " eurobot_od." in line]
     assert any(said in line for line in logged) if said else not logged
     assert not logging.getLogger("eurobot_od").handlers
+
+
+def test_where_it_is_not_installed_the_version_says_where_it_lies(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(_: str) -> str:
+        raise PackageNotFoundError
+
+    monkeypatch.setattr("importlib.metadata.version", missing)
+    python = ".".join(map(str, sys.version_info[:3]))
+    assert cli.version().endswith(f", not installed, from {cli.__file__}, Python {python}")

@@ -62,6 +62,15 @@ def test_a_drive_tells_its_states_by_pdo_and_by_sdo() -> None:
     assert told(by_sdo) == [(2, "drive", "servo: Operation enabled", False)]
 
 
+def test_only_a_further_axis_is_named() -> None:
+    ready, enabled = "585#4B41600031060000", "585#4B41600037060000"
+    first = events(READ, ready, READ, enabled)
+    assert [each.text for each in first if each.kind == "drive"] == ["servo: Operation enabled"]
+    read, *said = (each.replace("4160", "4168") for each in (READ, ready, enabled))
+    second = events(read, said[0], read, said[1])
+    assert [each.text for each in second if each.kind == "drive"] == ["servo, axis 2: Operation enabled"]
+
+
 def test_a_pdo_that_is_mapped_otherwise_now_tells_no_state() -> None:
     remapped = ["605#2F011A0000000000", "585#60011A0000000000", "605#23011A0120006460", "585#60011A0100000000",
         "605#2F011A0001000000", "585#60011A0000000000"]  # fmt: skip
