@@ -17,7 +17,7 @@ from eurobot_od.od import dcf
 from tests.client.peers import new_channel
 from tests.client.servo import DCF, EDS, SERVO, live_servos
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 """Seconds, for a machine with much else to do."""
 
 

@@ -19,7 +19,7 @@ from tests.device import io_module
 from tests.kit import lift
 from tests.kit.lift import CheckCabinRequest
 
-PATIENCE = 5.0
+PATIENCE = 60.0
 """Seconds after which an answer that has not come does not come."""
 
 

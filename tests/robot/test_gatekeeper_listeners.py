@@ -68,7 +68,7 @@ def test_get_waits_for_a_message_of_another_thread() -> None:
     queue = MessageQueue[int]("gotos", 0, print)
     thread = threading.Thread(target=queue.put, args=item(7))
     thread.start()
-    assert queue.get(timeout=10.0) == item(7)
+    assert queue.get(timeout=60.0) == item(7)
     thread.join()
 
 

@@ -26,5 +26,5 @@ def test_the_processes_that_load_the_cores_end_with_the_tool() -> None:
         assert tool.stdout.readline() == b"loaded\n"
         tool.kill()
         # The end of the output: whoever still had it would be alive.
-        rest, _ = tool.communicate(timeout=30)
+        rest, _ = tool.communicate(timeout=60)
         assert rest == b""

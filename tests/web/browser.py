@@ -18,7 +18,7 @@ from typing import Any
 import aiohttp
 from interop_rows.tools import BROWSERS
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 """Seconds after which a page that does not do what it is to do fails the test."""
 
 PROGRAM = next(filter(None, map(shutil.which, BROWSERS)), None)

@@ -23,7 +23,7 @@ from eurobot_od.web.server import Post, served
 from eurobot_od.web.session import Session
 from tests.kit import plant
 
-LONG = 20.0
+LONG = 60.0
 """Seconds after which a test gives up."""
 
 NUMBERS = count(1)

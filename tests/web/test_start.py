@@ -163,7 +163,7 @@ def test_from_nothing_to_a_simulated_bus_and_back(window: Page, tmp_path: Path) 
         window.run(f"{words('Disconnect')}.click()")
         arrives(window, "document.querySelector('.start')")
         process.terminate()
-        process.communicate(timeout=30)
+        process.communicate(timeout=60)
     assert process.returncode == 0
     assert (tmp_path / "eurobot-od.yaml").read_text() == "library: [devices]\n"
     assert [each.name for each in (tmp_path / "devices").rglob("*.eds")] == ["motor.eds"]

@@ -13,7 +13,7 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.controller import Event, Report
 from eurobot_od.errors import BusError
 
-LONG = 10.0
+LONG = 60.0
 """Seconds after which a test gives up; what it waits for comes at once."""
 
 

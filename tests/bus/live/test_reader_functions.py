@@ -12,7 +12,7 @@ import pytest
 from eurobot_od.bus.live.reader import STUCK_AFTER, FunctionThread
 from eurobot_od.controller import Event, FunctionListener, Report
 
-LONG = 10.0
+LONG = 60.0
 """Seconds after which a test gives up; what it waits for comes at once."""
 
 

@@ -33,7 +33,7 @@ STOP = EurobotProtocol.load().cob_id(StopDrive)
 SOON = 2.0
 """Seconds of the computer's time in which a hanging strategy is ended, 0.3 s of which it has."""
 
-LONG = 30.0
+LONG = 60.0
 """Longest wait for what has to come, s."""
 
 BUSY = 3.0
