@@ -596,6 +596,7 @@ def test_what_makes_the_drive_watch_us_is_put_back(jogged: Jogged) -> None:
     jogged.drives.jog(AXIS, 100)
     assert (drive[0x1016, 1].value >> 16, drive[0x6007].value) == (127, 3)
     jogged.drives.begin_end()
+    assert not jogged.drives.may_end, "it still turns"
     jogged.pass_time(0.5)
     assert jogged.drives.may_end
     jogged.drives.put_back()
