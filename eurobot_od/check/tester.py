@@ -250,7 +250,7 @@ class BenchTester:
         """Return whether a node answers an SDO request within `wait` s; an abort counts, too."""
         with suppress(NoAnswer):
             with suppress(sdo.Aborted, sdo.OddAnswer):
-                await self.transfer(sdo.upload(ERROR_REGISTER, wait), node)  # which every device has
+                await self.transfer(sdo.upload(ERROR_REGISTER, wait, room=sdo.A_NUMBER), node)  # which every device has
             return True
         return False
 

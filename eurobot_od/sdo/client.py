@@ -181,7 +181,8 @@ class Room(NamedTuple):
         return self.unannounced if size is None else size
 
 
-ANY_OBJECT = Room()
+ANY_OBJECT, A_TEXT, A_NUMBER = Room(), Room(unannounced=LONGEST_TEXT), Room(unannounced=64)
+"""For what no file describes, and for what has or has not a length of its own; more than it needs, to see what comes."""
 
 
 def upload(address: Address, wait: float, progress: Progress = unwatched, room: Room = ANY_OBJECT) -> Transfer:

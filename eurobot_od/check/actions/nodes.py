@@ -143,7 +143,7 @@ class Dump(NamedTuple):
         dump = {}
         for variable in self.variables:
             try:
-                read = partial(whole_upload, objects.address_of(variable), tester.timeout)
+                read = partial(whole_upload, variable, tester.timeout)
                 data = await tester.asked(read, self.node)
                 dump[objects.label(variable)] = data.hex(" ").upper()
             except sdo.Aborted as error:  # a refusal is a value, too: a dump is red only for changes
@@ -185,16 +185,18 @@ class SelfReported(NamedTuple):
         """Read the node's errors; raises NoAnswer, Failed with all errors as text, Skipped if it has no 0x1001."""
         tester.ask()
         try:
-            register = await tester.asked(partial(sdo.upload, ERROR_REGISTER, tester.timeout), self.node)
+            register = await tester.asked(
+                partial(sdo.upload, ERROR_REGISTER, tester.timeout, room=sdo.A_NUMBER), self.node
+            )
         except sdo.Aborted:
             raise Skipped("the node has no error register (0x1001)") from None
         bits = int.from_bytes(register, "little")
         if bits:
             words = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
             with suppress(sdo.Aborted):  # the history 0x1003 is optional (CiA 301, 7.5.2.4)
-                count = await tester.asked(partial(sdo.upload, ERRORS, tester.timeout), self.node)
+                count = await tester.asked(partial(sdo.upload, ERRORS, tester.timeout, room=sdo.A_NUMBER), self.node)
                 for sub in range(1, min(int.from_bytes(count, "little"), HISTORY) + 1):
-                    read = partial(sdo.upload, (ERROR_FIELD, sub), tester.timeout)
+                    read = partial(sdo.upload, (ERROR_FIELD, sub), tester.timeout, room=sdo.A_NUMBER)
                     remembered = await tester.asked(read, self.node)
                     # The lower half is the error code, the upper half the manufacturer's.
                     code = int.from_bytes(remembered[:2], "little")
@@ -222,7 +224,7 @@ async def follows_from_own_error(tester: BenchTester, action: object) -> bool:
     if node is None or not is_known or not isinstance(action, (Expect, Period)):
         return False
     try:
-        return any(await tester.transfer(sdo.upload(ERROR_REGISTER, tester.timeout), node))
+        return any(await tester.transfer(sdo.upload(ERROR_REGISTER, tester.timeout, room=sdo.A_NUMBER), node))
     except (sdo.Aborted, NoAnswer) as error:
         return isinstance(error, NoAnswer)  # it has stayed in STOPPED
 

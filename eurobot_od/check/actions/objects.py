@@ -53,9 +53,8 @@ class SdoRead(NamedTuple):
         tester.ask()
         if self.save is not None:
             tester.variables.pop(self.save, None)  # another object may have set this variable
-        begin = _UPLOADS[self.blocks]
-        address = objects.address_of(self.variable)
-        data = await _transferred(tester, self, partial(begin, address, tester.longest(self.within)))
+        begin = partial(whole_upload, self.variable, tester.longest(self.within), self.blocks)
+        data = await _transferred(tester, self, begin)
         if data is None:
             return
         size = objects.data_type(self.variable).size
@@ -158,7 +157,9 @@ class SdoRestore(NamedTuple):
     async def _read(self, tester: BenchTester, address: Address) -> bytes:
         """Read an object; return nothing if it is refused."""
         with suppress(sdo.Aborted):
-            return await tester.asked(partial(sdo.upload, address, tester.longest(self.within)), self.node)
+            return await tester.asked(
+                partial(sdo.upload, address, tester.longest(self.within), room=sdo.A_TEXT), self.node
+            )
         return b""
 
 
@@ -193,13 +194,10 @@ async def _transferred(
     return data
 
 
-_ROOM = sdo.Room(unannounced=sdo.LONGEST_TEXT)
-"""What a node may send for one object: without a bound, one that never ends would hold up a run for hours."""
-
-_UPLOADS: Mapping[Blocks, Callable[[Address, float], sdo.Transfer]] = {
-    Blocks.NONE: partial(sdo.upload, room=_ROOM),
-    Blocks.PLAIN: partial(sdo.block_upload, room=_ROOM),
-    Blocks.WITHOUT_CRC: partial(sdo.block_upload, room=_ROOM, crc=0),
+_UPLOADS: Mapping[Blocks, Callable[..., sdo.Transfer]] = {
+    Blocks.NONE: sdo.upload,
+    Blocks.PLAIN: sdo.block_upload,
+    Blocks.WITHOUT_CRC: partial(sdo.block_upload, crc=0),
 }
 _DOWNLOADS: Mapping[Blocks, Callable[[Address, bytes, float], sdo.Transfer]] = {
     Blocks.NONE: sdo.download,
@@ -208,9 +206,11 @@ _DOWNLOADS: Mapping[Blocks, Callable[[Address, bytes, float], sdo.Transfer]] = {
 }
 
 
-def whole_upload(address: Address, wait: float) -> sdo.Transfer:
-    """Return a transfer that reads an object of any length by segments, within `wait` s for each answer."""
-    return _UPLOADS[Blocks.NONE](address, wait)
+def whole_upload(variable: ODVariable, wait: float, blocks: Blocks = Blocks.NONE) -> sdo.Transfer:
+    """Return a transfer that reads an object, with `wait` s for each answer and a bound for one without an end."""
+    type_ = values.DATA_TYPES.get(variable.data_type)
+    room = sdo.A_NUMBER if type_ and type_.bits else sdo.A_TEXT
+    return _UPLOADS[blocks](objects.address_of(variable), wait, room=room)
 
 
 def _unlocking(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:
