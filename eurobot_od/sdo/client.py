@@ -182,7 +182,7 @@ class Room(NamedTuple):
 
 
 ANY_OBJECT, A_TEXT, A_NUMBER = Room(), Room(unannounced=LONGEST_TEXT), Room(unannounced=64)
-"""For what no file describes, and for what has or has not a length of its own; more than it needs, to see what comes."""
+"""Room for what no file describes, for a text, and for a number: more than it needs, so that what is wrong is seen."""
 
 
 def upload(address: Address, wait: float, progress: Progress = unwatched, room: Room = ANY_OBJECT) -> Transfer:

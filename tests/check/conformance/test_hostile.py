@@ -1,4 +1,4 @@
-"""Devices that mean no good: whatever they say, a run by CiA 301 ends, red, with a result for every step."""
+"""Devices that mean no good: whatever they say, a run by CiA 301 ends, with a result for every step."""
 
 from __future__ import annotations
 
@@ -98,4 +98,4 @@ def test_a_run_against_a_hostile_device_ends_and_says_so(name: str) -> None:
     assert not [each.error for each in done if each.error]
     found = {step.status for each in done for step in each.steps}
     assert found <= {Status.PASSED, Status.FAILED, Status.SKIPPED}
-    print(name, found)
+    assert (Status.FAILED in found) is (name in HOSTILE)
