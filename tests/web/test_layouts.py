@@ -33,6 +33,18 @@ def test_a_layout_is_there_for_the_next_server(tmp_path: Path) -> None:
         assert talk(served, lambda opened: kept(opened, do="layouts"))["ok"] == {}
 
 
+def test_a_layout_that_is_kept_or_removed_leaves_the_others(tmp_path: Path) -> None:
+    async def several(opened: Any) -> list[Any]:
+        for name, layout in (("one", LAYOUT), ("two", {}), ("one", {})):
+            await kept(opened, do="keep layout", name=name, layout=layout)
+        both = (await kept(opened, do="layouts"))["ok"]
+        await kept(opened, do="remove layout", name="one")
+        return [both, (await kept(opened, do="layouts"))["ok"]]
+
+    with live_page(channel(), tmp_path) as served:
+        assert talk(served, several) == [{"one": {}, "two": {}}, {"two": {}}]
+
+
 @pytest.mark.parametrize(
     ("words", "error"),
     [

@@ -21,6 +21,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.standard import DEVICE_TYPE, ERROR_REGISTER, VERIFY_CONFIGURATION
 from eurobot_od.od.values import NMT_COB_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate
+from tests.kit.devices import IO_MODULE as GUARDED
 from tests.kit.devices import MODULE, NODE_ID, of_kind, suites
 from tests.kit.faults import CONFORMANCE
 
@@ -50,6 +51,26 @@ class LateReset(SimulatedDevice):
         if 0 <= self._loses <= now:
             self._loses = -1.0
             frames += super().receive(self._command, now)
+        return frames
+
+
+class LateHeartbeat(SimulatedDevice):
+    """Sends one more heartbeat 150 ms after its time is written, whatever that is."""
+
+    LATE = 0.150
+    _late = -1.0
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id == SDO_REQUEST_BASE + NODE_ID and frame.data.startswith(b"\x2b\x17\x10"):
+            self._late = now + self.LATE
+            self.at(self._late, lambda _: None)
+        return super().receive(frame, now)
+
+    def tick(self, now: float) -> list[Frame]:
+        frames = super().tick(now)
+        if 0 <= self._late <= now:
+            self._late = -1.0
+            frames.append(error_control(NODE_ID, self.device.state))
         return frames
 
 
@@ -207,6 +228,13 @@ def done(kind: type[Node], tier: Tier = Tier.REVERSIBLE, *chapters: str) -> Iter
 
 def red(steps: Iterable[StepResult]) -> list[str]:
     return [each.name for each in steps if each.status is Status.FAILED]
+
+
+def test_a_first_heartbeat_is_not_taken_for_an_answer_to_guarding() -> None:
+    asked = [each for each in suites(GUARDED, Tier.REVERSIBLE) if {"nmt", "error-control"} & {*each.tags}]
+    found = [step for each in asked for step in run_simulated(each, RunOptions(True), of_kind(LateHeartbeat)).steps]
+    assert [each for each in found if "Node guarding" in each.name and each.status is Status.PASSED]
+    assert not [each for each in red(found) if "Node guarding" in each]
 
 
 @pytest.mark.long
