@@ -21,7 +21,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.standard import DEVICE_TYPE, ERROR_REGISTER, VERIFY_CONFIGURATION
 from eurobot_od.od.values import NMT_COB_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate
-from tests.kit.devices import IO_MODULE as GUARDED
 from tests.kit.devices import MODULE, NODE_ID, of_kind, suites
 from tests.kit.faults import CONFORMANCE
 
@@ -231,7 +230,7 @@ def red(steps: Iterable[StepResult]) -> list[str]:
 
 
 def test_a_first_heartbeat_is_not_taken_for_an_answer_to_guarding() -> None:
-    asked = [each for each in suites(GUARDED, Tier.REVERSIBLE) if {"nmt", "error-control"} & {*each.tags}]
+    asked = [each for each in suites(MODULE, Tier.REVERSIBLE) if {"nmt", "error-control"} & {*each.tags}]
     found = [step for each in asked for step in run_simulated(each, RunOptions(True), of_kind(LateHeartbeat)).steps]
     assert [each for each in found if "Node guarding" in each.name and each.status is Status.PASSED]
     assert not [each for each in red(found) if "Node guarding" in each]
