@@ -54,23 +54,30 @@ class LateReset(SimulatedDevice):
 
 
 class LateHeartbeat(SimulatedDevice):
-    """Sends one more heartbeat 150 ms after its time is written, whatever that is."""
+    """Answers guarding after 110 ms, and sends one more heartbeat 150 ms after its time is written, whatever that is."""
 
-    LATE = 0.150
-    _late = -1.0
+    def reset(self) -> None:
+        super().reset()
+        self._later = list[tuple[float, Frame | None]]()
+
+    def _in(self, seconds: float, now: float, frame: Frame | None = None) -> None:
+        self._later.append((now + seconds, frame))
+        self.at(now + seconds, lambda _: None)
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         if frame.cob_id == SDO_REQUEST_BASE + NODE_ID and frame.data.startswith(b"\x2b\x17\x10"):
-            self._late = now + self.LATE
-            self.at(self._late, lambda _: None)
+            self._in(0.150, now)
         return super().receive(frame, now)
 
+    def requested(self, cob_id: int, now: float) -> list[Frame]:
+        for each in super().requested(cob_id, now):
+            self._in(0.110, now, each)
+        return []
+
     def tick(self, now: float) -> list[Frame]:
-        frames = super().tick(now)
-        if 0 <= self._late <= now:
-            self._late = -1.0
-            frames.append(error_control(NODE_ID, self.device.state))
-        return frames
+        frames, due = super().tick(now), [frame for at, frame in self._later if at <= now]
+        self._later = [each for each in self._later if each[0] > now]
+        return frames + [frame or error_control(NODE_ID, self.device.state) for frame in due]
 
 
 class Answering(SimulatedDevice):
