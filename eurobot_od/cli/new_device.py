@@ -66,8 +66,7 @@ def new_device(
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, text.encode())
     write_whole(folder / module / eds.name, read_whole(eds))
-    print(*files, sep="
-")  # last, as a closed pipe ends the program
+    print(*files, sep="\n")  # last, as a closed pipe ends the program
     print("\ntry it:", f"cd {folder}", "pip install -e .", "pytest", sep="\n  ")
 
 

@@ -54,7 +54,7 @@ class LateReset(SimulatedDevice):
 
 
 class LateHeartbeat(SimulatedDevice):
-    """Answers guarding after 110 ms, and sends one more heartbeat 150 ms after its time is written, whatever that is."""
+    """Answers guarding after 110 ms, and sends a heartbeat 150 ms after its time is written, even for 0."""
 
     def reset(self) -> None:
         super().reset()
