@@ -14,7 +14,8 @@ import pytest
 
 from eurobot_od.cli.diagnose import WORDS
 from eurobot_od.frame import Frame
-from eurobot_od.traffic.monitor import BusSource, Timed
+from eurobot_od.traffic.entries import Timed
+from eurobot_od.traffic.monitor import BusSource
 from tests.cli.console import run
 from tests.traffic.diagnosis.defects import beats, log
 from tests.web.scene import channel

@@ -26,7 +26,7 @@ class Shown:
 
     def __init__(self, text: str, requests: Requests | None, posts: Mapping[str, Post]) -> None:
         self.content, _ = json.JSONDecoder().raw_decode(text, text.index('{"title":'))
-        self.desk, self.posts = requests and requests.desk, posts
+        self.desk, self.posts = requests.desk if requests else None, posts
 
     async def ask(self, path: str, **words: Any) -> Any:
         """Return what a request to the page is answered."""

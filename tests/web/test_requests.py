@@ -22,7 +22,7 @@ from tests.web.scene import channel
 
 ME, YOU = "my browser", "your browser"
 FILE = {"do": "file", "name": "a.eds", "at": 0, "data": "AAAA"}
-CYCLE = {"do": "cycle", "key": "mine", "period": 60_000, "frame": "7FF#", "sure": True}
+LIST = {"do": "begin list", "key": "mine", "title": "mine", "rows": [{"send": "7FF#", "period": "60 s"}], "sure": True}
 
 
 @pytest.fixture
@@ -94,11 +94,12 @@ def test_who_is_gone_leaves_no_file_and_nothing_that_is_sent_again_and_again(req
     async def both() -> None:
         for who in (ME, YOU):
             assert "ok" in await asked(requests, who, **FILE)
-            assert "ok" in await asked(requests, who, **{**CYCLE, "key": who})
+            assert "ok" in await asked(requests, who, **{**LIST, "key": who})
         requests.left(ME)
 
     asyncio.run(both())
-    assert (list(requests.desk.uploads), list(requests.desk.cyclic)) == ([YOU], [YOU])
+    ended = {key: each.ended for key, each in requests.desk.lists.items()}
+    assert (list(requests.desk.uploads), ended) == ([YOU], {ME: "its page is gone", YOU: ""})
 
 
 def until_it_ends(job: Job) -> None:
@@ -109,8 +110,8 @@ def until_it_ends(job: Job) -> None:
 def test_a_server_that_ends_ends_its_job_and_what_is_sent_again_and_again(requests: Requests) -> None:
     async def run() -> Job:
         async with requests.running():
-            await asked(requests, **CYCLE)
+            assert "ok" in await asked(requests, **LIST)
             return requests.desk.jobs.start("long", "a long job", until_it_ends)
 
     job = asyncio.run(run())
-    assert (job.state, requests.desk.cyclic) == (JobState.ENDED, {})
+    assert (job.state, requests.desk.lists["mine"].ended) == (JobState.ENDED, "the server ends")

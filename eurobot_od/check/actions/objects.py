@@ -208,8 +208,7 @@ _DOWNLOADS: Mapping[Blocks, Callable[[Address, bytes, float], sdo.Transfer]] = {
 
 def whole_upload(variable: ODVariable, wait: float, blocks: Blocks = Blocks.NONE) -> sdo.Transfer:
     """Return a transfer that reads an object, with `wait` s for each answer and a bound for one without an end."""
-    type_ = values.DATA_TYPES.get(variable.data_type)
-    room = sdo.A_NUMBER if type_ and type_.bits else sdo.A_TEXT
+    room = sdo.A_NUMBER if objects.data_type(variable).bits else sdo.A_TEXT
     return _UPLOADS[blocks](objects.address_of(variable), wait, room=room)
 
 
