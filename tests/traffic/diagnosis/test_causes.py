@@ -43,6 +43,12 @@ def test_the_period_of_a_pdo_by_a_coarse_clock_is_the_average() -> None:
     assert "it came every 20 ms (observed)" in found(BusRule.PDO_STOPS, frames).text
 
 
+@pytest.mark.parametrize(("answer", "toggle"), [("705#05", 0), ("705#85", 1)])
+def test_the_toggle_bit_that_comes_twice_is_said(answer: str, toggle: int) -> None:
+    text = found(BusRule.GUARD_TOGGLE, at("705#R1", answer, "705#R1", answer, gap=0.1)).text
+    assert text.endswith(f"two answers to node guarding with toggle {toggle}")
+
+
 BLOCK = ("605#A008100010000000", "585#C408100020000000", "605#A300000000000000")
 SEQUENCE = "605#8008100003000405"
 
