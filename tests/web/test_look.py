@@ -104,6 +104,7 @@ def test_a_phone_has_the_count_in_place_of_the_title_and_two_lines_for_a_frame(b
     window.wait("document.querySelector('.trace .lines .line')")
     assert window.run("document.querySelector('h1').getBoundingClientRect().width") <= 1
     assert window.run("document.querySelector('.status .fewer').textContent") == "1"
+    assert window.run("document.querySelector('.trace .lines .line').offsetHeight === lineHeight()")
     boxes = window.run("""[...document.querySelector('.trace .lines .line').children]
         .map(each => each.getBoundingClientRect()).filter(box => box.width).map(box => [box.top, box.right])""")
     assert len({top for top, _ in boxes}) == 2
