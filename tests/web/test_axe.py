@@ -94,7 +94,7 @@ def test_no_finding_in_any_view_and_none_is_wider_than_the_window(
     with shown(tmp_path) as address:
         window.may_lose_its_server = True
         window.call("Page.navigate", url=address)
-        window.wait("typeof live === 'boolean' && document.body.children.length > 3")
+        window.wait("document.readyState === 'complete' && location.href !== 'about:blank'")
         window.wait("!live || (connection.alive && connection.control)")
         window.run("new Promise(done => setTimeout(done, 300))")
         for name in window.run("[...document.querySelectorAll('[role=tab]:not([hidden])')].map(tab => tab.id)") or [

@@ -282,7 +282,7 @@ def test_a_plot_ends_with_the_last_value(scene: Scene) -> None:
     })()""")
     page.click("#tab-plots")
     page.wait("plots.all[0].chart !== null")
-    shown, last = page.run(f"[plots.all[0].data()[1].at(-1), {KALMAN}.columns[0].at(-1)]")
+    shown, last = page.run(f"plots.all[0].data().then(found => [found[1].at(-1), {KALMAN}.columns[0].at(-1)])")
     assert shown == last
     assert abs(last - true_place(scene.world)[0]) < NEAR
     page.wait("document.querySelector('.legend b').textContent.endsWith(' mm')")
