@@ -287,7 +287,7 @@ def test_a_search_that_finds_nothing_says_so(page: Page) -> None:
     page.click("#search")
     for letter in "xyz":
         page.press(letter)
-    page.wait("document.body.textContent.includes('No message, protocol or node has “xyz” in its name.')")
+    page.wait("document.body.textContent.includes('No message, protocol or node passes the filter.')")
 
 
 def test_a_robot_that_is_no_longer_seen_is_hollow_and_says_its_age(page: Page) -> None:
