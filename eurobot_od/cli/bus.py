@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -18,20 +18,20 @@ from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, LibraryFolde
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
-from eurobot_od.client.description import Found, read_identity
+from eurobot_od.client.description import Found, addressed
 from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.client.master import Master, produce, syncs, times
 from eurobot_od.client.watch import NodeChange, NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
-from eurobot_od.errors import LocalError, NoAnswer, RemoteError, UnknownName
+from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.library.library import Library
 from eurobot_od.loading import packages
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
-from eurobot_od.od.standard import LssState, node_id_words
+from eurobot_od.od.standard import LssState
 from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.plugin import Plugins
 from eurobot_od.support.progress import SHORT, Unit, bar
@@ -352,9 +352,6 @@ def time(
 
 REQUESTS = Unit("requests", "requests/s")
 
-Addressing: TypeAlias = Callable[[Master, Identity, int], object]
-"""A manufacturer's procedure that sets the node-ID of the device with an identity."""
-
 NUMBERS = 4
 """Number of parts of an identity: vendor-ID, product code, revision and serial number."""
 
@@ -419,7 +416,9 @@ def lss(
     if action == "set" and not wanted:
         raise LocalError("nothing to set: give --node-id, --bit-rate, --store or --activate")
     if address := action == "set" and identity and Plugins(packages=packages(package)).for_identity(identity).address:
-        return _addressed(address, identity, settings, bus)
+        with Master(bus.open()) as master:
+            print(addressed(master, address, identity, **vars(settings)))
+        return ExitStatus.FINE
     steps = _find(identity, alone, known) if action == "find" else _set(identity, alone, wanted)
     with Master(bus.open(), timeout) as master:
         try:
@@ -430,35 +429,6 @@ def lss(
             perform(master, services.switch(LssState.WAITING))
     print("\n".join(lines) or "no device without a node-ID answers")
     return ExitStatus.FINE if lines else ExitStatus.FOUND
-
-
-ADDRESSED_ATTEMPTS = 5
-"""How often the device is asked for its identity at its new node-ID."""
-
-
-def _addressed(address: Addressing, identity: Identity, settings: Settings, bus: BusOptions) -> ExitStatus:
-    """Set a device's node-ID by its manufacturer's procedure; raises LocalError, RemoteError, BusError."""
-    if settings.node_id is None or settings != Settings(node_id=settings.node_id):
-        raise LocalError(f"the device package for {identity} sets the node-ID: give --node-id, and nothing else")
-    with Master(bus.open()) as master:
-        address(master, identity, settings.node_id)
-        _check_addressed(master, identity, settings.node_id)
-    print(f"{identity}  {node_id_words(settings.node_id)}, by its maker's procedure")
-    return ExitStatus.FINE
-
-
-def _check_addressed(master: Master, identity: Identity, node_id: int) -> None:
-    """Check that the device with an identity answers at its new node-ID; raises RemoteError, NoAnswer."""
-    for attempt in range(ADDRESSED_ATTEMPTS):
-        try:
-            found = read_identity(master.node(node_id))
-        except NoAnswer:  # it may still be booting
-            if attempt + 1 == ADDRESSED_ATTEMPTS:
-                raise
-        else:
-            if difference := found.difference(identity):
-                raise RemoteError(f"another device answers as node {node_id}: it has {difference}")
-            return
 
 
 def _find(identity: Identity | None, alone: bool, library: Library) -> LssSteps[list[str]]:

@@ -186,11 +186,9 @@ def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
 
 
 def _motion(text: str) -> tuple[int, int]:
-    """Parse the distance and velocity of a motor; raises LocalError."""
-    distance, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
-    if not (distance and velocity):
-        raise LocalError(f"{text!r}: a distance and a velocity above 0, such as 2000@100")
-    return distance, velocity
+    from eurobot_od.check.conformance.made import parse_motion  # with the suites: most commands do without
+
+    return parse_motion(text)
 
 
 @dataclass(frozen=True, kw_only=True)

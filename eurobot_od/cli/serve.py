@@ -27,10 +27,11 @@ from eurobot_od.cli.options import BusOptions, FrameNames, whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.errors import EurobotError, LocalError
-from eurobot_od.od import DEFAULT
+from eurobot_od.od import DEFAULT, network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.editing import readable
+from eurobot_od.od.network import NetworkBus
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
@@ -47,7 +48,7 @@ from eurobot_od.web.page import Columns, Panel, page, stop_message
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.requests import Requests
     from eurobot_od.web.server import Post
-    from eurobot_od.web.start import Choice, SimulatedChoice
+    from eurobot_od.web.start import BusChoice, Choice, SimulatedChoice
 
 HERE = Address("127.0.0.1", 8014)
 """Default address of the page."""
@@ -136,7 +137,8 @@ def serve(
         if logs:
             asyncio.run(page.show_logs(logs))
         elif named and bus == BusOptions():  # even if python-can has a configured bus
-            asyncio.run(page.show_files())
+            if asyncio.run(page.show_files()):
+                page.begin()
         elif live.is_named(bus.interface):
             asyncio.run(page.show_bus(bus, devices))
         else:
@@ -221,29 +223,46 @@ class ServedPage:
 
     async def _chosen(self) -> Choice | None:
         """Serve the start page; return what was chosen, None at the end."""
-        from eurobot_od.web.start import BusChoice, StartPage
+        from eurobot_od.web.start import StartPage
 
         def try_bus(choice: BusChoice) -> None:
             BusOptions(interface=choice.interface, channel=choice.channel, bitrate=choice.bit_rate).open().shutdown()
 
         # A user of this machine's own address could run the command as well.
         may_act = self.control or not self.server.rules.token
-        start = StartPage(self.devices.known_library, self.folder or Path(), may_act, try_bus)
+        start = StartPage(self.devices.known_library, self.folder or Path(), may_act, try_bus, self._last_bus())
         await self.server.serve(start.page, posts={"/start": start.answer}, until=start.chosen)
         return start.choice
 
     async def _show(self, choice: Choice) -> bool:
         """Show what was chosen; return whether the user went back to the start page."""
-        from eurobot_od.web.start import BusChoice, LogChoice
+        from eurobot_od.web.start import BusChoice, FilesChoice, LogChoice
 
         if isinstance(choice, LogChoice):
             return await self.show_logs([str(choice.file)], can_leave=True)
+        if isinstance(choice, FilesChoice):
+            return await self.show_files()
         if isinstance(choice, BusChoice):
+            self._keep_bus(choice)
             chosen = BusOptions(interface=choice.interface, channel=choice.channel, bitrate=choice.bit_rate)
             return await self.show_bus(chosen, self.devices, can_leave=True)
         eds = [f"{node_id}={path}" for path, node_id in choice.devices]
         with _simulated(self.devices, choice) as simulated:
             return await self.show_bus(simulated, replace(self.devices, eds=[*self.devices.eds, *eds]), can_leave=True)
+
+    def _last_bus(self) -> BusChoice | None:
+        """Return the bus that the workspace says, None without one; raises FileError."""
+        from eurobot_od.web.start import BusChoice
+
+        bus = network.read_network(self.folder / DEFAULT).bus if self.folder else None
+        return bus and BusChoice(bus.interface, bus.channel, bus.bit_rate and 1000 * bus.bit_rate)
+
+    def _keep_bus(self, choice: BusChoice) -> None:
+        """Have the workspace say the bus, if there is a workspace."""
+        if self.folder:
+            file, rate = self.folder / DEFAULT, choice.bit_rate and choice.bit_rate // 1000
+            text = network.with_bus(read_whole(file).decode("utf-8", "replace"), NetworkBus(*choice[:2], rate))
+            write_whole(file, text.encode())
 
     async def show_logs(self, logs: Sequence[str], can_leave: bool = False) -> bool:
         """Serve the page of logs; return whether the user left it."""
@@ -307,7 +326,14 @@ class ServedPage:
         bitrate = bus.bitrate or self.bit_rate
         session = Session(bus.open, decoder, bitrate, devices.panels, diagnosis=self._diagnosis(decoder))
         networks = devices.plugins.networks()._replace(decoder=devices.decoder_with(self.names))
-        equipment = Equipment(devices.known_library, networks, version(), devices.plugins.procedure)
+        plugins = devices.plugins
+        equipment = Equipment(
+            devices.known_library,
+            networks,
+            version(),
+            plugins.procedure,
+            lambda each: plugins.for_identity(each).address,
+        )
         stop = stop_message(list(map(type, session.panels)))
         name = bus_name(bus.interface, bus.channel)
         left, posts = _leaving(can_leave)

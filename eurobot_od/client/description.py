@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.client.master import Master, Procedure, RemoteNode
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
-from eurobot_od.errors import NoAnswer, NodeRefused, RemoteError
+from eurobot_od.errors import LocalError, NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
-from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, IDENTITY, STORE_FORMAT, STORED_EDS
+from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, IDENTITY, STORE_FORMAT, STORED_EDS, node_id_words
 from eurobot_od.od.values import NODE_IDS, Address
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LENGTH, ClientCommand, Initiate, ServerCommand, initiate
 from eurobot_od.support.progress import Progress, unwatched
@@ -35,6 +35,35 @@ async def read_identity(node: RemoteNode) -> Identity:
     addresses = {(IDENTITY, subindex): name for subindex, name in enumerate(Identity._fields, start=1)}
     numbers = [await _optional(node, address, name) for address, name in addresses.items()]
     return Identity(*(int.from_bytes(each, "little") for each in numbers))
+
+
+Addressing: TypeAlias = Callable[[Master, Identity, int], object]
+"""A manufacturer's procedure that sets the node-ID of the device with an identity."""
+
+ADDRESSED_ATTEMPTS = 5
+"""How often the device is asked for its identity at its new node-ID."""
+
+
+def addressed(
+    master: Master, address: Addressing, identity: Identity, node_id: int | None = None, **others: object
+) -> str:
+    """Set a device's node-ID by its manufacturer's procedure; return what is done, in words.
+
+    Raises LocalError if `others` are to be set as well, RemoteError, NoAnswer, BusError.
+    """
+    if node_id is None or any(others.values()):
+        raise LocalError(f"the device package for {identity} sets the node-ID: give a node-ID, and nothing else")
+    address(master, identity, node_id)
+    for attempt in range(ADDRESSED_ATTEMPTS):
+        try:
+            found = read_identity(master.node(node_id))
+            break
+        except NoAnswer:  # it may still be booting
+            if attempt + 1 == ADDRESSED_ATTEMPTS:
+                raise
+    if difference := found.difference(identity):
+        raise RemoteError(f"another device answers as node {node_id}: it has {difference}")
+    return f"{identity}  {node_id_words(node_id)}, by its maker's procedure"
 
 
 @Procedure

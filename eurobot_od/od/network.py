@@ -5,6 +5,7 @@ Every device gets a unique node-ID and name; otherwise loading raises an error t
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -123,12 +124,21 @@ class TrafficEntry(NamedTuple):
     reason: str = ""
 
 
+class NetworkBus(NamedTuple):
+    """The bus that a network is on: python-can's interface and channel, and the bit rate if it is said."""
+
+    interface: str
+    channel: str = ""
+    bit_rate: Annotated[int, Within(1, 1000, "kbit/s")] | None = None
+
+
 class NetworkFile(NamedTuple):
     """A network file: nodes, shared messages, messages by priority, bit rate, periods.
 
     `robot` is the name of an installed robot (see `plugin`); such a file need not have nodes. `master` is the name of
     the NMT master, a node or a device without a file, such as a PC. `library` are folders of device files for other
-    nodes; `emcy` are files with texts for error codes, `dbc` files with names of frames of other protocols.
+    nodes; `emcy` are files with texts for error codes, `dbc` files with names of frames of other protocols. `bus` is
+    the bus that the page offers: the last one that it was connected to.
     """
 
     nodes: Annotated[Sequence[NodeFile], ByName()] = ()
@@ -141,6 +151,7 @@ class NetworkFile(NamedTuple):
     library: Annotated[Sequence[str], OneOrMore()] = ()
     emcy: Annotated[Sequence[str], OneOrMore()] = ()
     dbc: Annotated[Sequence[str], OneOrMore()] = ()
+    bus: NetworkBus | None = None
 
     def beside(self, file: str) -> NetworkFile:
         """Return the network with all paths relative to the folder of the network file."""
@@ -225,6 +236,18 @@ def read_network_file(text: str, file: str) -> NetworkFile:
     if unclear:
         raise FileError(file, f"node {unclear[0]} has neither `file` nor `node_id`")
     return network.beside(file)
+
+
+BUS_KEY = re.compile(r"^bus:.*\n?(?:[ \t]+.*\n?)*", re.MULTILINE)
+
+
+def with_bus(text: str, bus: NetworkBus) -> str:
+    """Return the text of a network file that says a bus, in one line; all else stays as it is written."""
+    said = {name: value for name, value in bus._asdict().items() if value}
+    line = f"bus: {json.dumps(said, ensure_ascii=False)}\n"
+    if BUS_KEY.search(text):
+        return BUS_KEY.sub(lambda _: line, text, count=1)
+    return f"{text}{'' if text.endswith(chr(10)) or not text else chr(10)}{line}"
 
 
 READERS = {**dict.fromkeys(BUS_FILES, read_network_file), ".cpj": read_nodelist}

@@ -15,6 +15,7 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 from eurobot_od.check.sending import RunningList
 from eurobot_od.check.shapes import Networks
 from eurobot_od.client.configure import ChangePlan, pdo_parameters
+from eurobot_od.client.description import Addressing
 from eurobot_od.client.lifeline import OWN_ID
 from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.client.motion import AxisAddress
@@ -25,6 +26,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.library.library import Library
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SDO_REQUEST_BASE
 from eurobot_od.pdo.kinds import Message
@@ -57,13 +59,15 @@ class Equipment(NamedTuple):
     """What whoever starts the page gives it: the user's `library` of device files, and what plug-ins know.
 
     `networks` are those that suites may be for; `made_by` is the program and its version, for reports.
-    `procedure` returns how the device with an identity takes a program, and raises LocalError for one that it refuses.
+    `procedure` returns how the device with an identity takes a program, and raises LocalError for one that it refuses;
+    `address` its maker's procedure that sets its node-ID, None for LSS.
     """
 
     library: Library = Library(())
     networks: Networks = Networks(lambda _: Path())
     made_by: str = ""
     procedure: Callable[[Sequence[int], bytes, bool], DownloadProcedure] = lambda *_: STANDARD
+    address: Callable[[Identity], Addressing | None] = lambda _: None
 
 
 NO_EQUIPMENT = Equipment()

@@ -48,24 +48,39 @@ class LogChoice(NamedTuple):
     file: Path
 
 
-Choice = BusChoice | SimulatedChoice | LogChoice
+class FilesChoice(NamedTuple):
+    """The view of files, which needs no bus."""
+
+
+Choice = BusChoice | SimulatedChoice | LogChoice | FilesChoice
 
 
 class StartPage:
     """The page and its requests; `library` has the devices, `folder` what is kept.
 
-    `try_bus` opens a bus and lets go of it; raises BusError. Only if it `may_act` is anything done for a browser.
+    `try_bus` opens a bus and lets go of it; raises BusError. `last` is the bus of the last time, which is offered.
+    Only if it `may_act` is anything done for a browser.
     """
 
-    def __init__(self, library: Library, folder: Path, may_act: bool, try_bus: Callable[[BusChoice], None]) -> None:
+    def __init__(
+        self,
+        library: Library,
+        folder: Path,
+        may_act: bool,
+        try_bus: Callable[[BusChoice], None],
+        last: BusChoice | None = None,
+    ) -> None:
         self.library, self.folder, self._may_act, self._try_bus = library, folder, may_act, try_bus
+        self._last = last
         self.uploads: dict[object, dict[str, bytearray]] = defaultdict(dict)
         self.choice: Choice | None = None
         self.chosen = asyncio.Event()
 
     def page(self) -> str:
         """Return the page."""
-        known = {"folder": str(self.folder.resolve()), "rates": BIT_RATES, "act": self._may_act}
+        known: dict[str, Any] = {"folder": str(self.folder.resolve()), "rates": BIT_RATES, "act": self._may_act}
+        if self._last is not None:
+            known["last"] = self._last._asdict()
         return page.page("CANopen", [], scripts=page.START_SCRIPTS, start=known)
 
     async def answer(self, text: str) -> str:
@@ -149,6 +164,11 @@ def open_log(start: StartPage, said: Arguments) -> None:
     start.choice = LogChoice(start.folder / name)
 
 
+def edit(start: StartPage, _: Arguments) -> None:
+    """Choose the view of files."""
+    start.choice = FilesChoice()
+
+
 REQUESTS: Mapping[str, Callable[[StartPage, Arguments], Any]] = {
     "adapters": adapters,
     "devices": devices,
@@ -157,6 +177,7 @@ REQUESTS: Mapping[str, Callable[[StartPage, Arguments], Any]] = {
     "connect": connect,
     "simulate": simulate,
     "open": open_log,
+    "edit": edit,
     "file": files.upload,
     "add to library": files.add_to_library,
 }

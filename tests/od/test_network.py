@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.errors import DictionaryError, FileError, YamlError
 from eurobot_od.od.maker import read_error_words
-from eurobot_od.od.network import NodeFile, load, node_file, read_network
+from eurobot_od.od.network import NetworkBus, NodeFile, load, node_file, read_network, read_network_file, with_bus
 from tests.eds_text import DEVICE_TYPE
 from tests.kit import lift
 
@@ -197,3 +197,21 @@ def test_what_a_file_says_wrong_is_one_line_with_its_place(tmp_path: Path, text:
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"nothing\.yaml"):
         read_error_words(tmp_path / "nothing.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "after"),
+    [
+        ("library: [a]  # ours\n", 'library: [a]  # ours\nbus: {"interface": "slcan", "channel": "/dev/tty"}\n'),
+        ("library: [a]", 'library: [a]\nbus: {"interface": "slcan", "channel": "/dev/tty"}\n'),
+        (
+            "bus:\n  interface: pcan\n  bit_rate: 125\nlibrary: [a]\n",
+            'bus: {"interface": "slcan", "channel": "/dev/tty"}\nlibrary: [a]\n',
+        ),
+    ],
+    ids=["none before", "no end of line", "one before"],
+)
+def test_a_network_file_is_given_another_bus_and_stays_else_as_it_is(text: str, after: str) -> None:
+    bus = NetworkBus("slcan", "/dev/tty")
+    assert with_bus(text, bus) == after
+    assert read_network_file(after, "eurobot-od.yaml").bus == bus

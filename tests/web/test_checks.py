@@ -14,7 +14,7 @@ from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.meaning import Decoder
-from tests.kit.devices import MOTOR
+from tests.kit.devices import IO, MOTOR, SERVO
 from tests.web.scene import Served, channel, live_page
 from tests.web.test_jobs import done, ended
 from tests.web.test_server import answer, snapshot, talk
@@ -29,9 +29,9 @@ steps:
 
 
 @contextmanager
-def motor(folder: Path) -> Iterator[Served]:
-    """Serve the page of a bus with the motor of the documentation."""
-    name, dictionary = channel(), Dictionary.load(MOTOR, 5).named("motor")
+def motor(folder: Path, file: Path = MOTOR) -> Iterator[Served]:
+    """Serve the page of a bus with a device, by default the motor of the documentation."""
+    name, dictionary = channel(), Dictionary.load(file, 5).named("motor")
     page = live_page(name, folder, network=Decoder([dictionary]))
     with open_bus("virtual", name) as bus, Live.node(bus, SimulatedDevice(dictionary)), page as served:
         yield served
@@ -61,6 +61,25 @@ def test_what_writes_is_asked_about_first(tmp_path: Path) -> None:
     assert said["asks"] == "it resets and starts motor, and writes to it: what hangs on it may move"
 
 
+@pytest.mark.parametrize(
+    ("file", "words", "reason"),
+    [
+        (SERVO, {"suites": "CiA 402", "motion": "2000@100"}, "it moves the motor of motor, up to 2000 at 100 in the"),
+        (IO, {"suites": "CiA 401", "outputs": True}, "it switches the outputs of motor"),
+    ],
+    ids=["motion", "outputs"],
+)
+def test_what_moves_a_motor_or_switches_outputs_is_asked_about(
+    tmp_path: Path, file: Path, words: dict[str, Any], reason: str
+) -> None:
+    known = {"do": "check", "node": "motor", "tier": "reading"}
+    with motor(tmp_path, file) as served:
+        said = talk(served, lambda opened: answer(opened, json.dumps({**known, **words})))
+        assert said["asks"].startswith(reason)
+        wrong = talk(served, lambda opened: answer(opened, json.dumps({**known, **words, "motion": "2000"})))
+        assert wrong["error"].startswith("'2000': a distance and a velocity")
+
+
 @pytest.fixture
 def suites(tmp_path: Path) -> Path:
     (tmp_path / "suites").mkdir()
@@ -86,7 +105,12 @@ def test_what_was_recorded_becomes_a_suite(tmp_path: Path) -> None:
     async def recorded(opened: Any) -> str:
         for words in ({"do": "record"}, {"do": "read", "node": "motor", "object": "0x1000"}, {"do": "stop recording"}):
             assert "ok" in await answer(opened, json.dumps({"id": 1, **words}))
-        return str((await answer(opened, '{"id": 2, "do": "suite of recording", "node": "motor"}'))["ok"])
+        words = {"id": 2, "do": "suite of recording", "node": "motor"}
+        later = await answer(opened, json.dumps({**words, "from": 1000, "to": 1001}))
+        assert "error" in later
+        wrong = await answer(opened, json.dumps({**words, "from": 5, "to": 1}))
+        assert wrong["error"] == "from and to are times in s, the first one before the second"
+        return str((await answer(opened, json.dumps(words)))["ok"])
 
     with motor(tmp_path) as served:
         job = run(served, suites=talk(served, recorded), sure=True)

@@ -18,7 +18,7 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.meaning import Decoder
 from tests.device.master import Memory
-from tests.kit.devices import MAKERS, MOTOR
+from tests.kit.devices import MAKERS, MOTOR, SERVO
 from tests.web.scene import Served, channel, live_page
 from tests.web.test_jobs import done, ended
 from tests.web.test_server import answer, talk
@@ -115,6 +115,21 @@ def test_a_node_is_cloned_to_another_one(bench: Motors) -> None:
 
     assert talk(bench.served, clone)["error"] == ""
     assert value(bench.one, HEARTBEAT) == 700
+
+
+def test_the_file_of_a_domain_is_found_beside_the_dcf_that_was_sent(tmp_path: Path) -> None:
+    async def preview(opened: aiohttp.ClientWebSocketResponse, *beside: str) -> dict[str, Any]:
+        text = SERVO.read_text().replace("[1F50sub1]\n", "[1F50sub1]\nUploadFile=blob.bin\nDownloadFile=blob.bin\n")
+        await sent(opened, "servo.dcf", text.encode())
+        for each in beside:
+            await sent(opened, each, b"content")
+        return await done(opened, "settings", do="preview", node="one", file="servo.dcf", sure=True)
+
+    with motors(tmp_path, SERVO) as bench:
+        without = talk(bench.served, preview)
+        found = talk(bench.served, lambda opened: preview(opened, "blob.bin"))
+    assert "blob.bin" in without["error"]
+    assert "blob.bin" not in found["error"]
 
 
 def test_what_was_not_compared_is_not_applied(bench: Motors) -> None:

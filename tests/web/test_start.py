@@ -149,6 +149,36 @@ def words(text: str) -> str:
     return f"[...document.querySelectorAll('button')].find(each => each.textContent === {json.dumps(text)})"
 
 
+def test_the_bus_of_the_last_time_is_offered(tmp_path: Path) -> None:
+    last = BusChoice("slcan", "/dev/ttyACM0", 250_000)
+    start = StartPage(Library(()), tmp_path, True, refused, last)
+    assert '"last": {"interface": "slcan", "channel": "/dev/ttyACM0", "bit_rate": 250000}' in start.page()
+
+
+def test_a_workspace_keeps_its_bus_and_the_first_page_leads_to_the_files_and_back(window: Page, tmp_path: Path) -> None:
+    fields = (
+        "['interface of python-can', 'channel'].map(each => document.querySelector(`[aria-label='${each}']`).value)"
+    )
+    with command("serve", str(tmp_path), "--control", "--listen", "127.0.0.1:0") as process:
+        window.may_lose_its_server = True
+        window.open(line(process, "http://127.0.0.1:").split()[0])
+        window.run(f"{words('Edit device files')}.click()")
+        arrives(window, "document.querySelector('#view-files:not([hidden])')")
+        window.run(f"{words('Close')}.click()")
+        arrives(window, "document.querySelector('.start')")
+        window.run("document.querySelector('[aria-label=\"interface of python-can\"]').value = 'virtual'")
+        window.run("document.querySelector('[aria-label=channel]').value = 'kept'")
+        window.run("document.querySelector('[aria-label=\"bit rate\"]').value = '250000'")
+        window.run(f"{words('Connect')}.click()")
+        arrives(window, "document.querySelector('.messages') && connection.alive")
+        window.run(f"{words('Disconnect')}.click()")
+        arrives(window, f"document.querySelector('.start') && {fields} === 'virtual,kept,250000'")
+        process.terminate()
+        process.communicate(timeout=30)
+    kept = 'bus: {"interface": "virtual", "channel": "kept", "bit_rate": 250}'
+    assert (tmp_path / "eurobot-od.yaml").read_text() == f"library: [devices]\n{kept}\n"
+
+
 def test_from_nothing_to_a_simulated_bus_and_back(window: Page, tmp_path: Path) -> None:
     with command("serve", str(tmp_path), "--control", "--listen", "127.0.0.1:0") as process:
         window.may_lose_its_server = True

@@ -12,6 +12,7 @@ from eurobot_od.check.conformance import suite as chapters
 from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.check.conformance.page import DeviceRun
 from eurobot_od.check.report import SuiteResult
+from eurobot_od.errors import LocalError
 from eurobot_od.od import cia401
 from eurobot_od.od.dictionary import Dictionary
 
@@ -46,6 +47,14 @@ class MadeSuites(NamedTuple):
         """Return the results by device; `made` says by which program and when."""
         of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
         return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
+
+
+def parse_motion(text: str) -> tuple[int, int]:
+    """Parse the distance and velocity of a motor; raises LocalError."""
+    distance, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
+    if not (distance and velocity):
+        raise LocalError(f"{text!r}: a distance and a velocity above 0, such as 2000@100")
+    return distance, velocity
 
 
 def file_of(device: Dictionary) -> Path:

@@ -52,16 +52,21 @@ class ChecksView {
     this.tier = h("select", {"aria-label": "how far it goes"}, ...Object.entries(TIERS).map(([tier, words]) => h("option", {value: tier}, words)));
     this.steps = h("input", {type: "search", size: 20, "aria-label": "only steps with this in their name", placeholder: "all steps"});
     this.start = sureButton("Start", sure => this.begin(sure), {class: "main"});
-    this.recorded = h("button", {hidden: true, onclick: () => loudly(this.make())}, "Make the recording a suite");
+    this.motion = h("input", {size: 12, "aria-label": "also move the motor: distance@velocity", placeholder: "no motion; 2000@100"});
+    this.switches = h("input", {type: "checkbox"});
+    this.outputs = h("label", {}, this.switches, " also switch the outputs");
+    [this.from, this.to] = ["from", "to"].map(each => h("input", {size: 4, inputmode: "decimal", "aria-label": `${each} second`, placeholder: each === "from" ? "0" : "end"}));
+    this.recorded = h("span", {hidden: true}, h("button", {onclick: () => loudly(this.make())}, "Make the recording a suite"), " from s ", this.from, " to ", this.to);
     this.run = new CheckRun();
-    this.form = h("div", {class: "tools"}, this.node, this.suites, this.tier, this.steps, this.start, this.recorded);
+    this.form = h("div", {class: "tools"}, this.node, this.suites, this.tier, this.motion, this.outputs, this.steps, this.start, this.recorded);
     this.element = h("div", {}, this.form, this.run.element);
   }
   async begin(sure) {
-    await connection.ask({do: "check", node: this.node.value, suites: this.suites.value, tier: this.tier.value, steps: this.steps.value.trim(), ...sure});
+    const also = {...(this.motion.hidden ? {} : {motion: this.motion.value.trim()}), ...(this.outputs.hidden ? {} : {outputs: this.switches.checked})};
+    await connection.ask({do: "check", node: this.node.value, suites: this.suites.value, tier: this.tier.value, steps: this.steps.value.trim(), ...also, ...sure});
   }
   async make() {                            // what was done becomes a test
-    const name = await connection.ask({do: "suite of recording", node: this.node.value});
+    const name = await connection.ask({do: "suite of recording", node: this.node.value, from: Number(this.from.value), to: Number(this.to.value)});
     await this.load();
     this.suites.value = name;
     toast(`${name} is made`);
@@ -76,6 +81,8 @@ class ChecksView {
     show(this.form, connection.control);
     show(this.recorded, Boolean(connection.state && connection.state.recording.file && !connection.state.recording.on));
     show(this.tier, this.suites.value.startsWith("CiA "));
+    show(this.motion, this.suites.value === "CiA 402");
+    show(this.outputs, this.suites.value === "CiA 401");
     this.start.querySelector("button").disabled = Boolean(runningJob()) || !this.node.value;
     this.run.show();
   }

@@ -26,7 +26,9 @@ const eventsView = () => perSource(source => {
   const list = h("ol", {class: "events"}), nothing = h("p", {class: "hint"});
   const kinds = h("select", {"aria-label": "kind of event", onchange: () => { told = null; stale = true; }}, h("option", {value: ""}, "all kinds"));
   let told = null;
-  return {element: h("div", {}, h("div", {class: "tools"}, kinds, nothing), list), show(time) {
+  const save = h("button", {title: "as CSV, such as the log of all EMCY", onclick: () => savedText(`${kinds.value || "events"}.csv`, "text/csv", ["time,kind,text",
+    ...source.sortedEvents().filter(each => !kinds.value || each.kind === kinds.value).map(each => `${each.time.toFixed(4)},${each.kind},"${each.text.replaceAll('"', '""')}"`)])}, "Save");
+  return {element: h("div", {}, h("div", {class: "tools"}, kinds, save, nothing), list), show(time) {
     const all = source.sortedEvents();
     for (const kind of new Set(all.map(each => each.kind))) {
       if (![...kinds.options].some(each => each.value === kind)) kinds.append(h("option", {value: kind}, kind));

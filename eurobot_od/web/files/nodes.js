@@ -99,7 +99,14 @@ class LssTable {                            // devices without a node-ID, each w
     this.table = h("table", {class: "found", hidden: true, "aria-label": "devices without a node-ID"}, heading("Device", "File", "Settings"), this.rows);
     this.start = h("button", {onclick: () => quietly(request({do: "find lss"}))}, "Find devices without a node-ID");
     this.done = h("p", {class: "hint", role: "status"});
-    this.element = h("div", {hidden: true}, h("div", {class: "tools"}, this.start, this.bar.element), this.table, this.done);
+    this.identity = h("input", {size: 34, "aria-label": "identity of a device that is not found", placeholder: "vendor:product:revision:serial"});
+    this.element = h("div", {hidden: true}, h("div", {class: "tools"}, this.start, this.bar.element, this.identity, h("button", {onclick: () => this.name()}, "Name it")), this.table, this.done);
+  }
+  name() {                                  // a device with an addressing of its own does not answer the search
+    const numbers = this.identity.value.trim().split(":").map(Number);
+    if (numbers.length !== 4 || numbers.some(each => !Number.isInteger(each))) { toast("an identity has four numbers: vendor:product:revision:serial", true); return; }
+    show(this.table, true);
+    this.rows.append(this.row({identity: numbers, text: this.identity.value.trim(), file: ""}));
   }
   show() {
     show(this.element, connection.control);
@@ -117,13 +124,13 @@ class LssTable {                            // devices without a node-ID, each w
   row({identity, text, file}) {
     const id = h("input", {type: "text", inputmode: "numeric", size: 4, "aria-label": `node-ID of ${text}`, placeholder: "1..127"});
     const rate = h("select", {"aria-label": `bit rate of ${text}`}, h("option", {value: ""}, "bit rate as it is"), ...LSS_RATES.map(each => h("option", {value: each}, `${each} kbit/s`)));
-    const store = h("input", {type: "checkbox"});
+    const store = h("input", {type: "checkbox"}), delay = h("input", {type: "text", inputmode: "numeric", size: 6, "aria-label": `delay in ms after which ${text} changes its bit rate`, placeholder: "never"});
     const set = async () => {
-      const number = id.value.trim() === "" ? null : wholeNumber("node-ID", id.value, 1, 127);
-      await connection.ask({do: "set lss", identity, "node-ID": number, "bit rate": rate.value ? Number(rate.value) : null, store: store.checked});
+      const whole = (name, box, least, most) => box.value.trim() === "" ? null : wholeNumber(name, box.value, least, most);
+      await connection.ask({do: "set lss", identity, "node-ID": whole("node-ID", id, 1, 127), "bit rate": rate.value ? Number(rate.value) : null, store: store.checked, activate: whole("delay", delay, 0, 65535)});
     };
     return h("tr", {}, h("th", {scope: "row"}, text), h("td", {}, file || "no file"),
-      h("td", {class: "buttons"}, id, rate, h("label", {}, store, " store"), h("button", {onclick: () => set().catch(error => toast(error.message, true))}, "Set")));
+      h("td", {class: "buttons"}, id, rate, h("label", {}, store, " store"), h("label", {}, "change it after ms ", delay), h("button", {onclick: () => set().catch(error => toast(error.message, true))}, "Set")));
   }
 }
 

@@ -12,6 +12,7 @@ class SettingsView {
     this.text = h("p", {class: "verdict", role: "status"});
     this.node = h("select", {"aria-label": "node"}, ...source.nodes.map(node => h("option", {}, node.name)));
     this.dcf = this.program = null;         // names of the files that were sent
+    this.sent = [];                         // of the DCF, and the files beside it
     const act = (words, what) => h("button", {onclick: () => loudly(this.ask(what))}, words);
     this.element = h("div", {class: "settings"},
       h("div", {class: "tools"}, this.node, act("Differences from its file", {do: "differences"}), this.bar.element),
@@ -28,7 +29,11 @@ class SettingsView {
     this.cobIds = h("select", {"aria-label": "COB-IDs that do not follow the node-ID"},
       h("option", {value: ""}, "ask about chosen COB-IDs"), h("option", {value: "keep"}, "keep chosen COB-IDs"), h("option", {value: "move"}, "move chosen COB-IDs"));
     this.dropped = h("span", {class: "hint"});
-    const drop = dropZone("drop a DCF", file => loudly(upload(file).then(name => { this.dcf = name; say(this.dropped, name); })), ".dcf,.xdc");
+    const drop = dropZone("drop a DCF, and the files of its DOMAINs", file => loudly(upload(file).then(name => {
+      if (/\.(dcf|xdc)$/i.test(name)) this.dcf = name;
+      this.sent = [...new Set([...this.sent, name])];
+      say(this.dropped, this.sent.join(", "));
+    })));
     this.drop = h("span", {}, drop, " ", this.dropped);
     const source = () => {
       if (!this.from.value && !this.dcf) throw new Error("drop a DCF first, or choose a node");

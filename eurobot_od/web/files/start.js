@@ -26,6 +26,8 @@ class Connecting {
     this.element = h("section", {class: "card"}, h("h2", {}, "Connect to a bus"), this.found,
       h("div", {class: "buttons"}, this.interface, this.channel, this.rate, connect, this.listen),
       h("p", {class: "hint"}, "Listening sends nothing: each bit rate is tried with an adapter that stays silent."));
+    const {last} = content.start;           // the bus of the last time
+    if (last) { this.interface.value = last.interface; this.channel.value = last.channel; this.rate.value = last.bit_rate || ""; }
     this.load();
   }
   get bus() { return {interface: this.interface.value.trim(), channel: this.channel.value.trim()}; }
@@ -33,7 +35,7 @@ class Connecting {
     const all = await connection.ask({do: "adapters"}).catch(error => { toast(error.message, true); return []; });
     this.found.replaceChildren(...(all.length ? all.map(each => h("button", {onclick: () => { this.interface.value = each.interface; this.channel.value = each.channel; }},
       `${each.interface} ${each.channel}${each.is ? ` (${each.is})` : ""}`)) : [h("span", {class: "hint"}, "No adapter is found: name one, or simulate a bus.")]));
-    if (all.length === 1) this.found.firstChild.click();
+    if (all.length === 1 && !content.start.last) this.found.firstChild.click();
   }
   async findOut() {
     this.listen.disabled = true;
@@ -96,7 +98,8 @@ function opening() {
   }));
   const drop = dropZone("drop a log", async file => { toast(`reading ${file.name} ...`); await loudly(upload(file).then(name => connection.ask({do: "open", file: name}))); });
   load();
-  return h("section", {class: "card"}, h("h2", {}, "Open a log"), h("div", {class: "buttons"}, drop), list);
+  const edit = h("button", {onclick: () => choose({do: "edit"}, edit)}, "Edit device files");
+  return h("section", {class: "card"}, h("h2", {}, "Open a log"), h("div", {class: "buttons"}, drop), list, h("h2", {}, "Without a bus"), h("div", {class: "buttons"}, edit));
 }
 
 function start() {

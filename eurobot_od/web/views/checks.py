@@ -5,13 +5,14 @@ from __future__ import annotations
 import datetime
 import json
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from eurobot_od.check import report
 from eurobot_od.check.conformance import page
 from eurobot_od.check.conformance.clauses import Tier
-from eurobot_od.check.conformance.made import MadeSuites
+from eurobot_od.check.conformance.made import MadeSuites, parse_motion
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.recorded import suite_of
 from eurobot_od.check.report import StepResult, SuiteResult
@@ -46,11 +47,14 @@ def suites_here(desk: Desk, _: Arguments) -> list[str]:
 
 
 def suite_of_recording(desk: Desk, said: Arguments) -> str:
-    """Make the last recording a suite of a node, as `export suite` does; returns its file's name."""
+    """Make the last recording, or a part of it, a suite of a node, as `export suite` does; return its file's name."""
     log = desk.session.recording.finished
-    node = text_of(said, "node")
+    node, begin, end = text_of(said, "node"), said.get("from") or 0.0, said.get("to") or inf
+    if not isinstance(begin, int | float) or not isinstance(end, int | float) or not 0 <= begin < end:
+        raise LocalError("from and to are times in s, the first one before the second")
     with log.open("rb") as file:
-        text = suite_of(desk.session.decoder, node, (each[1:] for each in formats.entries(file)), f"{node} as recorded")
+        logged = (each[1:] for each in formats.entries(file))
+        text = suite_of(desk.session.decoder, node, logged, f"{node} as recorded", begin, end)
     target = desk.folder / "suites" / f"{node}-{log.stem}.yaml"
     target.parent.mkdir(exist_ok=True)
     write_whole(target, encodable(text).encode())
@@ -75,12 +79,24 @@ def _wanted(desk: Desk, said: Arguments, device: Dictionary) -> tuple[MadeSuites
     name = text_of(said, "suites")
     if name in PROFILES:
         tier = look_up("tier", text_of(said, "tier"), TIERS)
-        made = MadeSuites(PROFILES[name], tier)
-        does = "resets and starts" if tier is Tier.REVERSIBLE else "resets, starts and stores in"
-        reason = "" if tier is Tier.READING else f"it {does} {device.name}, and writes to it: what hangs on it may move"
-        return made, dict(made.texts([device])), reason
+        motion = parse_motion(text_of(said, "motion")) if said.get("motion") else None
+        made = MadeSuites(PROFILES[name], tier, motion, said.get("outputs") is True)
+        return made, dict(made.texts([device])), _why(made, device.name)
     file = look_up("suite", name, {each: desk.folder / "suites" / each for each in suites_here(desk, {})})
     return None, {file: None}, f"{name} sends to {device.name} what it says: what hangs on it may move"
+
+
+def _why(made: MadeSuites, device: str) -> str:
+    """Return why generated suites may move something, empty if they only read."""
+    reasons = []
+    if made.motion is not None:
+        reasons.append("it moves the motor of {}, up to {} at {} in the drive's units".format(device, *made.motion))
+    if made.outputs:
+        reasons.append(f"it switches the outputs of {device}")
+    if made.tier is not Tier.READING:
+        does = "resets and starts" if made.tier is Tier.REVERSIBLE else "resets, starts and stores in"
+        reasons.append(f"it {does} {device}, and writes to it: what hangs on it may move")
+    return "; ".join(reasons)
 
 
 def _reader(desk: Desk) -> SuiteReader:

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from eurobot_od.client import lss
-from eurobot_od.client.description import Found, scan
+from eurobot_od.client.description import Found, addressed, scan
 from eurobot_od.client.lss import perform
 from eurobot_od.client.streams import read_history
 from eurobot_od.errors import LocalError
@@ -66,15 +66,31 @@ def _find_lss(desk: Desk, job: Job) -> None:
 
 def set_lss(desk: Desk, said: Arguments) -> int:
     """Give a device without a node-ID what it is to have, as `lss set` does."""
-    node_id, bit_rate = _number(said, "node-ID"), _number(said, "bit rate")
-    wanted = lss.settings(node_id, bit_rate, said.get("store") is True)
+    node_id, rate, delay = (_number(said, each) for each in ("node-ID", "bit rate", "activate"))
+    store = said.get("store") is True
+    wanted = lss.settings(node_id, rate, store, None if delay is None else delay / 1000)
     if not wanted:
         raise LocalError("nothing to set: give a node-ID, a bit rate, or have it stored")
     numbers = said.get("identity")
-    if not isinstance(numbers, list) or not all(isinstance(each, int) for each in numbers):
-        raise LocalError("identity is missing, or not four numbers")
-    steps = lss.set_up(Identity(*numbers[:4]), False, wanted)
-    return desk.start("lss set", "LSS", lambda job: _performed(job, steps))
+    if not isinstance(numbers, list) or len(numbers) != IDENTITY_NUMBERS or not all(map(_is_number, numbers)):
+        raise LocalError("identity is missing, or not four numbers of 32 bits")
+    identity = Identity(*numbers)
+    address = desk.equipment.address(identity)
+    if address is None:
+        return desk.start("lss set", "LSS", lambda job: _performed(job, lss.set_up(identity, False, wanted)))
+
+    def by_maker(job: Job) -> list[str]:
+        with job.master() as master:
+            return [addressed(master, address, identity, node_id, bit_rate=rate, store=store, activate=delay)]
+
+    return desk.start("lss set", "the maker's procedure", by_maker)
+
+
+IDENTITY_NUMBERS = 4
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int) and 0 <= value < 1 << 32
 
 
 def _number(said: Arguments, name: str) -> int | None:

@@ -116,8 +116,11 @@ def _source(desk: Desk, said: Arguments, job: Job, master: Master, target: SetNo
     """Yield the settings that a node is to have: those of a file, or of another node."""
     chosen = look_up("choice for COB-IDs", str(said.get("cob_ids", "")), COB_IDS)
     if "file" in said:
-        name, content = sent_file(desk, said)
-        yield renumbered(Dictionary.read(content, Path(name), target.node_id), target.node_id, chosen)
+        name, _ = sent_file(desk, said)
+        with TemporaryDirectory(prefix="eurobot-od-") as folder:  # the files of its DOMAINs were sent, too
+            for each, content in desk.uploads[said["who"]].items():
+                Path(folder, each).write_bytes(content)
+            yield renumbered(Dictionary.load(Path(folder, name), target.node_id), target.node_id, chosen)
         return
     other = _target(desk, {**said, "node": text_of(said, "from")})
     with TemporaryDirectory(prefix="eurobot-od-") as folder:  # a DOMAIN stands beside the DCF
