@@ -295,10 +295,11 @@ class ServedPage:
         return None if index is None else LongLog(name, index, decoder, self.bit_rate, diagnosis)
 
     async def show_files(self) -> bool:
-        """Serve the page of the files to be edited; return whether the user left it."""
-        text = page(" and ".join(told_apart(self.named)), [], editor=True)
+        """Serve the page of the files to be edited; return whether it was left."""
+        text = page(" and ".join(told_apart(self.named)) if self.named else "Files", [], editor=True, leave=True)
         described = [Path(each.file) for each in self.devices.files()]
-        return await self.server.serve(lambda: text, posts=self._editing(lambda: described))
+        left, posts = _leaving(True)
+        return await self.server.serve(lambda: text, None, {**posts, **self._editing(lambda: described)}, left)
 
     def _editing(self, described: Callable[[], Sequence[Path]]) -> Mapping[str, Post]:
         """Return the request handler of the view of files: the named ones, those of the devices, and the library's."""

@@ -12,7 +12,7 @@ from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support.texts import one_line
 
 Arguments = Mapping[str, Any]
-"""The fields of a request besides its name; `who` is the browser that asks."""
+"""The fields of a request besides its name; `who` is the browser that asks, `stops` how many STOPs came before it."""
 
 
 class Way(Enum):

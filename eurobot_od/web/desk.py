@@ -101,6 +101,8 @@ class Desk:
         """The lists that run, and those that have ended lately, by the keys that browsers have given them."""
         self.heard = asyncio.Event()
         """Set at each frame while lists run: one of them may wait for it."""
+        self.stops = 0
+        """How often STOP was asked for: what was asked for before the last one, and waits, is not sent."""
         self.previewed: ChangePlan | None = None
         """What the last comparison has shown: it may be applied."""
         self.uploads: dict[object, dict[str, bytearray]] = defaultdict(dict)
@@ -206,8 +208,10 @@ class Desk:
             await asyncio.to_thread(order, ticket=ticket)
 
     async def send_raw(self, said: Arguments, axes: Sequence[AxisAddress], send: Callable[[], object]) -> None:
-        """Send something; what moves axes waits for the orders before it, and is one."""
+        """Send something that was asked for since the last STOP; what moves axes waits for the orders before it."""
         self.jobs.check_free()
+        if said.get("stops", self.stops) != self.stops:
+            raise LocalError("it was stopped meanwhile: not carried out")
         if axes:
             order = partial(self.drives.send_raw, axes, send, said["who"], confirmed=said.get("confirmed"))
             await self.in_turn(axes, order)

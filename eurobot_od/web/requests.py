@@ -74,7 +74,9 @@ class Requests:
             asked = look_up("request", name[:40], REQUESTS)
             if asked.acts and not self.desk.control:
                 raise LocalError("this page is read-only: start the server with --control")
-            return json.dumps({"re": number, "ok": await self._done(asked, {**said, "who": who})})
+            return json.dumps(
+                {"re": number, "ok": await self._done(asked, {**said, "who": who, "stops": self.desk.stops})}
+            )
         except MayMove as question:
             return json.dumps({"re": number, "error": f"not sent: {question}", "asks": str(question)})
         except (ValueError, RecursionError):  # RecursionError: too many nested brackets

@@ -461,6 +461,15 @@ def test_what_is_sent_raw_is_void_once_it_is_stopped(jogged: Jogged) -> None:
     assert not sent
 
 
+def test_no_frame_of_a_list_is_sent_once_what_it_moves_is_stopped(jogged: Jogged) -> None:
+    jogged.drives.send_raw([AXIS], lambda: None, "page")
+    with jogged.drives.raw_gate([AXIS], "page"):
+        pass
+    jogged.drives.stop(AXIS)
+    with pytest.raises(LocalError, match="it was stopped"), jogged.drives.raw_gate([AXIS], "page"):
+        raise AssertionError("it is let out")
+
+
 JOGS = f"405#{JOGS_BY_RPDO.data.hex()}"
 LIST = {"do": "begin list", "key": "a", "title": "it", "rows": [{"send": JOGS, "period": "20 ms"}]}
 

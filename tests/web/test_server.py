@@ -351,6 +351,25 @@ def test_a_list_goes_on_until_it_is_ended(tmp_path: Path, end: dict[str, str], w
         assert talk(served, run) == why
 
 
+@pytest.mark.parametrize("words", [EACH_10_MS, {"id": 1, "do": "send frame", "frame": "123#AB"}], ids=["list", "frame"])
+def test_what_waits_when_stop_comes_is_not_sent_after_it(tmp_path: Path, words: dict[str, Any]) -> None:
+    async def stopped(opened: aiohttp.ClientWebSocketResponse) -> list[dict[str, Any]]:
+        await opened.send_str(json.dumps(words))  # nodes are asked first what they obey, and nobody answers
+        await opened.send_str('{"id": 2, "do": "stop"}')
+        said = list[dict[str, Any]]()
+        while len(said) < 2:
+            if "re" in (answer := await opened.receive_json()):
+                said.append(answer)
+        return said
+
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
+        stop, late = talk(served, stopped)
+        assert (stop["re"], late["re"], late["error"]) == (2, 1, "it was stopped meanwhile: not carried out")
+        while (heard := other.recv(0)) is not None:
+            assert heard.arbitration_id != 0x123
+
+
 def test_a_list_ends_with_a_page_that_is_not_heard_any_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eurobot_od.web.drives.SILENT", 0.2)
 

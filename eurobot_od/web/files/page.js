@@ -164,7 +164,7 @@ class Tabs {                                // which view is shown; a panel has 
 }
 
 function assembled(tabs, status, line, stop, failures, alarms) {
-  const header = h("header", {}, h("div", {class: "top"}, h("h1", {}, content.title), status.element, stop.element),
+  const header = h("header", {}, h("div", {class: "top"}, h("h1", {}, content.title), ...(sources.length ? [status.element, stop.element] : leaveButton())),
     h("nav", {role: "tablist", "aria-label": "views"}, ...tabs.tabs));
   const footer = h("footer", {}, line && line.element), measured = {"--header": header, "--foot": footer};
   const observer = new ResizeObserver(() => {

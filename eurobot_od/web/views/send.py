@@ -188,7 +188,7 @@ async def begin_list(desk: Desk, said: Arguments) -> None:
         await _confirm_panels(desk, each.thing.message)
     axes = desk.axes_of(frozenset().union(*map(desk.guard.drives_of, frames)))
 
-    def begin() -> None:  # inside the order: a stop that comes before it is late is not overtaken
+    def begin() -> None:
         desk.lists[key] = SentList(title, RunningList(rows, protocol, desk.session.now), said["who"], axes)
 
     await desk.send_raw(said, axes, begin)
@@ -256,6 +256,7 @@ def _send_due(desk: Desk, each: SentList, frames: Iterable[Frame]) -> None:
 
 def stop(desk: Desk, _: Arguments) -> str:
     """Stop what can be stopped, past whatever is waiting; raises BusError while the bus is lost."""
+    desk.stops += 1
     desk.jobs.end(is_stopped=True)
     end_all(desk, "STOP")
     done = desk.drives.stop_all() if desk.drives.axes or not desk.stop_message else ""
