@@ -157,9 +157,8 @@ def test_the_bus_of_the_last_time_is_offered(tmp_path: Path) -> None:
 
 
 def test_a_workspace_keeps_its_bus_and_the_first_page_leads_to_the_files_and_back(window: Page, tmp_path: Path) -> None:
-    fields = (
-        "['interface of python-can', 'channel'].map(each => document.querySelector(`[aria-label='${each}']`).value)"
-    )
+    labels = "['interface of python-can', 'channel', 'bit rate']"
+    fields = f"{labels}.map(each => document.querySelector(`[aria-label='${{each}}']`).value).join()"
     with command("serve", str(tmp_path), "--control", "--listen", "127.0.0.1:0") as process:
         window.may_lose_its_server = True
         window.open(line(process, "http://127.0.0.1:").split()[0])
