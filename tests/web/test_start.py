@@ -170,7 +170,7 @@ def test_a_workspace_keeps_its_bus_and_the_first_page_leads_to_the_files_and_bac
         window.run("document.querySelector('[aria-label=channel]').value = 'kept'")
         window.run("document.querySelector('[aria-label=\"bit rate\"]').value = '250000'")
         window.run(f"{words('Connect')}.click()")
-        arrives(window, "document.querySelector('.messages') && connection.alive")
+        arrives(window, "typeof Tabs === 'function' && connection.alive")
         window.run(f"{words('Disconnect')}.click()")
         arrives(window, f"document.querySelector('.start') && {fields} === 'virtual,kept,250000'")
         process.terminate()

@@ -63,10 +63,11 @@ class ScanTable {                           // the nodes of the bus, each as it 
   show() {
     const job = this.bar.show();
     this.start.disabled = Boolean(runningJob());
-    const told = job ? `${job.number} ${job.rows.length} ${job.state}` : "";
+    const told = job ? `${job.number} ${job.rows.length} ${job.state}` : "", isHalfFilled = [...document.querySelectorAll("#view-nodes input[type=text]")].some(each => each.value);
+    // A device of which a file is known since is shown by it, also if another browser has found it.
+    if (job?.state === "done" && connection.state.learned !== (content.learned ?? 0) && !isHalfFilled) { location.hash = "#nodes"; location.reload(); return; }
     if (!job || told === this.told) return;
     this.told = told;
-    if (this.isMine && job.state === "done" && connection.state.learned !== (content.learned ?? 0)) { location.hash = "#nodes"; location.reload(); }
     show(this.table, true);
     this.rows.replaceChildren(...job.rows.map(each => this.row(each)));
     if (job.state === "done" && !job.rows.length) this.rows.append(h("tr", {}, h("td", {colspan: 5}, "no node answers")));
@@ -75,10 +76,7 @@ class ScanTable {                           // the nodes of the bus, each as it 
     this.missing.classList.toggle("is-wrong", missing.length > 0);
     say(this.missing, `missing: ${missing.join(", ")}`);
   }
-  async scan() {                            // a device of which a file is known then is shown by it
-    await request({do: "scan"});
-    this.isMine = true;
-  }
+  async scan() { await request({do: "scan"}); }
   async add(file) {
     const lines = await request({do: "add to library", file: await upload(file)});
     toast(lines.join("; "));

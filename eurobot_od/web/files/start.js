@@ -35,7 +35,7 @@ class Connecting {
     const all = await connection.ask({do: "adapters"}).catch(error => { toast(error.message, true); return []; });
     this.found.replaceChildren(...(all.length ? all.map(each => h("button", {onclick: () => { this.interface.value = each.interface; this.channel.value = each.channel; }},
       `${each.interface} ${each.channel}${each.is ? ` (${each.is})` : ""}`)) : [h("span", {class: "hint"}, "No adapter is found: name one, or simulate a bus.")]));
-    if (all.length === 1 && !content.start.last) this.found.firstChild.click();
+    if (all.length === 1 && !this.interface.value) this.found.firstChild.click();
   }
   async findOut() {
     this.listen.disabled = true;
