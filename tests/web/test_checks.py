@@ -105,12 +105,12 @@ def test_what_was_recorded_becomes_a_suite(tmp_path: Path) -> None:
     async def recorded(opened: Any) -> str:
         for words in ({"do": "record"}, {"do": "read", "node": "motor", "object": "0x1000"}, {"do": "stop recording"}):
             assert "ok" in await answer(opened, json.dumps({"id": 1, **words}))
-        words = {"id": 2, "do": "suite of recording", "node": "motor"}
-        later = await answer(opened, json.dumps({**words, "from": 1000, "to": 1001}))
+        make = {"id": 2, "do": "suite of recording", "node": "motor"}
+        later = await answer(opened, json.dumps({**make, "from": 1000, "to": 1001}))
         assert "error" in later
-        wrong = await answer(opened, json.dumps({**words, "from": 5, "to": 1}))
+        wrong = await answer(opened, json.dumps({**make, "from": 5, "to": 1}))
         assert wrong["error"] == "from and to are times in s, the first one before the second"
-        return str((await answer(opened, json.dumps(words)))["ok"])
+        return str((await answer(opened, json.dumps(make)))["ok"])
 
     with motor(tmp_path) as served:
         job = run(served, suites=talk(served, recorded), sure=True)
