@@ -1,6 +1,6 @@
-"""Decides who may see the page, from the headers of a request, before anything else is looked at.
+"""Decides by the headers of a request who may see the page, before anything else is read.
 
-There is no socket in here. Any other web page that is open in the same browser can send requests to this server, even
+This module has no socket. Any other web page that is open in the same browser can send requests to this server, even
 under a host name of its own that resolves to this machine (DNS rebinding). So the Host header must be an address or the
 configured name, and the Origin, which a page cannot forge, must be this page.
 """
@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 from eurobot_od.support.connections import is_token
 
 TOKEN = "token"
-"""Name of the token in the first address; the cookie that keeps it has the port behind it."""
+"""Name of the token in the first address; the name of its cookie ends with the port."""
 
 LOCAL_NAME = "localhost"
 
@@ -30,16 +30,16 @@ EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
 
 
 class Denial(NamedTuple):
-    """Why a request is not answered: the status, and one line."""
+    """Why a request is refused: the status, and one line."""
 
     status: HTTPStatus
     why: str
 
 
 class AccessRules(NamedTuple):
-    """What a request must match: the `host` that the server listens at, and its `token`, if it has one.
+    """The conditions for a request: the `host` at which the server listens, and its `token`, if it has one.
 
-    `origin` is what browsers call it where a proxy stands before it, such as `https://bench.example`.
+    `origin` is the address for browsers behind a proxy, such as `https://bench.example`.
     """
 
     host: str = "127.0.0.1"
@@ -48,9 +48,9 @@ class AccessRules(NamedTuple):
 
     @classmethod
     def at(cls, host: str, origin: str = "", token: str = "") -> Self:
-        """Return the rules of a server at a host; without a `token` one is made where others can reach it.
+        """Return the rules of a server at a host; without a `token` one is made where other machines can reach it.
 
-        Who can reach the loopback address could run the command as well, unless a proxy lets others in.
+        A program that can reach the loopback address could run the command as well, unless a proxy lets others in.
         """
         is_open = origin or not is_local(host)
         return cls(host, token or (secrets.token_urlsafe(24) if is_open else ""), origin)
@@ -68,12 +68,12 @@ class AccessRules(NamedTuple):
     def refusal(self, headers: Mapping[str, str], shown: str, acts: bool = False) -> Denial | None:
         """Return why a request is refused, None if it is not; `shown` is the token that came with it.
 
-        What `acts`, a websocket or a POST, needs an Origin: browsers always send it with them.
+        A request that `acts`, a websocket or a POST, needs an Origin: browsers always send it with them.
         """
         host, origin = headers.get("Host", ""), headers.get("Origin")
         named = HOST.fullmatch(host)
         name = named["name"].lower() if named else ""
-        # Any address will do: another page's host name can be made to resolve to this machine, an address cannot.
+        # Any address is accepted: another page's host name can be made to resolve to this machine, an address cannot.
         ours = (LOCAL_NAME, self.host.lower(), *([urlsplit(self.origin).hostname] if self.origin else []))
         if not name or (name not in ours and not _is_address(name.strip("[]"))):
             return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")

@@ -33,23 +33,20 @@ class PageRequest(NamedTuple):
 
 
 def read_request(text: str) -> dict[str, Any]:
-    """Return the fields of a request; raises ValueError and RecursionError for what is not JSON, LocalError."""
-    said = json.loads(text)
+    """Return the fields of a request; raises LocalError for a text that is no JSON object."""
+    try:
+        said = json.loads(text)
+    except (ValueError, RecursionError):  # RecursionError: too many nested brackets
+        raise LocalError("a request is JSON") from None
     if not isinstance(said, dict):
         raise LocalError("a request is a JSON object")
     return said
 
 
 def answered(text: str, do: Callable[[dict[str, Any]], Any]) -> str:
-    """Answer a request by what `do` returns or refuses, both as JSON; it does not raise."""
+    """Answer a request by the result or the error of `do`, both as JSON."""
     try:
-        said = read_request(text)
-    except (ValueError, RecursionError):  # RecursionError: too many nested brackets
-        return json.dumps({"error": "a request is JSON"})
-    except LocalError as error:
-        return json.dumps({"error": str(error)})
-    try:
-        return json.dumps({"ok": do(said)})
+        return json.dumps({"ok": do(read_request(text))})
     except (EurobotError, OSError) as error:
         return json.dumps({"error": one_line(str(error))})
 

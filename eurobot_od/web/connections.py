@@ -1,6 +1,6 @@
-"""The connections of browsers: how many there may be, and how long one may stay without a whole request.
+"""Limits the connections of browsers: their number, and how long one may stay without a complete request.
 
-Whoever is on the network can open connections and say nothing, or one byte at a time. A connection is `known` once a
+Any machine on the network can open connections and send nothing, or one byte at a time. A connection is `known` once a
 request on it was let in by the access rules. Unknown ones get few places, and the oldest makes room for the newest, so
 that a browser with the token always gets in.
 """
@@ -16,11 +16,11 @@ MOST_CONNECTIONS = 256
 MOST_UNKNOWN = 32
 
 LONGEST_SILENCE = 10.0
-"""Time within which a connection must bring the whole head of its next request, in s."""
+"""Time within which a connection must send the complete head of its next request, in s."""
 
 
 class Transport(Protocol):
-    """What is used of an asyncio transport."""
+    """The methods used of an asyncio transport."""
 
     def abort(self) -> None:
         """Close the connection at once."""
@@ -40,7 +40,7 @@ class ClientConnection:
 
 
 class Connections:
-    """All open connections of a server, by what handles them; the caller gives the time, in s.
+    """All open connections of a server, by their handlers; the caller passes the time, in s.
 
     `refused` counts those that had to make room, found none, or were silent for too long.
     """
@@ -50,7 +50,7 @@ class Connections:
         self.refused = 0
 
     def add(self, handler: object, transport: Transport, now: float) -> None:
-        """Enter a new connection; the oldest unknown one makes room for it, and without one it is closed itself."""
+        """Add a new connection; the oldest unknown one makes room for it, and without one it is closed itself."""
         self._open = {key: each for key, each in self._open.items() if not each.transport.is_closing()}
         added = ClientConnection(transport, now)
         unknown = [each for each in self._open.values() if not each.is_known]
@@ -70,7 +70,8 @@ class Connections:
         try:
             yield
         finally:
-            each.is_busy, each.since = False, clock()
+            each.is_busy = False
+            each.since = clock()
 
     def close_silent(self, now: float) -> None:
         """Close the connections that have owed a request for too long."""

@@ -1,11 +1,11 @@
-"""Drives of CiA 402 on the page: what the page knows of them, what it may order, and how each motion ends.
+"""Drives of CiA 402 on the page: their data, the orders to them, and the end of each motion.
 
 Theory of operation. An order, such as a jog or a move, is carried out on a thread that waits for the drive, one order
-after the other. A stop never waits for that: it is begun at once, on whatever thread, and a thread of its own
-(`MotionThread`) sends its frames, again and again until the axis stands (`client.motion`). From the begin of a stop on
-the order that is under way on that axis sends nothing any more, and orders that were made before it are refused when
-their turn comes. A motion goes on only while its page says so: a page that is closed, hidden or hangs does not, and the
-drive is halted. The same thread sends the heartbeat that the drives watch (`client.lifeline`).
+after the other. A stop never waits for that: it begins at once, on any thread, and a thread of its own (`MotionThread`)
+sends its frames, again and again until the axis stands (`client.motion`). From the begin of a stop on, the order under
+way on that axis sends no more frames, and older orders are refused when their turn comes. A motion goes on only while
+its page confirms it: when the page is closed, hidden or hangs, the drive is halted. The same thread sends the heartbeat
+that the drives watch (`client.lifeline`).
 
 This is not a safety function: it takes a server, a bus and a drive that work.
 """
@@ -52,25 +52,25 @@ from eurobot_od.od.values import (
 from eurobot_od.od.words import profile_of
 
 HELD = 0.5
-"""How long a motion goes on after its page last said that it is wanted, in s."""
+"""How long a motion goes on after its page last confirmed it, in s."""
 
 SILENT = 3.0
-"""How long what a page has sent raw moves a drive after the page was last heard, in s; nobody holds a button for it."""
+"""How long a raw frame of a page may move a drive after the page's last message, in s; no button is held for it."""
 
 LOOK = 0.01
-"""Time between two looks at what is to be stopped, in s."""
+"""Time between two steps of the stops, in s."""
 
 IDLE = 0.1
 """The same while nothing may move, in s."""
 
 STALE = 2.0
-"""Longest time between an order and its turn, in s; what was ordered longer ago is no longer expected."""
+"""Longest time between an order and its turn, in s; an older order is refused."""
 
 SHOWN_FOR = 15.0
 """How long the page shows that a stop has succeeded, in s."""
 
 SENDERS = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)
-"""Function codes of what a node sends by default: EMCY, TPDOs, SDO answers, heartbeats (CiA 301, 7.3.3)."""
+"""Function codes of the frames that a node sends by default: EMCY, TPDOs, SDO answers, heartbeats (CiA 301, 7.3.3)."""
 
 SHOWN: Mapping[str, int] = {
     "statusword": cia402.STATUSWORD,
@@ -81,14 +81,14 @@ SHOWN: Mapping[str, int] = {
     "following error": cia402.FOLLOWING_ERROR,
     "error": cia402.ERROR_CODE,
 }
-"""The objects that the page shows of an axis; it polls those that come in no PDO."""
+"""The objects of an axis on the page, which polls those that come in no PDO."""
 
 Numbers: TypeAlias = Mapping[str, int]
 
 ORDERS: Mapping[str, Callable[[Drive402, Numbers], None]] = {
     "enable": lambda drive, _: drive.enable(),
     "fault reset": lambda drive, _: drive.fault_reset(),
-    # None of them waits for the end of the motion: whoever wants to halt it must not wait for that, either.
+    # None of them waits for the end of the motion, so that a halt need not wait for it, either.
     "home": lambda drive, said: drive.begin_home(said.get("method")),
     "move": lambda drive, said: drive.begin_move(said["position"], said.get("velocity")),
     "move by": lambda drive, said: drive.begin_move(said["distance"], said.get("velocity"), relative=True),
@@ -99,34 +99,34 @@ STOPS: Mapping[str, StopKind] = {
     "quick stop": StopKind.QUICK_STOP,
     "disable": StopKind.DISABLE,
 }
-"""Commands that end a motion; they wait for nothing."""
+"""Commands that end a motion; they do not wait."""
 
 MOVES = ("home", "move", "move by")
-"""Orders that move an axis until it is there."""
+"""Orders that move an axis to a place."""
 
 JOGS: Mapping[str, Callable[[Drive402, int], None]] = {
     "velocity": lambda drive, value: setattr(drive, "velocity", value),
     "torque": Drive402.begin_torque,
 }
-"""What a held button has a drive do, by what is given."""
+"""The jog of a drive while a button is held, by its target."""
 
 LARGEST: Mapping[str, tuple[int, Address | None]] = {
     "velocity": (cia402.TARGET_VELOCITY, (cia402.MAX_PROFILE_VELOCITY, 0)),
     "torque": (cia402.TARGET_TORQUE, (cia402.MAX_TORQUE, 0)),
     "position": (cia402.TARGET_POSITION, None),
 }
-"""The object of each target, and the one with the most that it may be."""
+"""The object of each target, and the object with its largest value."""
 
 
 UNBOUNDED = DATA_TYPES[0x04]
-"""INTEGER32: the type of a target, where no file says less."""
+"""INTEGER32: the type of a target without a smaller one in the file."""
 
 MOVING = (
     *(cia402.CONTROLWORD, cia402.TARGET_VL_VELOCITY, cia402.TARGET_TORQUE, cia402.TARGET_POSITION),
     *(cia402.TARGET_VELOCITY, cia402.INTERPOLATION_DATA, cia402.MODE),
     *(cia402.POSITION_OFFSET, cia402.VELOCITY_OFFSET, cia402.TORQUE_OFFSET, cia402.DIGITAL_OUTPUTS),
 )
-"""Objects of the first axis of which a new value may move something; the outputs have the brake."""
+"""Objects of the first axis whose new value may move something; the outputs have the brake."""
 
 
 def moves(address: Address) -> bool:
@@ -144,12 +144,12 @@ def axes_of(dictionary: Dictionary) -> list[AxisAddress]:
 
 
 def drive_data(dictionary: Dictionary) -> dict[str, Any] | None:
-    """Return what the page knows of a drive before the first answer, None if the device is not a drive."""
+    """Return the page's data of a drive before the first answer, None if the device is not a drive."""
     axes = axes_of(dictionary)
     if not axes:
         return None
     suggested = dictionary.variable((cia402.PROFILE_VELOCITY, 0))
-    velocity = suggested.default if suggested else None  # an empty field: nobody invents a velocity
+    velocity = suggested.default if suggested else None  # None: an empty field, no invented velocity
     return {"axes": [_axis_data(dictionary, each) for each in axes], "velocity": velocity}
 
 
@@ -161,7 +161,7 @@ def _axis_data(dictionary: Dictionary, axis: AxisAddress) -> dict[str, Any]:
 
 
 def bounds(dictionary: Dictionary, axis: AxisAddress, target: str) -> Range:
-    """Return what a target may be: the limits of its object, and the most that the file gives it."""
+    """Return the range of a target: the limits of its object, and the largest value in the file."""
     index, most = LARGEST[target]
     variable = dictionary.variable((index + axis.offset, 0))
     known = variable and limits(variable)
@@ -171,16 +171,16 @@ def bounds(dictionary: Dictionary, axis: AxisAddress, target: str) -> Range:
 
 
 def units(dictionary: Dictionary, axis: AxisAddress) -> Mapping[str, float]:
-    """Return what one unit of position is in turns of the motor, and of velocity in turns a minute, if the file says.
+    """Return a unit of position in turns of the motor, and of velocity in turns a minute, if the file has them.
 
-    That is in 0x608F, 0x6091 and 0x6092 for the position; a unit of velocity is one of position per second, or as
-    0x6096 or 0x60A9 say.
+    That is in 0x608F, 0x6091 and 0x6092 for the position; a unit of velocity is one of position per second, or as in
+    0x6096 or 0x60A9.
     """
     from eurobot_od.device.profiles.motion import AxisValues, Units, ratio_of  # and YAML: not for --help
 
     values = AxisValues(dictionary, axis.offset)
     if {ratio_of(values, each) for each in (cia402.ENCODER_RESOLUTION, cia402.FEED_CONSTANT)} <= {0, 1}:
-        return {}  # 1 is what a file has if nobody has set one
+        return {}  # a file without factors has 1
     turn, velocity = Units.of(values)
     return {"position": 1 / turn, "velocity": 60 * velocity / turn}
 
@@ -196,11 +196,13 @@ def machine_data() -> dict[str, Any]:
 
 
 class MayMove(LocalError):
-    """Raised instead of sending what may move something, until a person has confirmed it; the text is the question."""
+    """Raised instead of sending a frame that may move something, until a person has confirmed it; the text is the
+    question.
+    """
 
 
 class OrderMaster(Master):
-    """A master whose every frame passes a `gate`, which a stop closes."""
+    """A master whose frames all pass a `gate`, which a stop closes."""
 
     gate: Callable[[], AbstractContextManager[object]] = staticmethod(nullcontext)
 
@@ -212,7 +214,7 @@ class OrderMaster(Master):
 
 @dataclass
 class OrderedMotion:
-    """A motion by somebody's order, which goes on `until` a time in s; `end` sees the end of a move or a homing."""
+    """A motion by an order, which goes on `until` a time in s; `end` detects the end of a move or a homing."""
 
     who: object
     until: float
@@ -220,11 +222,11 @@ class OrderedMotion:
 
 
 class Drives:
-    """The drives of a network as the page commands them.
+    """The drives of a network and the orders to them.
 
-    Orders (`command`, `jog`) wait for the drive and are made one after the other; all other methods return at once, on
-    any thread. `send` sends a frame past everything else; `clock` gives the time in seconds. `wanted_id` is the node-ID
-    of our heartbeat. `wake` is called when there is something for `step` to do.
+    Orders (`command`, `jog`) wait for the drive and are carried out one after the other; all other methods return at
+    once, on any thread. `send` sends a frame past all others; `clock` returns the time in seconds. `wanted_id` is the
+    node-ID of our heartbeat. `wake` is called when `step` has work to do.
     """
 
     def __init__(
@@ -235,7 +237,9 @@ class Drives:
         send: Callable[[Frame], object] | None = None,
         wanted_id: int = 127,
     ) -> None:
-        self._master, self._clock, self._wanted_id = master, clock, wanted_id
+        self._master = master
+        self._clock = clock
+        self._wanted_id = wanted_id
         self._send = send or (lambda frame: master.send(*frame))
         self._dictionaries = {each.node_id: each for each in dictionaries}
         self.axes = [axis for each in self._dictionaries.values() for axis in axes_of(each)]
@@ -262,7 +266,7 @@ class Drives:
             master.gate = self.gate
 
     def add(self, device: Dictionary) -> None:
-        """Take in a device that was not known, or was taken for another one."""
+        """Add a device that was not known, or was taken for another one."""
         self._dictionaries[device.node_id] = device
         self.axes = [axis for each in self._dictionaries.values() for axis in axes_of(each)]
 
@@ -289,7 +293,7 @@ class Drives:
     # Orders
 
     def ticket(self, *axes: AxisAddress) -> int:
-        """Return a number that an order made now is carried out with: a stop after it makes it void."""
+        """Return the number of an order that is made now: a stop after it makes it void."""
         with self._lock:
             return sum(self._counts.get(each, 0) for each in axes)
 
@@ -301,7 +305,9 @@ class Drives:
         who: object = None,
         ticket: int | None = None,
     ) -> None:
-        """Carry out an order; raises UnknownName, LocalError for a target out of bounds, DriveError, and of SDO."""
+        """Carry out an order; raises UnknownName, LocalError for a target out of bounds, DriveError, and the errors of
+        SDO.
+        """
         act = look_up("command of a drive", name, ORDERS)
         for target in LARGEST.keys() & numbers.keys():
             self._check(axis, target, numbers[target])
@@ -345,9 +351,9 @@ class Drives:
         ticket: int | None = None,
         confirmed: object = None,
     ) -> None:
-        """Send what moves axes without being an order of here; it counts as one until they stop, or `who` is gone.
+        """Send frames that move axes without an order; they count as a motion until the axes stop, or `who` is gone.
 
-        `send` has its frames pass `gate`. `confirmed` is the question of MayMove that a person has said yes to.
+        `send` passes its frames through `gate`. `confirmed` is the question of MayMove that a person has confirmed.
         """
         with self._ordering(axes, ticket):
             for axis in axes:
@@ -363,20 +369,20 @@ class Drives:
             send()
 
     def is_raw(self, axes: Iterable[AxisAddress], who: object) -> bool:
-        """Return whether axes may still move by what somebody has sent."""
+        """Return whether axes may still move by raw frames of a page."""
         motions = [self._motions.get(each) for each in axes]
         return all(each is not None and each.who is who and each.until == inf for each in motions)
 
     @contextmanager
     def raw_gate(self, axes: Sequence[AxisAddress], who: object) -> Iterator[None]:
-        """Let a frame of a list out; raises LocalError once an axis is stopped. No stop begins meanwhile."""
+        """Pass a frame of a list; raises LocalError once an axis is stopped. No stop begins meanwhile."""
         with self._lock:
             if not self.is_raw(axes, who):
                 raise LocalError("it was stopped")
             yield
 
     def end_raw(self, axes: Iterable[AxisAddress], who: object) -> None:
-        """Stop what may move by what somebody has sent again and again, as it is sent no longer."""
+        """Stop the axes that may move by a page's repeated frames, which are no longer sent."""
         with self._lock:
             for axis in axes:
                 if self.is_raw([axis], who):
@@ -384,7 +390,7 @@ class Drives:
 
     @contextmanager
     def _ordering(self, axes: Sequence[AxisAddress], ticket: int | None) -> Iterator[None]:
-        """Carry out an order on axes, unless one is stopped; one that fails on the way ends with a halt."""
+        """Carry out an order on axes, unless one is being stopped; an order that fails ends with a halt."""
         with self._lock:
             if ticket is not None and ticket != self.ticket(*axes):
                 raise LocalError("it was stopped meanwhile: not carried out")
@@ -392,7 +398,8 @@ class Drives:
                 if axis in self._stops:
                     still = self._stops[axis].text(self._clock())
                     raise LocalError(f"{self._name(axis)} is still being stopped: {still}")
-            self._order, self._is_revoked = axes, False
+            self._order = axes
+            self._is_revoked = False
         try:
             yield
         except BaseException:
@@ -406,7 +413,7 @@ class Drives:
 
     @contextmanager
     def gate(self) -> Iterator[None]:
-        """Let a frame of an order out; raises LocalError once the axis is being stopped. No stop begins meanwhile."""
+        """Pass a frame of an order; raises LocalError once the axis is being stopped. No stop begins meanwhile."""
         with self._lock:
             if self._order and self._is_revoked:
                 raise LocalError("it was stopped meanwhile: not carried out")
@@ -419,24 +426,25 @@ class Drives:
             self._motions[axis] = motion
         self.wake()
 
-    # The drive watches us
+    # The drive watches our heartbeat
 
     def _watch(self, axis: AxisAddress) -> str:
-        """Have the drive watch our heartbeat; return why it does not, or not surely, empty if it does."""
-        node, line = self._master.node(axis.node_id), self._lines.get(axis.node_id)
+        """Make the drive watch our heartbeat; return why it does not, or not surely, empty if it does."""
+        node = self._master.node(axis.node_id)
+        line = self._lines.get(axis.node_id)
         if line is None or not holds(node, line, self._beating()):
             own = self._beating()
             offsets = [each.offset for each in self.axes if each.node_id == axis.node_id]
             former = line.former if line else ()
             line = arm(node, offsets, own)
-            # What was there before the first time counts, also after a reset of the drive.
+            # The values before the first change are restored, also after a reset of the drive.
             self._lines[axis.node_id] = line._replace(former=former or line.former)
             if line.left:
                 self._said[f"left {axis.node_id}"] = self._clock(), f"{self._name(axis)}: {line.left}"
         return line.lacks
 
     def _ask_once(self, axis: AxisAddress, lacks: str, confirmed: object = None) -> None:
-        """Raise MayMove for a drive that goes on without us, unless a person has accepted that or confirms it now."""
+        """Check that a person has accepted that a drive goes on without us, or confirms it now; raises MayMove."""
         question = f"{self._name(axis)}: {GOES_ON}: {lacks}"
         if lacks and axis.node_id not in self._accepted:
             if confirmed != question:
@@ -451,13 +459,13 @@ class Drives:
             return self.own
 
     def accept(self, node_id: int) -> None:
-        """Note that a person knows that a drive goes on if this program fails."""
+        """Note that a person has accepted that a drive goes on if this program fails."""
         self._accepted.add(node_id)
 
-    # A motion goes on while somebody says so
+    # A motion goes on while its page confirms it
 
     def hold(self, axis: AxisAddress, who: object = None) -> None:
-        """Let a motion go on for a while; one that has ended is not resumed, and nobody else's goes on."""
+        """Prolong a motion; one that has ended is not resumed, and other pages' motions are not prolonged."""
         with self._lock:
             self._held[axis] = who, self._clock()
             motion = self._motions.get(axis)
@@ -466,16 +474,16 @@ class Drives:
                 motion.until = self._clock() + HELD
 
     def hear_page(self, who: object) -> None:
-        """Note that a page is there: what it has sent raw may go on."""
+        """Note a page's message, which prolongs its raw frames' motion."""
         self._pages[who] = self._clock()
 
     def is_silent(self, who: object) -> bool:
-        """Return whether a page that was there is not heard any more."""
+        """Return whether the last message of a page is too old."""
         now = self._clock()
         return now - self._pages.get(who, now) > SILENT
 
     def left(self, who: object) -> None:
-        """Stop what somebody has ordered who is gone, or no longer looks."""
+        """Stop the motions of a page that is gone or hidden."""
         with self._lock:
             self._pages.pop(who, None)
             for axis in [axis for axis, motion in self._motions.items() if motion.who is who]:
@@ -484,7 +492,7 @@ class Drives:
     # Stops
 
     def stop(self, axis: AxisAddress, kind: StopKind = StopKind.HALT) -> None:
-        """Begin to stop an axis, and let no order go on; `step` sends the frames."""
+        """Begin to stop an axis, and void its orders; `step` sends the frames."""
         with self._lock:
             now = self._clock()
             self._counts[axis] = self._counts.get(axis, 0) + 1
@@ -498,15 +506,16 @@ class Drives:
         self.wake()
 
     def stop_all(self) -> str:
-        """Quick-stop all axes, and stop by NMT every node that is known or was heard; return what is done."""
+        """Quick-stop all axes, and stop every known or received node by NMT; return what is done."""
         with self._lock:
-            now, drives = self._clock(), {each.node_id for each in self.axes}
+            now = self._clock()
+            drives = {each.node_id for each in self.axes}
             for axis in self.axes:
                 self.stop(axis, StopKind.QUICK_STOP)
             unknown = self._heard - self._dictionaries.keys()
             others = sorted((self._dictionaries.keys() | unknown) - drives)
             self._nodes = {node_id: NodeStop(node_id, now) for node_id in others}
-            # Once the axes stand: a drive in Stopped could no longer say by SDO whether it does.
+            # Once the axes stand: a drive in Stopped could no longer answer by SDO whether it does.
             self._broadcast = now if unknown or not self.axes else None
         self.wake()
         axes = f"quick stop to {', '.join(map(self._name, self.axes))}" if self.axes else ""
@@ -519,7 +528,7 @@ class Drives:
         return node_id in self._heard
 
     def post(self, frames: Iterable[Frame]) -> None:
-        """Have frames sent soon, past everything else."""
+        """Send frames soon, past all others."""
         with self._lock:  # after what a list is just sending
             self._outbox.extend(frames)
         self.wake()
@@ -536,8 +545,9 @@ class Drives:
     # Frames and time
 
     def hear(self, frame: Frame) -> bool:
-        """Take in a frame; return whether it answers a request of a stop, and nobody else waits for it."""
-        now, is_taken = self._clock(), False
+        """Process a frame; return whether it answers only a request of a stop."""
+        now = self._clock()
+        is_taken = False
         node_id = frame.cob_id & 0x7F
         if node_id in NODE_IDS and frame.cob_id - node_id in SENDERS and node_id != self.own:
             self._heard.add(node_id)
@@ -566,7 +576,7 @@ class Drives:
         self._said[self._name(axis)] = now, words + (kept if stop.refused else "")
 
     def step(self) -> float:
-        """Send what is due, and end what nobody wants any more; return the seconds until the next step."""
+        """Send what is due, and end motions that no page confirms; return the seconds until the next step."""
         with self._lock:
             now = self._clock()
             self._end_motions(now)
@@ -591,7 +601,7 @@ class Drives:
                 self.stop(axis)
 
     def _broadcasts(self, now: float) -> list[Frame]:
-        """Return NMT stop to all, once the axes stand or have had their time; nodes that have confirmed are told."""
+        """Return the NMT stop of all nodes, once the axes stand or have had their time, and that of confirmed nodes."""
         for node_id, node in list(self._nodes.items()):
             if node.done:
                 del self._nodes[node_id]
@@ -601,10 +611,10 @@ class Drives:
         self._broadcast = None
         return [Frame(NMT_COB_ID, bytes([NmtCommand.STOP, ALL_NODES]))]
 
-    # What the page is told
+    # Data for the page
 
     def data(self) -> dict[str, Any]:
-        """Return what moves by our order, what stands, and in red what did not stop as far as is known."""
+        """Return the motions by our orders, the axes that stand, and as wrong those not known to have stopped."""
         with self._lock:
             now = self._clock()
             self._said = {key: said for key, said in self._said.items() if now - said[0] < SHOWN_FOR}
@@ -633,7 +643,7 @@ class Drives:
     # The end of the program
 
     def begin_end(self) -> None:
-        """Begin to halt whatever may move by our order, before the program ends."""
+        """Begin to halt all motions by our orders, before the program ends."""
         with self._lock:
             enabled = [
                 a for a, word in self._master.controlwords.items() if DriveCommand.of(word) is DriveCommand.ENABLE
@@ -644,12 +654,12 @@ class Drives:
 
     @property
     def may_end(self) -> bool:
-        """Whether nothing of ours moves any more, or its stop has had its time."""
+        """Whether no motion of ours is left, or its stop has had its time."""
         now = self._clock()
         return not self._motions and all(now - each.since >= GIVE_UP for each in list(self._stops.values()))
 
     def put_back(self) -> None:
-        """Put back what was changed in the drives so that they watch us; those that do not answer stay as they are."""
+        """Restore the drives' settings for watching us; drives that do not answer keep them."""
         for node_id, line in self._lines.items():
             if any(axis.node_id == node_id for axis in self._stops):  # it stops as soon as our heartbeat ends
                 continue
@@ -659,10 +669,12 @@ class Drives:
 
 
 class MotionThread:
-    """Does the steps of drives on a thread of its own, which waits for nobody."""
+    """Runs the steps of drives on a thread of its own, which waits for no node."""
 
     def __init__(self, drives: Drives) -> None:
-        self._drives, self._woken, self._is_ended = drives, threading.Event(), False
+        self._drives = drives
+        self._woken = threading.Event()
+        self._is_ended = False
         self._thread = threading.Thread(target=self._run, name="motion", daemon=True)
 
     def __enter__(self) -> MotionThread:

@@ -1,8 +1,8 @@
-"""What the view Files asks: a device file as objects, PDOs and findings, an edit of its text, and a save.
+"""The requests of the view Files: a device file as objects, PDOs and findings, an edit of its text, and a save.
 
-Rule of this file: nothing of a file is kept here, and only a save writes. The browser holds the text and the history of
-edits; each request brings the text, and the answer is made of that. A text travels as its bytes: a character up to
-U+00FF for each, so that line ends and letters of any encoding come back as they were.
+Rule of this file: no file is kept here, and only a save writes. The browser holds the text and the history of edits;
+each request brings the text, from which the answer is made. A text travels as its bytes: a character up to U+00FF for
+each, so that line ends and letters of any encoding come back unchanged.
 """
 
 from __future__ import annotations
@@ -37,21 +37,21 @@ SUFFIXES = (".eds", ".dcf")
 """Files that can be edited; a device description in XML has no lines to change."""
 
 LARGEST = 4 << 20
-"""Bytes of the largest file that is edited; those of real devices have some hundred thousand."""
+"""Size of the largest file that is edited, in bytes; those of real devices have some hundred thousand."""
 
 LONGEST_REQUEST = 3 * LARGEST
-"""Bytes of the longest request: JSON writes some bytes of a file as two or more."""
+"""Length of the longest request, in bytes: JSON writes some bytes of a file as two or more."""
 
 KEYS = ("datatype", "accesstype", "defaultvalue", "parametervalue", "lowlimit", "highlimit", "pdomapping")
 UNIT_KEYS = ("unit", "factor", "offset")
 
 
 PROGRAM = Path(__file__).parents[1]
-"""The installed program: its own files are opened, and never saved."""
+"""The installed program, whose own files are opened, but never saved."""
 
 
 class EditableFile(NamedTuple):
-    """A file on the disk that a page may open, and where it comes from: `named`, `network` or `library`."""
+    """A file on the disk that a page may open, and its origin: `named`, `network` or `library`."""
 
     path: Path
     origin: str
@@ -63,17 +63,18 @@ class EditableFile(NamedTuple):
 
 
 class FileEditor:
-    """Answers what browsers ask about files; `control` tells whether they may save.
+    """Answers the requests of browsers about files; `control` tells whether they may save.
 
-    `files` returns those that they may open, now; they can name no other.
+    `files` returns those that they may open now; no other can be named.
     """
 
     def __init__(self, files: Callable[[], Iterable[EditableFile]], control: bool = False) -> None:
-        self._files, self._control = files, control
+        self._files = files
+        self._control = control
         self._one_at_a_time = asyncio.Lock()
 
     async def post(self, body: str) -> str:
-        """Answer a request beside whatever else is served, one after the other: lint takes a processor as it runs."""
+        """Answer a request in a thread, one after the other, as lint uses a processor."""
         async with self._one_at_a_time:
             return await asyncio.to_thread(self.answer, body)
 
@@ -86,7 +87,7 @@ class FileEditor:
         return answered(body, do)
 
     def list_files(self, _: Arguments) -> dict[str, Any]:
-        """Return the files that can be opened, and what a form needs to know."""
+        """Return the files that can be opened, and the choices of a form."""
         files = [
             {"file": file, "name": each.path.name, "origin": each.origin, "saves": self._control and not each.is_ours}
             for file, each in self._listed.items()
@@ -109,21 +110,23 @@ class FileEditor:
         return self._listed[file]
 
     def open(self, said: Arguments) -> dict[str, Any]:
-        """Return a file of the disk: its text, what marks that it is still the same, and what it describes."""
+        """Return a file of the disk: its text, its digest, and its description."""
         path = self._file(said).path
         data = read_bytes(path)
         return {"text": data.decode("latin-1"), "digest": _digest(data)} | looked_at(data, path.name)
 
     def look(self, said: Arguments) -> dict[str, Any]:
-        """Return what a text describes, and what lint finds in it."""
+        """Return the description of a text, with lint's findings."""
         return looked_at(_data(said), text_of(said, "name"))
 
     def edit(self, said: Arguments) -> dict[str, Any]:
-        """Return the text after an edit, what that changed, and what the text describes then.
+        """Return the text after an edit, the changes, and the new description.
 
         Raises LocalError for an edit that is refused.
         """
-        before, name, words = _data(said), text_of(said, "name"), said.get("words")
+        before = _data(said)
+        name = text_of(said, "name")
+        words = said.get("words")
         if not isinstance(words, list) or not words or not all(isinstance(each, str) for each in words):
             raise LocalError("words are a list of texts")
         verb, *rest = words
@@ -133,15 +136,17 @@ class FileEditor:
             others = f" (and {len(more)} more)" if more else ""
             raise LocalError(f"not changed: line {first.line}: {first.code} {first.message}{others}")
         _check_size(made.data)
-        text, changed = made.data.decode("latin-1"), difference(before, made.data, name)[2:]
+        text = made.data.decode("latin-1")
+        changed = difference(before, made.data, name)[2:]
         warnings = [each.message for each in made.warnings]
         return {"text": text, "changed": changed, "warnings": warnings} | described(made.data, name, made.findings)
 
     def save(self, said: Arguments) -> dict[str, str]:
-        """Write a text into the file that it was opened from, unless that is another one by now."""
+        """Write a text into the file from which it was opened, unless that has changed since."""
         if not self._control:
             raise LocalError("this page saves nothing: start the server with --control, or download the file")
-        file, data = self._file(said), _data(said)
+        file = self._file(said)
+        data = _data(said)
         path = file.path
         if file.is_ours:
             raise LocalError(f"not saved: {path.name} is a part of this program; download it")
@@ -183,7 +188,7 @@ def _digest(data: bytes) -> str:
 
 
 def looked_at(data: bytes, file: str) -> dict[str, Any]:
-    """Return what a file describes; raises DictionaryError if it is no EDS or DCF that can be edited."""
+    """Return the description of a file; raises DictionaryError if it is no EDS or DCF that can be edited."""
     _check_size(data)
     document = readable(data, file)
     if not DescribedDevice(document).objects and not document.sections.keys() & {"fileinfo", "deviceinfo"}:
@@ -192,9 +197,10 @@ def looked_at(data: bytes, file: str) -> dict[str, Any]:
 
 
 def described(data: bytes, file: str, findings: Iterable[Finding]) -> dict[str, Any]:
-    """Return the objects and PDOs of a file as data, with what lint has found in it."""
+    """Return the objects and PDOs of a file as data, with lint's findings."""
     document = readable(data, file)
-    device, places = DescribedDevice(document), _Places(document)
+    device = DescribedDevice(document)
+    places = _Places(document)
     is_configuration = file.lower().endswith(".dcf") or COMMISSIONING.lower() in document.sections
     return {
         "objects": [_object(device.objects[index]) for index in sorted(device.objects)],
@@ -229,24 +235,27 @@ def _pdo(device: DescribedDevice, records: DescribedRecords) -> dict[str, Any]:
 def _mapped_name(device: DescribedDevice, entry: MappingEntry) -> str:
     if entry.index in DUMMIES:
         return "unused"
-    whole, variable = device.objects.get(entry.index), device.variable(*entry.address)
+    whole = device.objects.get(entry.index)
+    variable = device.variable(*entry.address)
     if whole is None or variable is None:
         return "not in the file"
     return variable.name if variable.section is whole.section else f"{whole.name}: {variable.name}"
 
 
 class _Places:
-    """Which object the lines of a file are about."""
+    """The object of each line of a file."""
 
     def __init__(self, document: Document) -> None:
         self._headers = sorted(document.headers)
         self._names = {each.line: parse_section_name(each.name.strip()) for each in document.sections.values()}
 
     def __call__(self, line: int) -> tuple[int | None, int | None]:
-        """Return index and sub-index of the section that a line stands in; None for what is not of an object."""
+        """Return index and sub-index of the section with a line; None for a section of no object."""
         header = self._headers[bisect_right(self._headers, line) - 1] if self._headers else 0
         name = self._names.get(header) if line >= header else None
-        return (name.object_index, name.sub if name.sub >= 0 else None) if name else (None, None)
+        if not name:
+            return None, None
+        return name.object_index, name.sub if name.sub >= 0 else None
 
 
 def _finding(finding: Finding, places: Callable[[int], tuple[int | None, int | None]]) -> dict[str, Any]:

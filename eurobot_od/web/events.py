@@ -1,6 +1,6 @@
-"""Events: what happens on a bus besides its frames, as the page lists it.
+"""The events on a bus besides its frames, for the page's list.
 
-No clock and no bus: what frames mean goes in, and the time in seconds.
+This module has no clock and no bus: the meanings of frames go in, with the time in seconds.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from eurobot_od.traffic.services import EMCY_NAME, object_words
 
 
 class PageEvent(NamedTuple):
-    """Something that happened at a `time` in seconds, or until `end`; a later one with the same `key` replaces it.
+    """An event at a `time` in seconds, or until `end`; a later one with the same `key` replaces it.
 
-    `kind` is what kind of thing it is, `text` describes it, `mark` is a short sign for it, `wrong` tells whether it
-    counts as trouble. `data` is for the script of the panel that made it.
+    `kind` is the kind of event, `text` describes it, `mark` is a short sign for it, `wrong` tells whether it counts as
+    trouble. `data` is for the script of the panel that made it.
     """
 
     key: str
@@ -54,7 +54,7 @@ class BusEvents:
         self.learn(decoder)
 
     def learn(self, decoder: Decoder) -> None:
-        """Take in which devices there are, and how their PDOs are mapped."""
+        """Process the devices of a new decoder and the mapping of their PDOs."""
         self._nodes = {each.node_id: each for each in decoder.dictionaries}
         # Messages, and the statuswords in them; not by identifiers alone: what is damaged has none.
         self._carriers: dict[int | Damage, tuple[Binding, Sequence[Placed]]] = {
@@ -69,8 +69,9 @@ class BusEvents:
             yield from _service(number, time, meaning)
             yield from self._transfer(number, time, meaning)
             return
-        raw, carrier = meaning.raw, self._carriers.get(meaning.raw[0])
-        # A device that was mapped otherwise since has another type of message.
+        raw = meaning.raw
+        carrier = self._carriers.get(meaning.raw[0])
+        # A device that was remapped since has another type of message.
         if carrier and isinstance(raw, Frame) and type(meaning.message) is carrier[0].type:
             frame = int.from_bytes(raw.data, "little")
             for each in carrier[1]:
@@ -90,18 +91,19 @@ class BusEvents:
             yield from self._drive(number, time, node, ended.address, value)
 
     def _drive(self, number: int, time: float, node: str, address: Address, value: int) -> Iterator[PageEvent]:
-        """Yield the change of a drive's state, if its statusword tells one."""
+        """Yield the change of a drive's state, if its statusword shows one."""
         axis = STATUSWORDS.get(address)
         if axis is None:
             return
-        state, key = cia402.state_of(value), (node, axis)
+        state = cia402.state_of(value)
+        key = (node, axis)
         if key in self._drives and self._drives[key] is not state:
             words = f"{node}{f', axis {axis}' if axis > 1 else ''}: {state.words if state else 'no state'}"
             yield PageEvent(f"drive {number} {axis}", "drive", time, words, wrong=state in TROUBLE, data={"node": node})
         self._drives[key] = state
 
     def look(self, time: float, nodes: Mapping[str, NodeHealth]) -> Iterator[PageEvent]:
-        """Yield which nodes are lost or back since the last look."""
+        """Yield the nodes lost or back since the last call."""
         for name, node in nodes.items():
             lost = node.pulse.life(time) is Life.LOST
             if lost is (name in self._lost):
@@ -113,7 +115,7 @@ class BusEvents:
 
 
 def _service(number: int, time: float, meaning: Meaning) -> Iterator[PageEvent]:
-    """Yield the event for a frame of CANopen's own services, if it is one; `number` makes keys unique."""
+    """Yield the event of a frame of CANopen's own services, if it is one; `number` makes keys unique."""
     is_event = meaning.name in ("NMT", EMCY_NAME) or meaning.text.endswith(", boot-up")
     if is_event and not meaning.defects:
         kind = meaning.name if meaning.name in ("NMT", EMCY_NAME) else "boot-up"

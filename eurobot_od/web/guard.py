@@ -1,7 +1,7 @@
-"""What may move something: the one guard of all ways in which the page sends.
+"""Decides whether a frame or a write may move something, for all ways in which the page sends.
 
-Rule of this file: it says why, in words for the person who has to press again; an empty text lets a frame or a write
-pass. What cannot be known, such as what a node without a file does with a frame, counts as moving.
+Rule of this file: the answer is the reason, in words for the person who has to confirm; an empty text lets a frame or a
+write pass. What cannot be known, such as the effect of a frame on a node without a file, counts as moving.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ MAKERS = range(0x2000, 0x6000)
 """Objects of the device's maker (CiA 301, 7.4.1)."""
 
 RPDO_PARAMETERS = range(0x1400, 0x1800)
-"""Communication and mapping of RPDOs: another COB-ID has a drive obey other frames."""
+"""Communication and mapping of RPDOs: with another COB-ID a drive obeys other frames."""
 
 PDO_COB_IDS = range(0x180, 0x580)
-"""COB-IDs of PDOs by default (CiA 301, 7.3.3)."""
+"""Default COB-IDs of PDOs (CiA 301, 7.3.3)."""
 
 NMT_REASONS = {
     NmtCommand.START: "NMT start lets {} obey PDOs, with the targets that they have",
@@ -53,13 +53,14 @@ NAMED = 4
 
 
 class MotionGuard:
-    """Says of frames and SDO writes why they may move something, by the mapping of the dictionaries.
+    """Returns why frames and SDO writes may move something, by the mapping of the dictionaries.
 
-    Without `makers`, objects of a maker move nothing but drives: a robot knows itself which of its messages do.
+    Without `makers`, manufacturer objects move only drives: a robot knows itself which of its messages move something.
     """
 
     def __init__(self, dictionaries: Iterable[Dictionary], makers: bool = True) -> None:
-        self._dictionaries, self._makers = {each.node_id: each for each in dictionaries}, makers
+        self._dictionaries = {each.node_id: each for each in dictionaries}
+        self._makers = makers
         self.drives = frozenset(each.node_id for each in self._dictionaries.values() if axes_of(each))
         self._modules = {at for at, each in self._dictionaries.items() if profile_of(each.objects) == cia401.PROFILE}
         self._servers = {SdoChannel.of(each).requests: node_id for node_id, each in self._dictionaries.items()}
@@ -76,7 +77,7 @@ class MotionGuard:
 
     @property
     def guarded(self) -> frozenset[int]:
-        """The node-IDs of those whose RPDOs may move something, by whatever they carry now."""
+        """The node-IDs of the nodes whose RPDOs may move something, whatever they carry now."""
         return frozenset(self._dictionaries) if self._makers else self.drives
 
     def _name(self, node_id: int) -> str:
@@ -85,7 +86,7 @@ class MotionGuard:
         return self._dictionaries[node_id].name if node_id in self._dictionaries else f"node {node_id}"
 
     def of_object(self, node_id: int, address: Address) -> str:
-        """Return why a write to an object may move something, empty if it does not."""
+        """Return why a write to an object may move something, empty if it cannot."""
         where = f"{label(address)} of {self._name(node_id)}"
         if moves(address):
             return f"{where} commands a drive"
@@ -101,7 +102,7 @@ class MotionGuard:
         return ""
 
     def _of_pdo(self, node_id: int, pdo: Pdo) -> str:
-        """Return why an RPDO may move something: an object that it carries to the device does."""
+        """Return why an RPDO may move something by an object that it carries."""
         is_guarded = self._makers or node_id in self.drives
         if pdo.multiplex is not None and is_guarded:
             return f"each frame of {self._name(node_id)}.{pdo.name} names the object that it writes"
@@ -150,7 +151,7 @@ class MotionGuard:
 
     def _of_request(self, node_id: int, data: bytes) -> str:
         command = data[0] >> 5 if data else -1
-        # Some servers take what is shorter than 8 bytes, too; 4 of them name the object.
+        # Some servers accept fewer than 8 bytes, too; 4 of them name the object.
         if len(data) >= NAMED and command in (ClientCommand.DOWNLOAD, ClientCommand.BLOCK_DOWNLOAD):
             return self.of_object(node_id, Initiate.of(data.ljust(wire.LENGTH, b"\0")).address)
         if command == ClientCommand.DOWNLOAD_SEGMENT:
@@ -165,5 +166,5 @@ def is_output(address: Address) -> bool:
 
 
 def _pdos(dictionary: Dictionary) -> list[Pdo]:
-    # What is wrong with a PDO was said when the file was read: its frames are then described by no file.
+    # A wrong PDO was reported when the file was read; no file then describes its frames.
     return [pdo for pdo in dictionary.read_pdos(dictionary.default, unheard) if pdo.valid]

@@ -1,10 +1,10 @@
-"""Long work beside the page: one job at a time on a bus, seen by all browsers, which can be ended.
+"""Long work beside the page: one job at a time on a bus, which all browsers see and can end.
 
 Theory of operation. A job is a function that runs on a thread of its own, with a master or a bus that receives every
-frame of the session (`session.JobBus`). All browsers see how far it is, the rows that it has found, and at last its
-result or what went wrong. When somebody ends it, its next wait raises `JobEnded`, once: what the function puts back at
-Ctrl-C when a command calls it, it puts back here. Meanwhile nothing else asks nodes or sends (`desk`), except what
-stops. After STOP a job still puts values back, but sends nothing that may move something.
+frame of the session (`session.JobBus`). All browsers see its progress, the rows that it has found, and at last its
+result or its error. When a person ends it, its next wait raises `JobEnded`, once: the function restores what a command
+would restore at Ctrl-C. Meanwhile no other request asks nodes or sends (`desk`), except stops. After STOP a job still
+restores values, but sends no frame that may move something.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from eurobot_od.frame import Frame
 from eurobot_od.web.session import JobBus, Session
 
 LOOK = 0.1
-"""Longest time in s after which a job that waits notices that it is to end."""
+"""Longest time in s until a waiting job notices that it has to end."""
 
 LAST_WAIT = 20.0
-"""Time in s that a job has to put back what it has changed when the server ends."""
+"""Time in s for a job to restore what it has changed when the server ends."""
 
 LOGGER = logging.getLogger(__name__)
 
 
 class JobEnded(EurobotError):
-    """Raised in a job that somebody has ended, where it waits next."""
+    """A person has ended the job; raised where it waits next."""
 
     def __init__(self) -> None:
         super().__init__("ended from the page")
 
 
 class JobState(Enum):
-    """How a job is."""
+    """The state of a job."""
 
     RUNNING = "running"
     ENDING = "ending"
@@ -49,15 +49,19 @@ class JobState(Enum):
 
 
 class Job:
-    """One piece of long work: its `name`, which a view knows, a `title` for a person, and what it has found so far.
+    """One piece of long work: its `name` for the view, its `title` for a person, and its results so far.
 
-    `number` counts the jobs of a session. `at_end` is called when somebody ends it.
+    `number` counts the jobs of a session. `at_end` is called when it is ended.
     """
 
     def __init__(self, name: str, title: str, number: int, session: Session, moves: Callable[[Frame], str]) -> None:
-        self.name, self.title, self.number = name, title, number
-        self._session, self._moves = session, moves
-        self.state, self.error = JobState.RUNNING, ""
+        self.name = name
+        self.title = title
+        self.number = number
+        self._session = session
+        self._moves = moves
+        self.state = JobState.RUNNING
+        self.error = ""
         self.result: Any = None
         self._done: tuple[int, int | None] = (0, None)
         self._rows: list[tuple[int, Any]] = []
@@ -70,7 +74,7 @@ class Job:
         """Whether it no longer runs."""
         return self.state not in (JobState.RUNNING, JobState.ENDING)
 
-    # For what is done
+    # For the work
 
     def open(self) -> JobBus:
         """Open the bus of the session for this job."""
@@ -90,11 +94,11 @@ class Job:
         self._changed()
 
     def row(self, row: Any) -> None:
-        """Enter something that was found, as data."""
+        """Add a result, as data."""
         self._rows.append((self._changed(), row))
 
     def look(self) -> None:
-        """Raise JobEnded if the job is to end; only once, so that what it puts back is not ended as well."""
+        """Check whether the job has to end; raises JobEnded, only once, so that restoring is not ended as well."""
         if self._is_to_end:
             self._is_to_end = False
             raise JobEnded
@@ -111,15 +115,16 @@ class Job:
     # For the page
 
     def end(self, is_stopped: bool = False) -> None:
-        """Have it end; after a STOP it sends nothing that may move something."""
+        """End it; after a STOP it sends no frame that may move something."""
         self._is_stopped |= is_stopped
         if self.state is JobState.RUNNING:
-            self.state, self._is_to_end = JobState.ENDING, True
+            self.state = JobState.ENDING
+            self._is_to_end = True
             self._changed()
             self.at_end()
 
     def run(self, work: Callable[[Job], Any]) -> None:
-        """Do the work, to its end."""
+        """Do the work to its end."""
         try:
             self.result = work(self)
             state = JobState.ENDED if self.state is JobState.ENDING else JobState.DONE
@@ -128,7 +133,8 @@ class Job:
             state = JobState.ENDED if self.state is JobState.ENDING else JobState.FAILED
         except Exception as error:
             LOGGER.exception("%s has failed", self.title)
-            self.error, state = f"a fault of this program: {error!r}", JobState.FAILED
+            self.error = f"a fault of this program: {error!r}"
+            state = JobState.FAILED
         self.state = state
         self._changed()
 
@@ -143,14 +149,14 @@ class Job:
 
 
 class JobMaster(Master):
-    """A master whose waits notice that the job is to end."""
+    """A master whose waits notice that the job has to end."""
 
     def __init__(self, bus: JobBus, job: Job) -> None:
         super().__init__(bus)
         self._job = job
 
     async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
-        """Do what `pump` does; raises JobEnded."""
+        """Process frames until `done`, and return whether it is; raises JobEnded."""
         end = self.clock() + wait
         self._job.look()
         while not await super().take_in(min(LOOK, end - self.clock()), done):
@@ -161,13 +167,15 @@ class JobMaster(Master):
 
 
 class Jobs:
-    """The jobs of a session: at most one runs, and the last one of each name is kept for who looks later.
+    """The jobs of a session: at most one runs, and the last one of each name is kept for later browsers.
 
-    `moves` says why a frame may move something.
+    `moves` returns why a frame may move something.
     """
 
     def __init__(self, session: Session, moves: Callable[[Frame], str]) -> None:
-        self._session, self._moves, self._number = session, moves, 0
+        self._session = session
+        self._moves = moves
+        self._number = 0
         self._last: dict[str, Job] = {}
         self._running: Job | None = None
 
@@ -177,7 +185,7 @@ class Jobs:
         return None if self._running is None or self._running.is_over else self._running
 
     def check_free(self) -> None:
-        """Raise LocalError while a job runs."""
+        """Check that no job runs; raises LocalError."""
         if (job := self.running) is not None:
             raise LocalError(f"{job.title} is under way: wait for its end, or end it")
 
@@ -190,17 +198,17 @@ class Jobs:
         return job
 
     def end(self, is_stopped: bool = False) -> None:
-        """End the job that runs, if there is one."""
+        """End the running job, if there is one."""
         if (job := self.running) is not None:
             job.end(is_stopped)
 
     async def wait(self) -> None:
-        """End the job that runs, and wait until it has put back what it has changed."""
+        """End the running job, and wait until it has restored what it has changed."""
         self.end()
         begun = self._session.now
         while self.running is not None and self._session.now < begun + LAST_WAIT:
             await asyncio.sleep(LOOK)
 
     def data(self, since: int) -> list[dict[str, Any]]:
-        """Return what has changed after a turn."""
+        """Return the jobs that have changed after a turn."""
         return [each.data(since) for each in self._last.values() if each.turn > since]

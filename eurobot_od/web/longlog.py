@@ -1,7 +1,7 @@
-"""A long log on the page: an index of all of it, and its frames in a window around the time that the page shows.
+"""A long log on the page: an index of all of it, and its frames in a window around the shown time.
 
-The index is built beside the page, which is told how far it is. Counts, events and the last frame of each message are
-those of the whole log; values are decoded for what is seen.
+The index is built beside the page, which shows the progress. Counts, events and the last frame of each message are
+those of the whole log; values are decoded only for the window.
 """
 
 from __future__ import annotations
@@ -28,25 +28,27 @@ from eurobot_od.web.asking import Arguments, answered, number_of, text_of, whole
 from eurobot_od.web.page import DIGITS, Columns, row_data
 
 LONG = 16_000_000
-"""Size of a log from which on a page has only a window of it, in bytes: some 300 000 lines."""
+"""Size in bytes from which on a page has only a window of a log: about 300 000 lines."""
 
 BEFORE, AFTER = 5_000, 15_000
 """Least frames of a window before and after the time that is shown, where there are as many."""
 
 TOLD = 0.02
-"""Part of a log after which its diagnosis is told again."""
+"""Part of a log after which its diagnosis is sent again."""
 
 EVENTLESS = (SYNC_NAME, TIME_NAME)
 """Services whose frames make no event."""
 
 
 class LongLog:
-    """A long log; `diagnosis` makes one of it once somebody asks for it. `end` ends what runs beside the page."""
+    """A long log; `diagnosis` makes its diagnosis on the first request. `end` ends the work beside the page."""
 
     def __init__(
         self, name: str, index: LogIndex, decoder: Decoder, bitrate: int, diagnosis: Callable[[], Diagnosis]
     ) -> None:
-        self.index, self._decoder, self._bitrate = index, decoder, bitrate
+        self.index = index
+        self._decoder = decoder
+        self._bitrate = bitrate
         self._columns = partial(Columns, name, decoder, bitrate)
         self._make_diagnosis = diagnosis
         self._diagnosed: dict[str, Any] = {"verdict": "Waiting for the index.", "incidents": []}
@@ -57,7 +59,8 @@ class LongLog:
         self._following = Following(decoder)
         self._decoders: list[tuple[int, str, Decoder]] = []
         """Which decoder a channel has from a place on."""
-        self._is_ended, self._trouble = False, ""
+        self._is_ended = False
+        self._trouble = ""
         self._one_reader = Lock()
         """Two that read the whole log at once would only wait for each other."""
 
@@ -75,13 +78,14 @@ class LongLog:
                 return
 
     def end(self) -> None:
-        """End what runs beside the page."""
+        """End the work beside the page."""
         self._is_ended = True
         self._wanted.set()
 
     def _take(self, number: int, batch: Batch) -> None:
-        """Take in what is told of the whole log: the first entry of each row, and all that make events."""
-        counts, start = self.index.places[-1].counts, self.index.start
+        """Process a batch: the first entry of each row, and all that make events."""
+        counts = self.index.places[-1].counts
+        start = self.index.start
         wanted = {key for key in counts if key not in self._rows or key in self._watched}
         if wanted:
             for place, (line, time, channel, raw) in enumerate(batch.entries()):
@@ -108,8 +112,9 @@ class LongLog:
     # What the page asks for
 
     def told(self, _: Arguments) -> dict[str, Any]:
-        """Return how far the index is, and what is in it."""
-        index, done = self.index, self.index.is_complete
+        """Return the progress of the index, and its content."""
+        index = self.index
+        done = self.index.is_complete
         rows = [row_data(each) for each in list(self._rows.values())]
         known: dict[str, Any] = {
             "read": index.read,
@@ -122,13 +127,15 @@ class LongLog:
         return known | times | {"rows": rows, "events": self._overview.shown()["events"]}
 
     def window(self, said: Arguments) -> dict[str, Any]:
-        """Return the frames around a time, and before them the last one of each row."""
-        index, time = self.index, number_of(said, "time")
+        """Return the frames around a time, and the last one of each row before them."""
+        index = self.index
+        time = number_of(said, "time")
         if not index.places:
             return {"rows": [], "events": [], "first": 1, "from": 0.0, "to": 0.0, "counts": {}}
         middle = index.places[index.place_at(index.start + time)].number
         first, last = self._place_of(middle - BEFORE), self._place_of(middle + AFTER) + 1
-        columns, followings = self._columns(start=index.start), self._followings(first)
+        columns = self._columns(start=index.start)
+        followings = self._followings(first)
         for number, (line, at, channel, raw) in [*self._last_before(first), *self._entries(first, last)]:
             columns.take(at, followings[channel](at, channel, raw, line), number)
         counts = index.counts_before(first).items()
@@ -142,19 +149,20 @@ class LongLog:
         }
 
     def _place_of(self, number: int) -> int:
-        """Return the place that has the entry of a number, or the one that is nearest to it."""
+        """Return the place with the entry of a number, or the nearest one."""
         return max(bisect_right(self.index.places, number, key=lambda each: each.number) - 1, 0)
 
     def _followings(self, first: int) -> defaultdict[str, Following]:
-        """Return what decodes each channel from a place on."""
+        """Return the decoder of each channel from a place on."""
         found = defaultdict[str, Following](lambda: Following(self._decoder))
         found.update({channel: Following(decoder) for place, channel, decoder in self._decoders if place <= first})
         return found
 
     def _entries(self, first: int, last: int | None, keys: Keys | None = None) -> Iterator[tuple[int, LogEntry]]:
-        """Yield the entries of some places with their numbers; only those with some keys, if these are given."""
+        """Yield the entries of some places with their numbers; with `keys`, only those."""
         for before, batch in self.index.batches(first, last, keys):
-            numbers, heads = range(before + 1, before + 1 + len(batch.heads)), batch.heads
+            numbers = range(before + 1, before + 1 + len(batch.heads))
+            heads = batch.heads
             if keys is None:
                 yield from zip(numbers, batch.entries())
                 continue
@@ -176,16 +184,19 @@ class LongLog:
 
     def next_of(self, said: Arguments) -> float | None:
         """Return the time of the next entry of some `rows` after a time, `back` for the last one before it; or None."""
-        names, time = said.get("rows"), self.index.start + number_of(said, "time")
+        names = said.get("rows")
+        time = self.index.start + number_of(said, "time")
         if not isinstance(names, list):
             raise LocalError("rows is missing, or not a list")
         keys = frozenset(key for key, each in list(self._rows.items()) if each.name in names)
-        here, places = self.index.place_at(time), range(len(self.index.places))
-        for place in reversed(places[: here + 1]) if said.get("back") else places[here:]:
+        here = self.index.place_at(time)
+        is_back = bool(said.get("back"))
+        places = range(here, -1, -1) if is_back else range(here, len(self.index.places))
+        for place in places:
             times = [entry[1] for _, entry in self._entries(place, place + 1, keys)]
-            found = [each for each in times if (each < time if said.get("back") else each > time)]
+            found = [each for each in times if (each < time if is_back else each > time)]
             if found:
-                return round(found[-1 if said.get("back") else 0] - self.index.start, DIGITS)
+                return round(found[-1 if is_back else 0] - self.index.start, DIGITS)
         return None
 
     def series(self, said: Arguments) -> dict[str, Any]:
@@ -194,7 +205,8 @@ class LongLog:
         begin, end = number_of(said, "from"), number_of(said, "to")
         thinned = ThinnedSeries((end - begin) / whole_of(said, "pixels") if "pixels" in said else 0.0)
         keys = frozenset(key for key, each in list(self._rows.items()) if each.name == row)
-        start, places = self.index.start, [self.index.place_at(self.index.start + each) for each in (begin, end)]
+        start = self.index.start
+        places = [self.index.place_at(self.index.start + each) for each in (begin, end)]
         followings = self._followings(places[0])
         with self._one_reader:
             for _, (_, time, channel, raw) in self._entries(places[0], places[1] + 1, keys):
@@ -206,12 +218,12 @@ class LongLog:
         return thinned.data()
 
     def diagnosis(self, _: Arguments) -> dict[str, Any]:
-        """Return the diagnosis so far, which begins when it is asked for first."""
+        """Return the diagnosis so far, which begins with the first request."""
         self._wanted.set()
         return self._diagnosed
 
     def work(self) -> None:
-        """Build the index, and diagnose the log once that is wanted, until `end`; what fails is told."""
+        """Build the index, and diagnose the log once that is wanted, until `end`; errors are shown."""
         try:
             self.build()
             self._wanted.wait()
@@ -221,7 +233,8 @@ class LongLog:
 
     def diagnose(self) -> None:
         """Diagnose the whole log; raises OSError."""
-        found, told = self._make_diagnosis(), 0
+        found = self._make_diagnosis()
+        told = 0
         found.begin(self.index.file.name)
         for number, (line, time, channel, raw) in self._entries(0, None):
             found.take(time, channel, raw, line)
@@ -244,10 +257,12 @@ class ThinnedSeries:
     """Samples of a field: of each `width` in s the first, the least, the most and the last one; all of them with 0."""
 
     def __init__(self, width: float) -> None:
-        self._width, self._kept, self._some = width, list[tuple[float, Any]](), list[tuple[float, Any]]()
+        self._width = width
+        self._kept = list[tuple[float, Any]]()
+        self._some = list[tuple[float, Any]]()
 
     def take(self, time: float, value: Any) -> None:
-        """Take in the next sample."""
+        """Add the next sample."""
         if self._some and time >= self._some[0][0] + self._width:
             self._flush()
         self._some.append((time, value))
@@ -266,7 +281,7 @@ class ThinnedSeries:
 
 
 class LongLogs:
-    """The long logs of a page, by their places among its sources; it answers what the page asks of them."""
+    """The long logs of a page, by their places among its sources; it answers the page's requests about them."""
 
     def __init__(self, logs: Sequence[LongLog | None]) -> None:
         self._logs = {str(place): each for place, each in enumerate(logs) if each is not None}
@@ -274,7 +289,7 @@ class LongLogs:
 
     @asynccontextmanager
     async def building(self) -> AsyncIterator[None]:
-        """Build the indexes beside whatever else is done, until that ends."""
+        """Build the indexes meanwhile."""
         for each in self._logs.values():
             self._run(each.work)
         try:
@@ -303,4 +318,4 @@ REQUESTS: Mapping[str, Callable[[LongLog, Arguments], Any]] = {
     "series": LongLog.series,
     "diagnosis": LongLog.diagnosis,
 }
-"""What the page may ask."""
+"""The page's requests."""

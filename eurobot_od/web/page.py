@@ -1,11 +1,12 @@
 """The page as one HTML file: nothing is loaded from elsewhere, and only our own scripts run in it.
 
-Rule of this file: whatever comes from files and buses gets into the page only as JSON without any `<`; a content
-security policy names the scripts and styles by their hashes.
+Rule of this file: texts of files and buses get into the page only as JSON without any `<`; a content security policy
+names the scripts and styles by their hashes.
 
 A log has columns for each message, its times and the values of its fields, which the page looks up and plots. The page
 computes counts, periods and everything else from them. Besides frames it shows events on the time line, and panels that
-only some networks have."""
+only some networks have.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +47,7 @@ NOTHING_BESIDE = Beside()
 
 
 class Control(typing.Protocol):
-    """What a panel may do on the bus when a message is sent from the page."""
+    """The actions of a panel on the bus when a message is sent from the page."""
 
     def send_message(self, message: Message) -> None:
         """Send a message; raises BusError."""
@@ -74,7 +75,7 @@ class Panel:
 
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:
-        """Return whether a network has what the panel shows."""
+        """Return whether a network has the panel's messages."""
         raise NotImplementedError
 
     @classmethod
@@ -84,16 +85,16 @@ class Panel:
 
     @classmethod
     def beside(cls, log: Path) -> Beside:  # noqa: ARG003 (for those that override it)
-        """Return what is kept beside a log, with times from its first frame; raises LocalError for damage."""
+        """Return the data stored beside a log, with times from its first frame; raises LocalError for damage."""
         return NOTHING_BESIDE
 
     @classmethod
     def setup(cls) -> Mapping[str, Any]:
-        """Return what the script needs to know."""
+        """Return the settings of the script."""
         return {}
 
     def take(self, time: float, message: Message) -> Iterable[PageEvent]:
-        """Take in a message and return the events that are new or have changed."""
+        """Process a message and return the new or changed events."""
         raise NotImplementedError
 
     def objection(self, message: Message, control: Control) -> str:
@@ -134,7 +135,8 @@ def _node(device: Dictionary) -> dict[str, Any]:
 
 
 def _field(binding: Binding, field: str) -> dict[str, Any]:
-    kind, limits = binding.kinds[field], binding.limits.get(field)
+    kind = binding.kinds[field]
+    limits = binding.limits.get(field)
     data: dict[str, Any] = {"name": field, "unit": kind.unit, "words": dict(kind.named_values())}
     # What is mapped in slices is a part of no object's value.
     mapped = [each for slot, each in zip(binding.layout.slots, binding.pdo.mapping) if slot.field == field]
@@ -149,7 +151,7 @@ def _field(binding: Binding, field: str) -> dict[str, Any]:
 
 
 TEXTS = (ColumnForm.TEXT, ColumnForm.OCTETS)
-"""What cannot be plotted."""
+"""Forms that cannot be plotted."""
 
 
 def stop_message(panels: Sequence[type[Panel]]) -> str:
@@ -166,29 +168,29 @@ def values(meaning: Meaning) -> list[Any] | None:
 
 
 def key_of(raw: Raw) -> int | str:
-    """Return by what the page tells rows apart: the identifier, or the word for damage."""
+    """Return the key of a row on the page: the identifier, or the word for damage."""
     return raw.damage.value if isinstance(raw, Foreign) else raw.cob_id
 
 
 def hex_of(meaning: Meaning) -> str:
-    """Return a frame's bytes, empty for what is not a data frame."""
+    """Return a frame's bytes, empty for all but data frames."""
     return meaning.raw.data.hex() if isinstance(meaning.raw, Frame) and not meaning.raw.is_remote else ""
 
 
 def is_foreign(meaning: Meaning) -> bool:
-    """Return whether a frame is only unknown: whoever has no file for a node does not make it faulty."""
+    """Return whether a frame is only unknown: without a file for its node it is not faulty."""
     return bool(meaning.defects) and all(each.damage is Damage.UNKNOWN_IDENTIFIER for each in meaning.defects)
 
 
 def row_data(row: MonitorRow) -> dict[str, Any]:
-    """Return as data what is known of a row besides its frames."""
+    """Return the data of a row besides its frames."""
     known = {"key": key_of(row.meaning.raw), "id": row.identifier, "name": row.name}
     return known | {"foreign": is_foreign(row.meaning)} | picked(row.meaning, "group", "nodes")
 
 
 def event_data(event: PageEvent) -> dict[str, Any]:
     """Return an event as data."""
-    # As exactly as a frame's: an event leads to its frame.
+    # With the digits of a frame's time: an event leads to its frame.
     end = None if event.end is None else round(event.end, DIGITS)
     return event._asdict() | {"time": round(event.time, DIGITS), "end": end}
 
@@ -200,7 +202,7 @@ MOST_FRAMES = 300_000
 """Most frames of a log on a page, about 20 minutes of a full bus; more would take a browser minutes to read."""
 
 LOOK = 0.1
-"""Seconds of a log between two looks for nodes that are lost."""
+"""Time of a log between two checks for lost nodes, in s."""
 
 DIGITS = 5
 """Decimal places of a time in seconds: ten microseconds, less than the shortest frame takes."""
@@ -257,7 +259,9 @@ class Columns:
         panels: Iterable[type[Panel]] = (),
         start: float | None = None,
     ) -> None:
-        self.name, self.bitrate, self._decoder = name, bitrate, decoder
+        self.name = name
+        self.bitrate = bitrate
+        self._decoder = decoder
         self.left_out = 0
         self.start = start
         self._end = 0.0
@@ -265,16 +269,18 @@ class Columns:
         self._rows: dict[int | Damage, _Row] = {}
         self._panels = [panel() for panel in panels]
         self._events: dict[str, PageEvent] = {}
-        self._watch, self._health = BusEvents(decoder), NodesHealth(decoder.dictionaries)
+        self._watch = BusEvents(decoder)
+        self._health = NodesHealth(decoder.dictionaries)
         self._looked = 0.0
 
     def take(self, time: float, meaning: Meaning, number: int | None = None) -> None:
-        """Take in an entry of the log, the next one or that of a `number`."""
+        """Add an entry of the log, the next one or that of a `number`."""
         if self._taken >= MOST_FRAMES:
             self.left_out += 1
             return
         self.start = time if self.start is None else self.start
-        now, raw = time - self.start, meaning.raw
+        now = time - self.start
+        raw = meaning.raw
         self._taken, self._end = self._taken + 1, max(self._end, now)
         number = number or self._taken
         row = self._rows.get(raw[0])
@@ -287,19 +293,19 @@ class Columns:
                 self.add(panel.take(now, meaning.message))
 
     def note(self, number: int, now: float, meaning: Meaning) -> None:
-        """Take in what an entry tells of nodes and events, `now` seconds after the start."""
+        """Process the nodes and events of an entry, `now` seconds after the start."""
         self._health.take(now, meaning)
         if now - self._looked >= LOOK:
             self.look(now)
         self.add(self._watch.take(number, now, meaning))
 
     def look(self, now: float) -> None:
-        """Notice the nodes that are lost or back."""
+        """Process the nodes that are lost or back."""
         self._looked = now
         self.add(self._watch.look(now, self._health.nodes))
 
     def add(self, events: Iterable[PageEvent]) -> None:
-        """Enter events, whose times count from the start."""
+        """Add events, whose times count from the start."""
         for event in events:
             self._events[event.key] = event
             self._end = max(self._end, event.time)
@@ -344,7 +350,7 @@ PART = re.compile(r"\{\{(\w+)\}\}")
 """A place in `page.html` to be filled in."""
 
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
-"""The place where a page says what may be loaded and run in it."""
+"""The element of a page with its content security policy."""
 
 NOTHING = "default-src 'none'; base-uri 'none'; form-action 'none'"
 """The policy of a page in which nothing may be loaded or run."""
@@ -362,7 +368,7 @@ def page(
     texts = [*(_read(FILES / name) for name in scripts), *(panel.script for panel in panels)]
     shown = [picked(each, "name", "title", "stop", "plan") | {"setup": each.setup()} for each in panels]
     content = {"title": title, "sources": sources, "panels": shown, **settings}
-    # By hashes: with 'unsafe-inline', anything that slipped into the page could run as well.
+    # By hashes: with 'unsafe-inline', any text that slipped into the page could run as well.
     allowed = f"script-src {_hashes(texts)}; style-src {_hashes(styles)}; img-src data: blob:; connect-src 'self'"
     parts = {
         "policy": f"{NOTHING}; {allowed}",

@@ -21,7 +21,7 @@ from eurobot_od.web.views import checks, drives, files, layouts, nodes, objects,
 
 
 def diagnosis(desk: Desk, _: Arguments) -> dict[str, Any]:
-    """Say what is wrong on the bus so far."""
+    """Return the diagnosis of the bus so far."""
     return desk.session.diagnosis.as_data(desk.session.now)
 
 
@@ -57,15 +57,15 @@ REQUESTS: Mapping[str, PageRequest] = {
 
 
 class Requests:
-    """Answers what browsers ask; the `desk` has what they work with."""
+    """Answers the requests of browsers by means of the `desk`."""
 
     def __init__(self, desk: Desk) -> None:
         self.desk = desk
 
     async def answer(self, text: str, who: object = None) -> str:
-        """Answer a request of somebody, both as JSON; `asks` in an answer is a question.
+        """Answer a browser's request, both as JSON; `asks` in an answer is a question.
 
-        A request that says `sure` and repeats the question as `confirmed` says yes to it.
+        A request with `sure` that repeats the question as `confirmed` confirms it.
         """
         number: Any = None
         try:
@@ -79,8 +79,6 @@ class Requests:
             )
         except MayMove as question:
             return json.dumps({"re": number, "error": f"not sent: {question}", "asks": str(question)})
-        except (ValueError, RecursionError):  # RecursionError: too many nested brackets
-            return json.dumps({"re": number, "error": "a request is JSON"})
         except (EurobotError, OSError) as error:
             return json.dumps({"re": number, "error": str(error)})
 

@@ -1,4 +1,4 @@
-"""The server: the page at `/`, what is new at `/live`, recordings and reports at `/recording/NAME`, `/report/NAME`.
+"""The server: the page at `/`, its updates at `/live`, recordings and reports at `/recording/NAME`, `/report/NAME`.
 
 Rule of this file: a browser is sent only what it has room for. Nothing in here waits for a browser except its own task.
 """
@@ -27,16 +27,16 @@ from eurobot_od.web.requests import Requests
 from eurobot_od.web.views import objects, send
 
 PERIOD = 0.05
-"""Seconds between two snapshots."""
+"""Time between two snapshots, in s."""
 
 LOOK = 0.01
-"""Seconds between two looks at the bus: a node's answer waits so long for whoever has asked."""
+"""Time between two readings of the bus, in s, which delays a node's answer."""
 
 LOOK_OF_JOB = 0.001
-"""The same while a job runs: it asks thousands of times."""
+"""The same while a job runs, which asks thousands of times."""
 
 MOST_OWED = 2
-"""Most snapshots that a browser may owe a confirmation for when the next one is due; with more it is left out."""
+"""Most snapshots without a confirmation when the next one is due; a browser with more is left out."""
 
 MOST_PENDING = 32
 """Most requests of one browser that may be under way."""
@@ -44,23 +44,23 @@ MOST_PENDING = 32
 MOST_BROWSERS = 40
 
 LONGEST_BODY = 2.0
-"""Longest time for which the body of an HTTP request, which nobody reads, may still come, in s."""
+"""Longest time for the unread body of an HTTP request, in s."""
 
 OUT_OF_DESCRIPTORS = (errno.EMFILE, errno.ENFILE)
 
 LOGGER = logging.getLogger(__name__)
 
 LONGEST_REQUEST = 1 << 16
-"""Most bytes of a page's request, and of the body of an HTTP request, which is not read."""
+"""Most bytes of a page's request, and of the unread body of an HTTP request."""
 
 LONGEST_POSTS = {"/files": LONGEST_EDIT}
-"""The same of what is posted to a path, where it may be longer."""
+"""The same for a POST to a path, where it may be longer."""
 
 LONGEST_UPLOAD = 10.0
-"""Longest time for which what is posted may come, in s."""
+"""Longest time for a POST, in s."""
 
 SILENCE = 20.0
-"""Seconds after which a browser that does not answer a ping counts as gone."""
+"""Time after which a browser that does not answer a ping counts as gone, in s."""
 
 UNFRAMED = "frame-ancestors 'none'"
 """The part of a policy that works only in a header, not in the page itself."""
@@ -90,10 +90,10 @@ async def served(
     requests: Requests | None = None,
     posts: Mapping[str, Post] = MappingProxyType({}),
 ) -> AsyncIterator[str]:
-    """Serve a page as it is when it is asked for, and the bus if it shows one; gives the address.
+    """Serve the page as it is at each request, and the bus if it shows one; yields the address.
 
-    `posts` answer texts that are posted to a path. With `port` 0 it takes any free port. Raises LocalError if it cannot
-    have the port.
+    `posts` answer texts that are posted to a path. With `port` 0 it takes any free port. Raises LocalError if the port
+    is not available.
     """
     logging.getLogger("aiohttp").addHandler(logging.NullHandler())  # its output may contain the token
     server = _Server(page, access, requests, posts)
@@ -117,7 +117,7 @@ async def served(
         except OSError as error:
             raise LocalError(f"cannot listen at {access.host}:{port}: {error.strerror}") from error
         with closing(listening):
-            # Inside: whatever ends this, motions are ended while the bus is still read.
+            # Inside, so that motions are ended while the bus is still read.
             async with requests.running() if requests is not None else nullcontext():
                 yield access.address(listening.sockets[0].getsockname())
     finally:
@@ -131,13 +131,13 @@ async def served(
 
 
 class _Handler(web.RequestHandler):
-    """A connection whose errors have our headers, too: what cannot be parsed as HTTP never reaches the application."""
+    """A connection whose errors have our headers, too: a request that is no HTTP never reaches the application."""
 
     __slots__ = ()
     connections: ClassVar[Connections]
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Enter the connection among those of the server."""
+        """Add the connection to those of the server."""
         super().connection_made(transport)
         assert isinstance(transport, asyncio.Transport)
         self.connections.add(self, transport, asyncio.get_running_loop().time())
@@ -150,7 +150,7 @@ class _Handler(web.RequestHandler):
 
 
 def _handler(runner: web.AppRunner, connections: Connections) -> web.RequestHandler:
-    """Return what handles a new connection. aiohttp makes it, and has no way to say of which class."""
+    """Return the handler of a new connection. aiohttp makes it, without a choice of its class."""
     assert runner.server is not None
     handler = runner.server()
     handler.__class__ = type(_Handler.__name__, (_Handler,), {"__slots__": (), "connections": connections})
@@ -158,9 +158,9 @@ def _handler(runner: web.AppRunner, connections: Connections) -> web.RequestHand
 
 
 def _report_once() -> Callable[[asyncio.AbstractEventLoop, dict[str, Any]], None]:
-    """Return a handler of the loop's errors that reports just once that connections cannot be accepted.
+    """Return a handler of the loop's errors that reports only once that connections cannot be accepted.
 
-    asyncio tries again each second, and would print a traceback for each connection that waits.
+    asyncio tries again each second, and would print a traceback for each waiting connection.
     """
     reported: set[int | None] = set()
 
@@ -177,7 +177,7 @@ def _report_once() -> Callable[[asyncio.AbstractEventLoop, dict[str, Any]], None
 
 
 def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> None:
-    # A page that stands still because its task has failed would look like a silent bus.
+    # A page whose task has failed would look like a silent bus.
     if server is not None and not task.cancelled() and task.exception():
         server.cancel()
 
@@ -186,7 +186,10 @@ class _Server:
     def __init__(
         self, page: Callable[[], str], access: AccessRules, requests: Requests | None, posts: Mapping[str, Post]
     ) -> None:
-        self._page, self._access, self._requests, self._posts = page, access, requests, posts
+        self._page = page
+        self._access = access
+        self._requests = requests
+        self._posts = posts
         self._name = secrets.token_hex(4)
         """By it a page notices that the server shows another one."""
         self._browsers: set[web.WebSocketResponse] = set()
@@ -228,7 +231,8 @@ class _Server:
             while True:
                 is_behind = session.poll()
                 is_idle = desk.jobs.running is None and not desk.running_lists
-                await asyncio.sleep(0 if is_behind else LOOK if is_idle else LOOK_OF_JOB)
+                pause = LOOK if is_idle else LOOK_OF_JOB
+                await asyncio.sleep(0 if is_behind else pause)
 
         return [self._close_silent(), watch(), objects.poll(desk), send.send_lists(desk)]
 
@@ -252,7 +256,7 @@ class _Server:
             page = self._page()
             policy = {"Content-Security-Policy": f"{policy_of(page)}; {UNFRAMED}"}
             return web.Response(text=page, content_type="text/html", headers=policy)
-        # The browser keeps it where no script gets at it, and out of its address line and history.
+        # The browser keeps it out of the reach of scripts, and out of its address line and history.
         response = web.Response(status=303, headers={"Location": "/"})
         response.set_cookie(_cookie(request), self._access.token, httponly=True, samesite="Strict")
         return response
@@ -273,7 +277,7 @@ class _Server:
         assert self._requests is not None
         return _file_of(self._requests.desk.reports, request)
 
-    # A browser that watches
+    # A browser
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         assert self._requests is not None
@@ -295,7 +299,7 @@ class _Server:
 
 
 async def _body(request: web.Request, longest: int) -> bytes:
-    """Return what is posted; raises what answers a body that is longer, or that comes too slowly."""
+    """Return the posted bytes; raises the HTTP error for a body that is too long or too slow."""
     body = bytearray()
     try:
         async with asyncio.timeout(LONGEST_UPLOAD):
@@ -324,16 +328,19 @@ def _cookie(request: web.Request) -> str:
 
 
 class _Browser:
-    """One browser: what it was sent, what it owes, what it has asked for."""
+    """One browser: the snapshots sent and not yet confirmed, and its requests."""
 
     def __init__(self, socket: web.WebSocketResponse, requests: Requests) -> None:
-        self._socket, self._requests, self._session = socket, requests, requests.desk.session
-        self._turn, self._shown = -1, 0
+        self._socket = socket
+        self._requests = requests
+        self._session = requests.desk.session
+        self._turn = -1
+        self._shown = 0
         self._owed: list[int] = []
         self._pending: set[asyncio.Task[None]] = set()
 
     async def feed(self) -> None:
-        """Send snapshots for as long as the browser is there."""
+        """Send snapshots as long as the browser is connected."""
         loop = asyncio.get_running_loop()
         due = loop.time()
         with suppress(ConnectionError):
@@ -344,7 +351,7 @@ class _Browser:
                 await asyncio.sleep(due - loop.time())
 
     def _next(self) -> str:
-        """Return the next snapshot, with the frames since the last one, however long ago that was."""
+        """Return the next snapshot, with all frames since the last one."""
         since, self._turn = self._turn, self._session.turn
         stretch = self._session.history.since(self._shown)
         self._shown = stretch.next
@@ -352,7 +359,7 @@ class _Browser:
         return self._session.snapshot(since, stretch, **self._requests.snapshot_data(since))
 
     async def listen(self) -> None:
-        """Take in confirmations and requests until the browser leaves."""
+        """Process confirmations and requests until the browser leaves."""
         async for message in self._socket:
             if message.type is not WSMsgType.TEXT:
                 continue

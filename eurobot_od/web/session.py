@@ -1,4 +1,4 @@
-"""The live bus as the page shows it: takes in every frame, and tells what has changed since any moment.
+"""The live bus as the page shows it: processes every frame, and returns what has changed since a turn.
 
 Rule of this file: one thread calls everything here except the methods of `tap`; `poll` never waits.
 """
@@ -38,26 +38,27 @@ from eurobot_od.web.page import DIGITS, Panel, described, event_data, hex_of, ke
 
 
 DEFAULT_ANSWERS = frozenset(SDO_RESPONSE_BASE + node for node in NODE_IDS)
-"""COB-IDs of SDO answers where no file gives others."""
+"""COB-IDs of SDO answers where no file has others."""
 
 MOST_WAITING = 1000
 """Most frames that wait for the master; the oldest make room."""
 
 PATIENCE = 0.5
-"""Seconds that the driver has to accept a frame."""
+"""Time for the driver to accept a frame, in s."""
 
 
 class Tap(can.BusABC):
-    """A bus for a master: it sends by another's `send`, and receives what it is given.
+    """A bus for a master: it sends by another's `send`, and receives the frames passed to it.
 
-    It is given the SDO answers; `moved` are the COB-IDs of those that a file has moved. While there is `trouble` with
-    the bus, sending raises it as a BusError.
+    These are the SDO answers; `moved` are their COB-IDs where a file has moved them. While there is `trouble` with the
+    bus, sending raises it as a BusError.
     """
 
     def __init__(self, send: Callable[[Frame, float], bool], moved: Iterable[int] = ()) -> None:
         super().__init__(channel="tap")
         self.channel_info = "bus"
-        self._send_by, self._wanted = send, DEFAULT_ANSWERS.union(moved)
+        self._send_by = send
+        self._wanted = DEFAULT_ANSWERS.union(moved)
         self.trouble = ""
         self._lock = Lock()
         self._came: Queue[can.Message] = Queue(MOST_WAITING)
@@ -83,7 +84,7 @@ class Tap(can.BusABC):
             if not self._send_by(frame, PATIENCE):
                 raise BusError("the bus did not take the frame: is another node there to acknowledge it?")
 
-    # what python-can asks of a bus
+    # Methods of a bus of python-can
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         self.send_frame(Frame(msg.arbitration_id, bytes(msg.data)))
@@ -100,13 +101,14 @@ MOST_OWN = 128
 
 
 class JobBus(Tap):
-    """A bus for long work: it receives all that others send, with the times. `gate` may refuse a frame."""
+    """A bus for long work: it receives all frames of others, with their times. `gate` may refuse a frame."""
 
     def __init__(
         self, send: Callable[[Frame, float], bool], gate: Callable[[Frame], None], left: Callable[[Tap], None]
     ) -> None:
         super().__init__(send)
-        self._gate, self._left = gate, left
+        self._gate = gate
+        self._left = left
         self._own: deque[Frame] = deque(maxlen=MOST_OWN)
         """What was sent, and did not come back yet from the adapter: of most, what they send is never received."""
 
@@ -126,7 +128,7 @@ class JobBus(Tap):
         self._put(message)
 
     def send_frame(self, frame: Frame) -> None:
-        """Send a frame; raises BusError if the driver does not take it, and what the gate raises."""
+        """Send a frame; raises BusError if the driver does not take it, and the errors of the gate."""
         self._gate(frame)
         self._own.append(frame)
         try:
@@ -141,20 +143,20 @@ class JobBus(Tap):
         self.send_frame(kind(msg.arbitration_id, bytes(msg.dlc) if msg.is_remote_frame else bytes(msg.data)))
 
     def shutdown(self) -> None:
-        """Let go of the adapter."""
+        """Leave the adapter."""
         self._left(self)
         super().shutdown()
 
 
 POLL_PERIOD = 0.25
-"""Seconds between two readings of all polled objects."""
+"""Time between two readings of all polled objects, in s."""
 
 MOST_POLLED = 16
 """Most objects that are polled at once, for all browsers together."""
 
 
 POLLED_FOR = 15.0
-"""Seconds for which an object is polled after a request; a page that still plots it asks again before that."""
+"""How long an object is polled after a request, in s; a page that still plots it asks again before that."""
 
 
 MOST_SAMPLES = 10_000
@@ -171,7 +173,7 @@ class Sample(NamedTuple):
 
 @dataclass
 class PolledObject:
-    """An object of a node, its last values, what was wrong with the last reading, and until when it is read."""
+    """An object of a node, its last values, the error of its last reading, and until when it is read."""
 
     node: str
     node_id: int
@@ -181,7 +183,7 @@ class PolledObject:
     wanted_until: float = 0.0
 
     def shown(self, since: int) -> dict[str, Any]:
-        """Return as data what is newer than a turn."""
+        """Return the data that is newer than a turn."""
         new = takewhile(lambda sample: sample.turn > since, reversed(self.samples))
         samples = [(round(time, 4), value) for _, time, value in new]
         return {"samples": samples[::-1], "trouble": self.trouble}
@@ -204,7 +206,7 @@ PanelsOf: TypeAlias = Callable[[Decoder], Iterable[type[Panel]]]
 
 
 def no_panels(_: Decoder) -> Iterable[type[Panel]]:
-    """Return that there are no panels."""
+    """Return no panels."""
     return ()
 
 
@@ -221,20 +223,21 @@ class Stretch(NamedTuple):
 
 
 class FrameHistory:
-    """The last frames, each made text once for all browsers; they are numbered from 0 on."""
+    """The last frames, each as text, made once for all browsers; they are numbered from 0 on."""
 
     def __init__(self) -> None:
-        self._first, self._frames = 0, list[str]()
+        self._first = 0
+        self._frames = list[str]()
 
     def add(self, frame: str) -> None:
-        """Take in the next frame."""
+        """Add the next frame."""
         self._frames.append(frame)
         if len(self._frames) >= MOST_KEPT + DROPPED:
             del self._frames[:DROPPED]
             self._first += DROPPED
 
     def since(self, number: int) -> Stretch:
-        """Return frames from a number on, or from the oldest one that is left."""
+        """Return frames from a number on, or from the oldest one left."""
         first = max(number, self._first)
         return Stretch(first, self._frames[first - self._first :][:AT_ONCE])
 
@@ -243,12 +246,12 @@ NO_FRAMES = Stretch(0, ())
 
 
 MOST_TAKEN = 500
-"""Most frames that are taken in at once."""
+"""Most frames that are processed at once."""
 
 COMPACT = json.JSONEncoder(separators=(",", ":")).encode  # made once: it takes longer than a frame
 
 FEW = 2
-"""Frames of a message that tell nothing of its period."""
+"""Number of frames of a message that give no period yet."""
 
 MOST_EVENTS = 2000
 """Most events that are kept; the oldest make room."""
@@ -258,16 +261,16 @@ MOST_RECORDED = 10_000_000
 
 
 class Session:
-    """A bus that is watched.
+    """A watched bus.
 
     `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
-    `trouble` is what is wrong with the bus, empty while all is well; `panels_of` returns what is shown beside the
-    frames for the devices of a decoder, and `history` has the last of these. `diagnosis` says what the frames show to
-    be wrong. `tap` is for questions, `orders` and `polls` are for masters that they do not delay. `first` is called
-    with each frame; it returns whether it keeps it.
+    `trouble` is the error of the bus, empty without one; `panels_of` returns the panels for the devices of a decoder,
+    and `history` has the last frames. `diagnosis` has the errors that the frames show. `tap` is for questions, `orders`
+    and `polls` are for masters that they do not delay. `first` is called with each frame; it returns whether it keeps
+    it.
 
-    Devices are `learned` as they show what they are: by that number a page notices that it lists too few. By its
-    `name` it notices that it is another session.
+    Devices are `learned` as their identity is seen: by that number a page notices that its list is old. By its `name`
+    it notices that it is another session.
     """
 
     def __init__(
@@ -279,12 +282,15 @@ class Session:
         clock: Callable[[], float] = time.monotonic,
         diagnosis: Diagnosis | None = None,
     ) -> None:
-        self.decoder, self.bitrate, self.learned = decoder, bitrate, 0
+        self.decoder = decoder
+        self.bitrate = bitrate
+        self.learned = 0
         self.diagnosis = diagnosis or Diagnosis(decoder, bit_rate=bitrate)
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
         self.turn = 0
-        self.history, self.name = FrameHistory(), secrets.token_hex(4)
+        self.history = FrameHistory()
+        self.name = secrets.token_hex(4)
         self._clock = clock
         self._watch = BusEvents(decoder)
         self._panels_of = panels_of
@@ -295,7 +301,8 @@ class Session:
         self._events: dict[str, tuple[int, PageEvent]] = {}
         self.recording = LogRecording()
         self._load = (0.0, 0.0)
-        self._started, self._began = clock(), round(time.time(), 3)
+        self._started = clock()
+        self._began = round(time.time(), 3)
         self._origin: float | None = None
         self._source = BusSource(open_bus(), clock, open_bus)
         answers = [SdoChannel.of(each).answers for each in decoder.dictionaries]
@@ -311,12 +318,12 @@ class Session:
 
     @property
     def frames(self) -> int:
-        """How many frames were taken in."""
+        """The number of processed frames."""
         return self._traffic.frames
 
     @property
     def in_force(self) -> Decoder:
-        """The decoder for what the bus has shown that its devices have in force now."""
+        """The decoder for the PDO mapping that is in force, as far as the bus has shown it."""
         return self._traffic.following.decoder("")
 
     # The bus
@@ -332,10 +339,10 @@ class Session:
         self._taps = tuple(each for each in self._taps if each is not bus)
 
     def poll(self) -> bool:
-        """Take in what has come since the last time; tell whether more of it is left for the next call."""
+        """Process the frames that have come since the last call; return whether more are left for the next one."""
         self.turn += 1
         taken = 0
-        # Not all at once: on a machine that is too slow for the bus, browsers would hear nothing for minutes.
+        # Not all at once: on a machine that is too slow for the bus, browsers would get no snapshot for minutes.
         for frame_time, raw in islice(self._source.poll(), MOST_TAKEN):
             taken += 1
             if self._origin is None:  # a driver's clock may start anywhere
@@ -348,12 +355,12 @@ class Session:
             self._enter(event)
         self._load = self._traffic.load(self.now)
         is_behind = taken == MOST_TAKEN
-        if not is_behind:  # what waits to be taken in is not late
+        if not is_behind:  # a frame that still waits here is not missing
             self.diagnosis.tick(self.now)
         return is_behind
 
     def _learn(self, decoder: Decoder) -> None:
-        """Take in the devices of a decoder that were not known, with what plug-ins have for them."""
+        """Add the devices of a decoder that were not known, with the plug-ins' data of them."""
         known = {(each.node_id, each.file) for each in self.decoder.dictionaries}
         new = [each for each in decoder.dictionaries if (each.node_id, each.file) not in known]
         if new:
@@ -366,7 +373,7 @@ class Session:
 
     def _take(self, now: float, raw: Raw) -> None:
         meaning = self._traffic.take(now, raw)
-        if meaning.transfer:  # what shows which device it is
+        if meaning.transfer:  # which may read a device's identity
             self._learn(self.in_force)
         self.diagnosis.take_meaning(now, "", meaning, self._traffic.following)
         counted = meaning.raw
@@ -392,19 +399,19 @@ class Session:
             del self._events[next(iter(self._events))]
 
     def close(self) -> None:
-        """Let go of the bus and end a recording; raises OSError if that cannot be finished, BusError."""
+        """Close the bus and end a recording; raises OSError if that cannot be finished, BusError."""
         with ExitStack() as leaving:  # if one fails, the others are still closed
             for tap in self._taps:
                 leaving.callback(tap.shutdown)
             leaving.callback(self._source.close)
             self.recording.stop()
 
-    # What is shown
+    # Data for the page
 
     def page(self, name: str, leave: bool = False, editor: bool = False) -> str:
         """Return the page of the bus, with the devices and panels known now.
 
-        `leave`: one may leave it for another; `editor`: its server edits files.
+        `leave`: the page offers to leave it for another; `editor`: its server edits files.
         """
         about = {"name": name, "bitrate": self.bitrate, **described(self.decoder)}
         return page(
@@ -455,7 +462,8 @@ class LogRecording:
     """Writes frames to a log while it is switched on; a new log replaces the last one."""
 
     def __init__(self) -> None:
-        self._frames, self._trouble = 0, ""
+        self._frames = 0
+        self._trouble = ""
         self._file: Path | None = None
         self._write: Callable[[float, Frame], None] | None = None
         self._open = ExitStack()
@@ -466,7 +474,9 @@ class LogRecording:
             raise LocalError("a recording is under way")
         if self._file is not None:
             self._file.unlink(missing_ok=True)
-        self._file, self._frames, self._trouble = folder / time.strftime("bus-%Y%m%d-%H%M%S.log"), 0, ""
+        self._file = folder / time.strftime("bus-%Y%m%d-%H%M%S.log")
+        self._frames = 0
+        self._trouble = ""
         self._write = self._open.enter_context(recording(self._file))
 
     def write(self, now: float, frame: Frame) -> None:
@@ -484,7 +494,7 @@ class LogRecording:
                 self.stop()
 
     def stop(self) -> None:
-        """End the log, if there is one under way."""
+        """End the log that is under way, if any."""
         self._write = None
         self._open.close()
 
@@ -496,6 +506,6 @@ class LogRecording:
         return self._file
 
     def state(self) -> dict[str, Any]:
-        """Return what the page shows of it."""
+        """Return the data for the page."""
         name = self._file.name if self._file else ""
         return {"on": self._write is not None, "frames": self._frames, "file": name, "trouble": self._trouble}

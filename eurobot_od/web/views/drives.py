@@ -18,9 +18,10 @@ def _axis(desk: Desk, said: Arguments) -> AxisAddress:
 
 
 async def drive(desk: Desk, said: Arguments) -> str | None:
-    """Have a drive carry out a command; of a stop it waits until the axis stands."""
+    """Carry out a command of a drive; a stop returns when the axis stands."""
     numbers = {name: whole_of(said, name) for name in ("position", "distance", "velocity", "method") if name in said}
-    command, axis = text_of(said, "command"), _axis(desk, said)
+    command = text_of(said, "command")
+    axis = _axis(desk, said)
     if command in STOPS:
         return await _stop_axis(desk, axis, command)
     missing = {"move": "position", "move by": "distance"}.get(command)
@@ -41,7 +42,7 @@ async def _stop_axis(desk: Desk, axis: AxisAddress, command: str) -> str:
 
 
 async def _order(desk: Desk, said: Arguments, axis: AxisAddress, order: Callable[..., None]) -> None:
-    """Carry out an order in its turn; one that comes too late, or that a stop has overtaken, is refused."""
+    """Carry out an order in its turn; one that comes too late, or after a stop, is refused."""
     seen = said.get("seen")
     if isinstance(seen, (int, float)) and desk.session.now - seen > STALE:
         raise LocalError(f"the page was {desk.session.now - seen:.1f} s behind the bus: not carried out")
@@ -49,20 +50,21 @@ async def _order(desk: Desk, said: Arguments, axis: AxisAddress, order: Callable
 
 
 async def jog(desk: Desk, said: Arguments) -> None:
-    """Turn a drive for as long as the page reports the button as held."""
-    target, axis = "torque" if "torque" in said else "velocity", _axis(desk, said)
+    """Turn a drive as long as the page reports the button as held."""
+    target = "torque" if "torque" in said else "velocity"
+    axis = _axis(desk, said)
     value = whole_of(said, target)
     desk.drives.hold(axis, said["who"])
     await _order(desk, said, axis, partial(desk.drives.jog, axis, value, target, said["who"]))
 
 
 def hold(desk: Desk, said: Arguments) -> None:
-    """Report a motion as still wanted: the button of a jog is held, the page of a move is seen."""
+    """Prolong a motion: the button of a jog is held, the page of a move is visible."""
     desk.drives.hold(_axis(desk, said), said["who"])
 
 
 def hidden(desk: Desk, said: Arguments) -> None:
-    """Stop the drives that a page moves, in whatever way: nobody looks at it any more."""
+    """Stop the drives that a page moves, as it is hidden."""
     desk.drives.left(said["who"])
 
 

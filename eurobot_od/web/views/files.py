@@ -1,4 +1,4 @@
-"""Requests that bring files: a browser sends them in parts, and a device file of them is added to the library."""
+"""Requests with files: a browser sends them in parts, and a device file of them is added to the library."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eurobot_od.web.asking import Arguments, PageRequest, Way, text_of, whole_of
 
 
 class FileDesk(Protocol):
-    """What takes files in."""
+    """The part of a desk that stores files."""
 
     uploads: dict[object, dict[str, bytearray]]
     folder: Path
@@ -27,15 +27,16 @@ class FileDesk(Protocol):
 
 
 LARGEST = 32 << 20
-"""Most bytes of the files of one browser."""
+"""Largest size of all files of one browser, in bytes."""
 
 NAME = re.compile(r"\w[\w .()+-]{0,100}")
 """Names of files: no path leads out of a folder."""
 
 
 def upload(desk: FileDesk, said: Arguments) -> int:
-    """Take in a part of a file, which begins `at` a place; return how much of the file is there."""
-    name, at = text_of(said, "name"), whole_of(said, "at")
+    """Store a part of a file, which begins `at` a place; return the stored length."""
+    name = text_of(said, "name")
+    at = whole_of(said, "at")
     if not NAME.fullmatch(name):
         raise LocalError(f"{name[:60]!r}: a file has letters, digits, blanks and . - + ( ) in its name")
     files = desk.uploads[said["who"]]
@@ -55,7 +56,7 @@ def upload(desk: FileDesk, said: Arguments) -> int:
 
 
 def sent_file(desk: FileDesk, said: Arguments) -> tuple[str, bytes]:
-    """Return the name and the content of the file that a request means; raises UnknownName."""
+    """Return the name and the content of the file that a request names; raises UnknownName."""
     name = text_of(said, "file")
     return name, bytes(look_up("file", name, desk.uploads[said["who"]]))
 

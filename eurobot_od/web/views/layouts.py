@@ -30,8 +30,10 @@ def layouts(desk: Desk, _: Arguments) -> dict[str, Any]:
 
 
 def keep(desk: Desk, said: Arguments) -> None:
-    """Keep a layout under a name; one that is there is replaced."""
-    name, layout, known = text_of(said, "name"), said.get("layout"), layouts(desk, said)
+    """Keep a layout under a name; an existing one is replaced."""
+    name = text_of(said, "name")
+    layout = said.get("layout")
+    known = layouts(desk, said)
     if not name or len(name) > LONGEST_NAME or not name.isprintable():
         raise LocalError(f"a layout has a name of 1 to {LONGEST_NAME} characters")
     if not isinstance(layout, dict):

@@ -26,10 +26,12 @@ def list_objects(desk: Desk, said: Arguments) -> list[dict[str, Any]]:
 
 
 def _described(thing: ODVariable) -> dict[str, Any]:
-    """Return what a file says of an object, as data."""
-    address, type_, limits = objects.address_of(thing), objects.data_type(thing), objects.limits(thing)
+    """Return an object of a file as data."""
+    address = objects.address_of(thing)
+    type_ = objects.data_type(thing)
+    limits = objects.limits(thing)
     known = {"object": label(address), "name": thing.qualname, "type": type_.name, "access": thing.access_type}
-    is_limited = limits is not None and (thing.min, thing.max) != (None, None)  # those of the type tell nothing new
+    is_limited = limits is not None and (thing.min, thing.max) != (None, None)  # not only those of the type
     low, high = limits if limits and is_limited else (None, None)
     default = "" if thing.default is None else objects.measured(thing, thing.default)
     use = {"long": type_ == DOMAIN, "plots": limits is not None}
@@ -66,11 +68,11 @@ async def write(desk: Desk, said: Arguments) -> str:
     return written(thing, value)
 
 
-# What is read again and again
+# Polled objects
 
 
 def watch(desk: Desk, said: Arguments) -> str:
-    """Read an object for a while from now on, for plots; returns its key in snapshots."""
+    """Read an object repeatedly from now on, for plots; return its key in snapshots."""
     session = desk.session
     node, thing = desk.named_object(said)
     key = f"{text_of(said, 'node')} {label(objects.address_of(thing))}"
@@ -84,7 +86,7 @@ def watch(desk: Desk, said: Arguments) -> str:
 
 
 async def poll(desk: Desk) -> None:
-    """Read the polled objects again and again, as long as a page wants them."""
+    """Read the polled objects repeatedly, as long as a page wants them."""
     session = desk.session
     while True:
         session.polled = {key: each for key, each in session.polled.items() if each.wanted_until > session.now}
