@@ -191,7 +191,8 @@ class LongLog:
         keys = frozenset(key for key, each in list(self._rows.items()) if each.name in names)
         here = self.index.place_at(time)
         is_back = bool(said.get("back"))
-        places = range(here, -1, -1) if is_back else range(here, len(self.index.places))
+        count = len(self.index.places)
+        places = range(min(here, count - 1), -1, -1) if is_back else range(here, count)
         for place in places:
             times = [entry[1] for _, entry in self._entries(place, place + 1, keys)]
             found = [each for each in times if (each < time if is_back else each > time)]
